@@ -9,7 +9,8 @@ from pathlib import Path
 from benchmarks.phases import timed
 from benchmarks.reports import Report
 from benchmarks.sweeping import by_stage, choices_of, on_workers
-from sweeps.engine.packs import CellIndex
+from sweeps.engine.index import CellIndex
+from sweeps.engine.packs import cells_of
 from sweeps.engine.plan import Plan
 from sweeps.engine.stage import Bound
 from sweeps.experiment import EXPERIMENT
@@ -47,9 +48,9 @@ def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
         folder = Path(parent)
         timed(EXPERIMENT, choices, on_workers(folder, "first.zarr"))
         for turn in range(repeats):
-            for pack in CellIndex(folder / "cache", lambda sentence: None).packs:
-                if pack.stage in names:
-                    (folder / "cache" / pack.path).unlink()
+            packs = cells_of(folder / "cache")
+            index = CellIndex(packs, lambda sentence: None)
+            packs.delete(pack.path for pack in index.packs if pack.stage in names)
             runs.append(timed(EXPERIMENT, choices, on_workers(folder, f"{turn}.zarr")))
     return by_stage(
         f"Classification part of `{' '.join(overrides)}`",

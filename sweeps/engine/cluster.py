@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Protocol
 from sweeps.engine.code import ENGINE, OtherCode, check_code, package_digest
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.forking import fork_server, worth_importing
-from sweeps.engine.packs import ROOM, is_own, write_whole
+from sweeps.engine.places import Objects
 from sweeps.engine.process import one_thread
 
 # Settings that each kind of cluster reads; all others must be null.
@@ -145,7 +145,7 @@ def executor(
     tasks: int = sys.maxsize,
     packages: Sequence[str] = (),
     modules: Sequence[str] = (),
-    folder: Path | None = None,
+    packs: Objects | None = None,
     say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start the chosen workers, or connect to them; stop or release them afterwards.
@@ -160,8 +160,8 @@ def executor(
         Packages, besides the engine, whose code must be the same on remote workers.
     modules : sequence of str
         Modules of the functions that tasks call: imported once for all workers of this machine.
-    folder : Path, optional
-        A folder of this machine that remote workers must see, too.
+    packs : Objects, optional
+        Where results are kept, which remote workers must see, too.
     say : callable
         Called with a sentence about what is awaited, or what the user should know.
 
@@ -187,7 +187,7 @@ def executor(
         shared = Shared()
         if choice.kind != "local":
             code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-            shared = Shared(code, stack.enter_context(marked(folder)) if folder else "")
+            shared = Shared(code, packs, stack.enter_context(marked(packs)) if packs else "")
         start = getattr(workers, choice.kind)
         yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
 
@@ -216,20 +216,21 @@ def import_jobqueue() -> Any:
 
 
 class Apart(RuntimeError):
-    """A worker does not see the folder of the command."""
+    """A worker does not see the results of the command."""
 
 
 class Shared(NamedTuple):
-    """Digests of packages by name, and the file that marks the folder; empty if there is none."""
+    """Digests of packages by name, where results are, and the name of a mark there."""
 
     code: Mapping[str, str] = {}
+    packs: Objects | None = None
     mark: str = ""
 
     def check(self) -> None:
-        """Raise `OtherCode` or `Apart` if this process has other code or sees no such folder."""
+        """Raise `OtherCode` or `Apart` if this process has other code or sees no such mark."""
         check_code(self.code)
-        if self.mark:
-            _check_mark(self.mark)
+        if self.packs is not None:
+            _check_mark(self.packs, self.mark)
 
 
 UNSHARED = (OtherCode, Apart)
@@ -237,31 +238,30 @@ UNSHARED = (OtherCode, Apart)
 
 
 @contextmanager
-def marked(folder: Path) -> Iterator[str]:
-    """Write a file of a unique name into a folder, and remove it afterwards; yield its path.
+def marked(packs: Objects) -> Iterator[str]:
+    """Put a mark of a unique name where results are, and remove it afterwards; yield its name.
 
     Raises OSError if it cannot be written.
     """
-    # By this name it is found after a crash, as one of an unfinished pack.
-    mark = folder.absolute() / ROOM / f"{uuid.uuid4().hex}.partial"
-    write_whole(folder.absolute(), f"{ROOM}/{mark.name}", [])
+    mark = f"{uuid.uuid4().hex}.mark"
+    packs.put(mark, b"")
     try:
-        yield str(mark)
+        yield mark
     finally:
         with suppress(OSError):
-            mark.unlink()
+            packs.delete([mark])
 
 
 @cache
-def _check_mark(path: str) -> None:
-    """Raise `Apart` if the file that marks a folder is not seen by this process, or another's."""
-    folder = str(Path(path).parent.parent)
-    try:
-        own = is_own(Path(path))
-    except OSError:
-        raise Apart(
-            f"does not see the folder {folder!r} of this command; it must be on a file system that "
-            "all of them share"
-        ) from None
-    if not own:
-        raise Apart(f"sees files of another user in {folder!r}; it must run as the same user")
+def _check_mark(packs: Objects, mark: str) -> None:
+    """Raise `Apart` if a mark is not seen by this process, or is another user's."""
+    found = None
+    with suppress(OSError):
+        found = packs.get(mark)
+    if found is None:
+        what, remedy = "does not see the cache", "it must be where all of them see it"
+    elif packs.foreign([mark]):
+        what, remedy = "sees files of another user in", "it must run as the same user"
+    else:
+        return
+    raise Apart(f"{what} {str(packs.place)!r} of this command; {remedy}")

@@ -22,9 +22,12 @@ from sweeps.engine.configuration import in_one_line, primary, register, replacea
 from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.failures import FailureLog, reason
 from sweeps.engine.folders import check_apart, check_folder, check_target
+from sweeps.engine.index import CellIndex
 from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
+from sweeps.engine.kinds import Value
 from sweeps.engine.overrides import STORE, Job, fused, job_of, read_jobs
-from sweeps.engine.packs import SHORTAGES, CellIndex
+from sweeps.engine.packs import PACK, SHORTAGES, cells_of
+from sweeps.engine.places import Where, where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment, forgiving, say, show
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
@@ -149,9 +152,9 @@ class Command:
         with interruptible():
             for choices, store in fused(self.experiment, checked):
                 _cluster(choices)
-                cache = self._cache_folder(choices)
+                cache = self._cache_place(choices.one(Run.cache))
                 check_folder("cache", cache)
-                check_apart(map(Path, stores), Path(cache), self.beside)
+                check_apart(map(Path, stores), cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
@@ -159,8 +162,8 @@ class Command:
                 sweeps.append((plan, Path(store)))
         return sweeps
 
-    def _cache_folder(self, choices: Choices) -> str | Path:
-        return choices.one(Run.cache) or user_cache_path(self.name)
+    def _cache_place(self, given: Value) -> Where:
+        return where("cache", str(given)) if given else user_cache_path(self.name)
 
     # running --------------------------------------------------------------------------------
 
@@ -181,7 +184,10 @@ class Command:
                 for sentence in (*remarks, *self.experiment.about(choices)):
                     say(self.name, sentence)
                 if choices.one(Run.dry_run):
-                    stages, sentence = preview(plan, Path(self._cache_folder(choices)), store)
+                    cache = self._cache_place(choices.one(Run.cache))
+                    trusted = bool(choices.one(Run.cache_shared))
+                    packs = cells_of(cache, make=False, shared=trusted)
+                    stages, sentence = preview(plan, packs, store)
                     show(foreseen(stages))
                     show(sentence)
                 else:
@@ -194,10 +200,11 @@ class Command:
         log = FailureLog(store.with_name(f"{store.name.removesuffix('.zarr')}-failures.log"))
         place = Place(
             store,
-            Path(self._cache_folder(choices)),
+            self._cache_place(choices.one(Run.cache)),
             _cluster(choices),
             int(choices.one(Run.cache_limit) * 1e9),
             choices.one(Run.verify),
+            cache_shared=bool(choices.one(Run.cache_shared)),
         )
         with watching(self.name, log) as watch:
             finished = sweep(self.experiment, choices, place, watch)
@@ -214,19 +221,19 @@ class Command:
 
     def _cache(self, words: Sequence[str]) -> None:
         """Print the contents of the cache, or clear it."""
-        place = next((word[6:] for word in words if word.startswith("cache=")), None)
-        folder = Path(place or user_cache_path(self.name))
-        check_folder("cache", place or folder)
+        given = next((word[6:] for word in words if word.startswith("cache=")), None)
+        place = self._cache_place(given)
+        check_folder("cache", place)
         if unknown := [word for word in words if word != "clear" and not word.startswith("cache=")]:
             raise ConfigurationError(
-                f"--cache has {unknown[0]!r}, but takes cache=FOLDER, and clear to empty it"
+                f"--cache has {unknown[0]!r}, but takes cache=PLACE, and clear to empty it"
             )
-        index = CellIndex(folder, lambda sentence: say(self.name, sentence))
-        cells, size = index.size()
+        packs = cells_of(place, make=False, shared=True)  # of which none is used
+        cells, size = CellIndex(packs, lambda sentence: say(self.name, sentence)).size()
         if "clear" in words:
-            index.clear()
+            packs.delete(name for name in packs.listed() if name.endswith(PACK))
         done = "removed" if "clear" in words else "kept"
-        show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {folder}")
+        show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
 
 
 def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:

@@ -67,7 +67,7 @@ def check_folder(key: str, path: str | Path) -> None:
 
 
 def check_apart(
-    stores: Iterable[Path], cache: Path, beside: Callable[[Path], Iterable[Path]]
+    stores: Iterable[Path], cache: Path | str, beside: Callable[[Path], Iterable[Path]]
 ) -> None:
     """Refuse stores of one command in one another, around its cache, or where reports are written.
 
@@ -80,7 +80,7 @@ def check_apart(
             if real_place(written) in places or is_store(written):
                 reason = f"whose report would be written into the store {str(written)!r}"
                 raise _wrong("store", path, f"{reason}; give another path")
-    for key, path in (("cache", cache), *(("store", path) for path in places.values())):
+    for key, path in (("cache", Path(cache)), *(("store", path) for path in places.values())):
         place = real_place(path)
         around = [place, *place.parents][key == "store" :]
         if store := next((places[one] for one in around if one in places), None):

@@ -1,47 +1,57 @@
-"""Packs: files on disk, each with finished results of many cells; and which pack has which cell.
+"""Packs: objects of a cache, each with finished results of many cells.
 
-A pack has a sealed line with its stage, the time that its cells took and the layouts of their
-arrays, then the keys of the cells, and the place, checksum and layout of each, and then the
-records: the arrays of a cell, one after another. Packs and their folders are made for this user
-alone, and folders of other users are not read.
+A pack begins with its head: a line with its stage, the time that its cells took and the layouts of
+their arrays, then the keys of the cells, the layout of each, and the digest of each of the records,
+which follow: the arrays of a cell, one after another. The name of a pack has the digest and size of
+its head, and so stands for all that is in it. Nothing of a pack is executed, and only arrays that a
+stage declares are used.
 """
 
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
-import os
+import math
+import operator
 import re
-import time
-import uuid
 import zlib
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cache
-from pathlib import Path
+from functools import cache, lru_cache
+from itertools import chain
 from time import time_ns
-from typing import IO, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.keys import Keys
-from sweeps.engine.places import make_folder
+from sweeps.engine.places import Objects, Where, below
+from sweeps.engine.stage import Output
 
 ROOM = "cells"
+CLOSED, SHARED = 0o700, 0o777  # modes of the folder of a cache, as far as the umask lets
 ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
 MISSING = -1  # instead of the number of a pack
-PRIVATE = 0o700  # mode of the folders of a cache
-KEY = np.dtype(("<u8", 2))
-ROW = np.dtype([("start", "<u8"), ("size", "<u8"), ("checksum", "<u4"), ("layout", "<u4")])
+PACK = ".pack"
+NAME = re.compile(r"[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
+KEY, NUMBER = np.dtype(("<u8", 2)), np.dtype("<u4")
+CHECK = 8  # bytes of the digest of a record
+APART, TOGETHER = 2**18, 2**22  # bytes between cells that are not worth reading; read at once
+HEADS = 16  # of packs, that a process remembers
 
 # Errors of this process or machine, not of a file: what they hide is not damaged.
 SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR})
 
+Buffer = Any
+"""Bytes, or what shows bytes."""
+Cells = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 Numbers = NDArray[np.int32]
+Kind = tuple[tuple[str, str, int], ...]
+"""Names, codes of the dtypes, and numbers of dimensions of the arrays of a cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +105,83 @@ def unseal(line: bytes) -> Any:
     return json.loads(text)
 
 
+def cells_of(cache: Where, *, make: bool = True, shared: bool = False) -> Objects:
+    """Return the packs of a cache; all who may write there are trusted if it is `shared`."""
+    mode = SHARED if shared else CLOSED
+    return Objects(below(cache, ROOM), make=make, mode=mode, shared=shared, clean=False)
+
+
 @dataclass(frozen=True)
 class Pack:
-    """A file of finished cells: path relative to its folder, bytes, number of cells."""
+    """A pack of finished cells: its name, bytes, number of cells."""
 
     path: str
     size: int = 0
     cells: int = 0
     stage: str = "(unreadable)"
     seconds: float = 0.0  # that all cells took
+    kinds: frozenset[Kind] = frozenset()  # of its cells
+
+
+class Head(NamedTuple):
+    """Head of a pack, checked: of each cell its key, number of its layout, and begin and end.
+
+    A layout has the name, dtype, shape and place in the record of every array of a cell.
+    """
+
+    stage: str
+    seconds: float
+    kinds: frozenset[Kind]
+    keys: Keys
+    numbers: NDArray[np.uint32]
+    begins: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    layouts: list[list[tuple[str, np.dtype[Any], tuple[int, ...], int]]]
+    checks: bytes
+
+    @classmethod
+    def of(cls, path: str, content: bytes) -> Head:
+        """Return the head of a pack from its bytes; raise an exception of any kind if it is bad."""
+        if _digest(16, content).hex() != _named(path)[0]:
+            raise ValueError("it was changed")
+        begin = content.index(b"\n") + 1
+        stage, seconds, described = json.loads(content[:begin])
+        cells, over = divmod(len(content) - begin, KEY.itemsize + NUMBER.itemsize + CHECK)
+        if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
+            raise ValueError("it is not a pack")
+        kinds, layouts, sizes = set(), [], []
+        for one in described:
+            layout, size = [], 0
+            for name, code, shape in one:
+                dtype, sides = _plain(code), tuple(map(operator.index, shape))
+                if not isinstance(code, str) or min(sides, default=0) < 0:
+                    raise ValueError("a dtype or shape is none")
+                layout.append((name, dtype, sides, size))
+                size += _aligned(math.prod(sides) * dtype.itemsize)
+            layouts.append(layout)
+            sizes.append(size)
+            kinds.add(tuple((name, code, len(shape)) for name, code, shape in one))
+        keys = np.frombuffer(content, KEY.base, 2 * cells, begin).reshape(cells, 2)
+        numbers = np.frombuffer(content, NUMBER, cells, begin + keys.nbytes)
+        taken = np.array(sizes, np.int64)[numbers]
+        ends = len(content) + np.cumsum(taken)
+        if (ends < 0).any():  # beyond the largest number
+            raise ValueError("its records are too large")
+        checks = content[begin + keys.nbytes + numbers.nbytes :]
+        of_cells = keys, numbers, ends - taken, ends, layouts, checks
+        return cls(stage, seconds, frozenset(kinds), *of_cells)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the whole pack."""
+        return int(self.ends[-1]) if len(self.ends) else 0
+
+    def arrays(self, row: int, record: Buffer) -> Arrays | None:
+        """Return the arrays of a cell, in memory of its own, of its record; None if it differs."""
+        if _digest(CHECK, record) != self.checks[CHECK * row : CHECK * (row + 1)]:
+            return None
+        own, layout = bytearray(record), self.layouts[self.numbers[row]]
+        return {name: np.ndarray(shape, dtype, own, at) for name, dtype, shape, at in layout}
 
 
 @dataclass
@@ -111,36 +189,67 @@ class Packing:
     """A pack that is being made: the records of its cells so far."""
 
     layouts: dict[Any, int] = field(default_factory=dict)
-    rows: list[tuple[int, int, int, int]] = field(default_factory=list)
-    records: list[bytes] = field(default_factory=list)
-    end: int = 0
+    numbers: list[int] = field(default_factory=list)
+    checks: list[bytes] = field(default_factory=list)
+    parts: list[bytes] = field(default_factory=list)
 
     def add(self, outputs: Mapping[str, NDArray[Any]]) -> None:
         """Add a cell; TypeError if an array holds objects, fields or texts of variable width."""
-        layout, parts, size = [], [], 0
+        layout, parts = [], []
         for name, values in outputs.items():
             array = np.asarray(values)
-            layout.append((name, _code(array.dtype), array.shape, size))
-            parts.append(array.tobytes() + bytes(-array.nbytes % ALIGNED))
-            size += len(parts[-1])
-        record = b"".join(parts)
-        number = self.layouts.setdefault(tuple(layout), len(self.layouts))
-        self.rows.append((self.end, size, zlib.crc32(record), number))
-        self.records.append(record)
-        self.end += size
+            layout.append((name, _code(array.dtype), array.shape))
+            parts.append(array.tobytes())
+            if over := -array.nbytes % ALIGNED:
+                parts.append(bytes(over))
+        self.numbers.append(self.layouts.setdefault(tuple(layout), len(self.layouts)))
+        self.checks.append(_digest(CHECK, *parts))
+        self.parts += parts
 
-    def write(self, folder: Path, stage: str, keys: Keys, seconds: float = 0.0) -> Pack:
-        """Write the cells, whose keys are (cell, 2), to a new file below a folder.
+    def write(self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0) -> Pack:
+        """Write the cells, whose keys are (cell, 2), as a new pack; OSError if that fails.
 
-        If this fails, nothing of the file is left.
+        Others see all of it or none.
         """
-        tables = keys.astype(KEY.base).tobytes(), np.array(self.rows, ROW).tobytes()
-        line = seal([stage, seconds, len(keys), [*map(zlib.crc32, tables)], list(self.layouts)])
+        line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
+        numbers = np.array(self.numbers, NUMBER).tobytes()
+        head = b"".join((line, b"\n", keys.astype(KEY.base).tobytes(), numbers, *self.checks))
         # A name begins with the time, so that the newest of equal cells is known.
-        path = f"{ROOM}/{time_ns():016x}{uuid.uuid4().hex[:16]}.pack"
-        write_whole(folder, path, (line, *tables, *self.records))
-        size = len(line) + sum(map(len, tables)) + self.end
-        return Pack(path, size, len(keys), stage, seconds)
+        path = f"{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack"
+        size, parts = sum(map(len, self.parts)), self.parts
+        step = TOGETHER * len(parts) // (size + 1) + 1  # neither many writes nor all at once
+        blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
+        cells.put(path, chain((head,), blocks))
+        kinds = frozenset(
+            tuple((name, code, len(shape)) for name, code, shape in layout)
+            for layout in self.layouts
+        )
+        return Pack(path, len(head) + size, len(keys), stage, seconds, kinds)
+
+
+def _named(path: str) -> tuple[str, int]:
+    """Return digest and size of the head of a pack from its path; ValueError if it has none."""
+    name = NAME.fullmatch(path)
+    if name is None:
+        raise ValueError("it is not a pack")
+    return name[1], int(name[2], 16)
+
+
+def _digest(size: int, *parts: Buffer) -> bytes:
+    """Return the digest of some bytes, one after the other."""
+    found = hashlib.blake2b(digest_size=size)
+    for part in parts:
+        found.update(part)
+    return found.digest()
+
+
+def _aligned(size: int) -> int:
+    return size + -size % ALIGNED
+
+
+def declared(outputs: Iterable[Output]) -> Kind:
+    """Return the kind of the cells of a stage with some outputs."""
+    return tuple((one.name, _code(np.dtype(one.dtype)), len(one.dims)) for one in outputs)
 
 
 @cache
@@ -158,27 +267,6 @@ def _plain(code: str | np.dtype[Any]) -> np.dtype[Any]:
     return dtype
 
 
-def is_own(file: Path) -> bool:
-    """Return whether a file or folder belongs to the user of this process.
-
-    Another user might have written anything into it.
-    """
-    return not hasattr(os, "geteuid") or os.stat(file).st_uid == os.geteuid()
-
-
-def write_whole(folder: Path, path: str, parts: Iterable[bytes]) -> None:
-    """Write a file of a folder under another name first, so that readers see all or nothing."""
-    partial = folder / ROOM / f"{uuid.uuid4().hex}.partial"
-    make_folder(partial.parent, PRIVATE)
-    try:
-        with open(partial, "xb", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
-            file.writelines(parts)
-        partial.replace(folder / path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-
-
 @contextmanager
 def undamaged() -> Iterator[None]:
     """Suppress errors of absent or damaged files, but not of a process that lacks something."""
@@ -194,24 +282,22 @@ def raise_shortage(error: Exception) -> None:
         raise error
 
 
-def _table(file: IO[bytes], cells: int, dtype: np.dtype[Any], checksum: int) -> NDArray[Any]:
-    """Return the next table of a pack, with a row for each cell; ValueError if it was changed."""
-    content = file.read(min(cells * dtype.itemsize, os.fstat(file.fileno()).st_size))
-    if zlib.crc32(content) != checksum or len(content) != cells * dtype.itemsize:
-        raise ValueError("its checksum differs")
-    return np.frombuffer(content, dtype.base).reshape(cells, *dtype.shape)
+@lru_cache(maxsize=HEADS)
+def _head(cells: Objects, path: str) -> Head:
+    """Return the head of a pack; raise an exception of any kind if it is bad."""
+    return Head.of(path, bytes(cells.part(path, 0, _named(path)[1])))
 
 
-def read_cells(folder: Path, spots: Spots) -> list[Arrays | None]:
-    """Return outputs of some cells, (cell,); open each pack once.
+def read_cells(cells: Objects, spots: Spots) -> list[Arrays | None]:
+    """Return outputs of some cells, (cell,); ask each pack once for all of its own.
 
-    None for a cell that is absent, is another than that of its key, or differs from its checksum;
-    no content of a file makes it raise. Arrays are writable and share no element.
+    None for a cell that is absent, is another than that of its key, or differs from its digest;
+    no content of a pack makes it raise. Arrays are writable and share no element.
 
     Raises
     ------
     OSError
-        If this process or machine lacks something, such as file descriptors.
+        If this process or machine lacks something, such as file descriptors or a network.
     """
     found: list[Arrays | None] = [None] * len(spots)
     order = np.lexsort((spots.row, spots.pack))
@@ -219,190 +305,36 @@ def read_cells(folder: Path, spots: Spots) -> list[Arrays | None]:
     begins = np.flatnonzero(np.diff(spots.pack[order], prepend=-1))
     for places in np.split(order, begins[1:]) if order.size else ():
         wanted, path = spots.row[places], spots.paths[spots.pack[places[0]]]
-        with undamaged(), (folder / path).open("rb") as file:
-            _, _, cells, (of_keys, of_rows), layouts = unseal(file.readline())
-            keys, rows = _table(file, cells, KEY, of_keys), _table(file, cells, ROW, of_rows)
-            first, last = file.tell(), os.fstat(file.fileno()).st_size
-            inside = np.flatnonzero(wanted < cells)
-            right = inside[(keys[wanted[inside]] == spots.keys[places[inside]]).all(axis=1)]
-            for place, row in zip(places[right].tolist(), wanted[right].tolist(), strict=True):
-                start, size, checksum, layout = rows[row].tolist()
-                if first + start + size > last:
-                    continue
-                # Memory of its own for each cell: arrays are aligned, writable and apart.
-                record = np.empty(size, dtype=np.uint8)
-                file.seek(first + start)
-                whole = file.readinto(record) == size
-                if whole and zlib.crc32(record.data) == checksum:
-                    found[place] = {
-                        name: np.ndarray(shape, _plain(code), record, offset)
-                        for name, code, shape, offset in layouts[layout]
-                    }
+        with undamaged():
+            head = _head(cells, path)
+            inside = np.flatnonzero(wanted < len(head.keys))
+            right = inside[(head.keys[wanted[inside]] == spots.keys[places[inside]]).all(axis=1)]
+            begins, ends = head.begins[wanted[right]], head.ends[wanted[right]]
+            apart = (begins[1:] - ends[:-1] > APART) | np.diff(begins // TOGETHER).astype(bool)
+            for run in np.split(right, np.flatnonzero(apart) + 1):
+                _read_run(cells, path, head, wanted[run], places[run], found)
     return found
 
 
-def described_pack(folder: Path, path: str, size: int) -> tuple[Pack, Keys]:
+def _read_run(
+    cells: Objects, path: str, head: Head, rows: Numbers, places: Cells, found: list[Arrays | None]
+) -> None:
+    """Read neighbours in a pack, by their ascending rows, to their places."""
+    if not len(rows):
+        return
+    first = int(head.begins[rows[0]])
+    content = cells.part(path, first, int(head.ends[rows[-1]]))
+    begins, ends = (head.begins[rows] - first).tolist(), (head.ends[rows] - first).tolist()
+    for place, row, begin, end in zip(places.tolist(), rows.tolist(), begins, ends, strict=True):
+        found[place] = head.arrays(row, content[begin:end])
+
+
+def described_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
     """Return what a pack says of itself, and its keys; no cells, if that cannot be read."""
-    with undamaged(), (folder / path).open("rb") as file:
-        stage, seconds, cells, (of_keys, _), _ = unseal(file.readline())
-        keys = _table(file, cells, KEY, of_keys)
-        if not seconds >= 0:
-            raise ValueError("it is not a pack")
-        return Pack(path, size, cells, str(stage), seconds), keys
+    with undamaged():
+        head = _head.__wrapped__(cells, path) if _named(path)[1] <= size else None
+        if head is None or head.size != size:
+            raise ValueError("it is longer or shorter than it was")
+        pack = Pack(path, size, len(head.keys), head.stage, head.seconds, head.kinds)
+        return pack, head.keys.copy()
     return Pack(path, size), np.empty((0, 2), np.uint64)
-
-
-def files_of(folder: Path, kind: str) -> dict[str, os.stat_result]:
-    """Return status of the packs, or partial files, of a folder, by path relative to it."""
-    found: dict[str, os.stat_result] = {}
-    with undamaged(), os.scandir(folder / ROOM) as entries:
-        for entry in entries:
-            if re.fullmatch(rf"[0-9a-f]{{32}}\.{kind}", entry.name) and entry.is_file():
-                with suppress(FileNotFoundError):  # deleted by another process just now
-                    found[f"{ROOM}/{entry.name}"] = entry.stat()
-    return found
-
-
-# the cells of a folder ----------------------------------------------------------------------------
-
-
-ORPHANED = 86400.0  # s, after which a partial file counts as abandoned
-RECENT = 10  # packs of a stage, whose costs count
-AT_ONCE = 2**20  # keys that are looked up together
-
-
-class CellIndex:
-    """Packs of a folder, which may be absent, by number; `say` is called with a warning.
-
-    No method raises for damage or a full disk.
-    """
-
-    def __init__(self, folder: Path, say: Callable[[str], None]) -> None:
-        self.folder = folder
-        self._say = say
-        self.packs: list[Pack] = []
-        self.paths: list[str] = []  # of all packs, by number
-        self._new: dict[int, Keys | None] = {}  # keys of packs not yet in what follows, if read
-        # All cells, sorted by the first half of their key, the newest of equal ones last.
-        self._spots = replace(NO_SPOTS, paths=self.paths)
-        with suppress(OSError):
-            if not is_own(folder):
-                say(f"Results in {folder} are not read: the folder belongs to another user.")
-                return
-        for path, status in sorted(files_of(folder, "pack").items()):  # in the order of their time
-            self.add(*described_pack(folder, path, status.st_size))
-        if lost := sum(not pack.cells for pack in self.packs):
-            say(f"results in the cache are damaged (files: {lost:,})")
-
-    def add(self, pack: Pack, keys: Keys | None = None) -> int:
-        """Record a new pack; return its number. Its cells are found after the next `refresh`."""
-        number = len(self.packs)
-        self.packs.append(pack)
-        self.paths.append(pack.path)
-        self._new[number] = keys
-        return number
-
-    def refresh(self) -> None:
-        """Let `find` know the cells of packs that were added."""
-        if not self._new:
-            return
-        keys, packs, rows = [self._spots.keys], [self._spots.pack], [self._spots.row]
-        for number, known in self._new.items():
-            pack = self.packs[number]
-            if known is None:
-                _, known = described_pack(self.folder, pack.path, pack.size)
-            keys.append(known)
-            packs.append(np.full(len(known), number, np.int32))
-            rows.append(np.arange(len(known), dtype=np.int32))
-        self._new.clear()
-        every = np.concatenate(keys)
-        del keys
-        order = np.argsort(every[:, 0], kind="stable")
-        # Each half is searched on its own.
-        halves = [np.ascontiguousarray(every[:, half])[order] for half in range(2)]
-        del every
-        of_pack, row = np.concatenate(packs)[order], np.concatenate(rows)[order]
-        self._spots = Spots(self.paths, of_pack, row, np.array(halves).T)
-
-    def find(self, keys: Keys) -> Spots:
-        """Return where the cells of some keys, (cell, 2), are: the newest of equal ones.
-
-        A later one whose key has the same first half hides another: by chance once in 10^19 pairs.
-        """
-        pack, row = np.full((2, len(keys)), MISSING, dtype=np.int32)
-        known = self._spots
-        for start in range(0, len(keys) if len(known) else 0, AT_ONCE):
-            asked = keys[start : start + AT_ONCE]
-            order = np.argsort(asked[:, 0])  # neighbours are found faster
-            at = np.searchsorted(known.keys[:, 0], asked[order, 0], side="right") - 1
-            right = (at >= 0) & (known.keys[at] == asked[order]).all(axis=1)
-            pack[start + order] = np.where(right, known.pack[at], MISSING)
-            row[start + order] = known.row[at]
-        return Spots(self.paths, pack, row, keys)
-
-    def forget(self, keys: Keys) -> None:
-        """Drop keys of damaged cells, (cell, 2), including older copies; packs stay."""
-        self.refresh()
-        for key in keys:
-            first, last = np.searchsorted(self._spots.keys[:, 0], [key[0], key[0] + np.uint64(1)])
-            same = (self._spots.keys[first:last] == key).all(axis=1)
-            self._spots.pack[first:last][same] = MISSING
-
-    def costs(self) -> dict[str, tuple[float, float]]:
-        """Return seconds and bytes per cell by stage: means of the latest packs."""
-        latest: dict[str, list[Pack]] = defaultdict(list)
-        for pack in self.packs:
-            if pack.cells:
-                latest[pack.stage].append(pack)
-        sums = {
-            stage: [(one.cells, one.seconds, one.size) for one in packs[-RECENT:]]
-            for stage, packs in latest.items()
-        }
-        totals = {stage: list(map(sum, zip(*of, strict=True))) for stage, of in sums.items()}
-        return {stage: (spent / n, size / n) for stage, (n, spent, size) in totals.items()}
-
-    def used(self, packs: Iterable[int]) -> None:
-        """Mark packs, by number, as used now."""
-        for number in set(packs) - {MISSING}:
-            with suppress(OSError):
-                os.utime(self.folder / self.paths[number])
-
-    def size(self) -> tuple[int, int]:
-        """Return the number of cells and of bytes."""
-        return sum(pack.cells for pack in self.packs), sum(pack.size for pack in self.packs)
-
-    def shrink(self, limit_bytes: int, keep_since: float) -> None:
-        """Delete the least recently used packs until the rest is small enough.
-
-        Those used since a time (s, epoch) stay. Partial files older than a day are deleted, too.
-        """
-        stale = time.time() - ORPHANED
-        partials = files_of(self.folder, "partial").items()
-        self._delete(path for path, status in partials if status.st_mtime < stale)
-        packs = files_of(self.folder, "pack")
-        excess = sum(status.st_size for status in packs.values()) - limit_bytes
-        for path in sorted(packs, key=lambda path: (packs[path].st_mtime, path)):
-            if excess <= 0 or packs[path].st_mtime >= keep_since or not self._delete([path]):
-                break
-            excess -= packs[path].st_size
-
-    def clear(self) -> None:
-        """Delete all packs, and nothing else in the folder."""
-        if self._delete([*files_of(self.folder, "pack"), *files_of(self.folder, "partial")]):
-            with suppress(OSError):  # another process writes there
-                (self.folder / ROOM).rmdir()
-
-    def _delete(self, paths: Iterable[str]) -> bool:
-        """Delete files of the folder; return False, after a warning, if one cannot be deleted."""
-        try:
-            for path in paths:
-                (self.folder / path).unlink(missing_ok=True)
-                if path in self.paths:
-                    number = self.paths.index(path)
-                    self.packs[number] = Pack(path)
-                    self._new.pop(number, None)
-                    self._spots.pack[self._spots.pack == number] = MISSING
-        except OSError as error:
-            self._say(f"Finished results in {self.folder} cannot be deleted ({error}).")
-            return False
-        return True

@@ -9,11 +9,13 @@ from __future__ import annotations
 import errno
 import os
 import re
+import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from obstore.exceptions import (
     AlreadyExistsError,
@@ -25,11 +27,15 @@ from obstore.store import LocalStore, MemoryStore, ObjectStore, from_url
 
 from sweeps.engine.errors import ConfigurationError
 
+if TYPE_CHECKING:
+    from obstore import ObjectMeta
+
 Where = Path | str
 """A folder, or a URL."""
 
 SCHEMES = ("s3", "gs", "az")
 OPEN = 0o755  # mode of folders: others may read them
+OTHERS, OTHERS_WRITE = stat.S_IRWXG | stat.S_IRWXO, stat.S_IWGRP | stat.S_IWOTH
 RETRIES = 6  # of a request, with growing pauses: some seconds
 
 # A Path keeps one slash of a URL; several schemes may be chained.
@@ -56,15 +62,25 @@ def where(key: str, given: Where) -> Where:
     return url
 
 
-def opened(place: Where, *, make: bool = False) -> ObjectStore:
-    """Return a place as obstore's; a folder that is not there is empty, or made if `make`."""
+def below(place: Where, name: str) -> Where:
+    """Return a place in another one; a folder by its absolute path."""
+    return f"{place}/{name}" if isinstance(place, str) else place.absolute() / name
+
+
+def opened(
+    place: Where, *, make: bool = False, mode: int = OPEN, clean: bool = True
+) -> ObjectStore:
+    """Return a place as obstore's; a folder that is not there is empty, or made if `make`.
+
+    A folder that becomes empty is removed if `clean`: nobody else may be about to write there.
+    """
     if isinstance(place, str):
         return from_url(place, retry_config={"max_retries": RETRIES})
     if make:
-        make_folder(place, OPEN)
+        make_folder(place, mode)
     elif not place.is_dir():
         return MemoryStore()
-    return LocalStore(place, automatic_cleanup=True)
+    return LocalStore(place, automatic_cleanup=clean)
 
 
 def make_folder(path: Path, mode: int) -> None:
@@ -100,22 +116,25 @@ def told(place: Where) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Objects:
-    """Objects of a place, by name. It is sent away as its place alone.
+    """Objects of a place, by name. It is sent away as its place alone, of which a process has one.
 
     Every method raises OSError if the place fails; only an object that is not there is absent.
     """
 
     place: Where
     make: bool = False  # the folder when it is written
+    mode: int = OPEN  # of the folder then; of its files, too, if nobody else is to read them
+    shared: bool = False  # whether all who may write there are trusted
+    clean: bool = True  # whether folders that become empty go
 
     @cached_property
     def store(self) -> ObjectStore:
         """The place as obstore's."""
         with told(self.place):
-            return opened(self.place, make=self.make)
+            return opened(self.place, make=self.make, mode=self.mode, clean=self.clean)
 
-    def __reduce__(self) -> tuple[type[Objects], tuple[Where, bool]]:
-        return Objects, (self.place, self.make)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _received, (self.place, self.make, self.mode, self.shared, self.clean)
 
     def get(self, name: str) -> bytes | None:
         """Return an object; None if it is absent."""
@@ -125,10 +144,19 @@ class Objects:
         except FileNotFoundError:
             return None
 
-    def put(self, name: str, content: bytes) -> None:
+    def put(self, name: str, content: bytes | Iterator[bytes]) -> None:
         """Write an object: readers see it whole, or as it was before."""
         with told(self.place), _there(self.place):
             self.store.put(name, content, use_multipart=False)
+        if isinstance(self.place, Path) and not self.mode & OTHERS:
+            with suppress(FileNotFoundError):  # another process has deleted it
+                (self.place / name).chmod(self.mode & 0o666)
+
+    def part(self, name: str, begin: int, end: int) -> memoryview:
+        """Return bytes of an object, as many as there are; FileNotFoundError if it is absent."""
+        with told(self.place):
+            found = self.store.get_range(name, start=begin, end=end) if begin < end else b""
+        return memoryview(found)
 
     def create(self, name: str, content: bytes) -> bool:
         """Write a new object; return False if there is one. Of several at once, one succeeds."""
@@ -154,11 +182,48 @@ class Objects:
             with suppress(FileNotFoundError), told(self.place):
                 self.store.delete(name)
 
+    def listed(self, under: str = "") -> dict[str, ObjectMeta]:
+        """Return size and time of all objects, or of those under a prefix, by name."""
+        with told(self.place), _there(self.place):
+            return {one["path"]: one for part in self.store.list(under or None) for one in part}
+
     def sizes(self, under: str = "") -> dict[str, int]:
         """Return the bytes of all objects, or of those under a prefix, by name."""
-        with told(self.place), _there(self.place):
-            parts = self.store.list(under or None)
-            return {one["path"]: one["size"] for part in parts for one in part}
+        return {name: one["size"] for name, one in self.listed(under).items()}
+
+    def tidy(self, before: float) -> None:
+        """Delete what killed writers left in a folder before a time [s, epoch]."""
+        for file in self.place.rglob("*#[0-9]*") if isinstance(self.place, Path) else ():
+            with suppress(OSError):
+                if file.stat().st_mtime < before:
+                    file.unlink()
+
+    def foreign(self, names: Iterable[str]) -> set[str]:
+        """Return those of some objects that others may have written, unless all are trusted.
+
+        Those are files that others own or may write, or all, if the folder or the one around it is
+        such. Who may write to a bucket is said there.
+        """
+        given = set(names)
+        if self.shared or not isinstance(self.place, Path) or not hasattr(os, "geteuid"):
+            return set()
+        around = (self.place, self.place.parent)
+        if any(map(_is_foreign, around)):
+            return given
+        return {name for name in given if _is_foreign(self.place / name)}
+
+
+@lru_cache(maxsize=8)
+def _received(*fields: Any) -> Objects:
+    return Objects(*fields)
+
+
+def _is_foreign(path: Path) -> bool:
+    """Return whether others own or may write a file or folder, if it is there."""
+    with suppress(FileNotFoundError):
+        status = path.stat()
+        return status.st_uid != os.geteuid() or bool(status.st_mode & OTHERS_WRITE)
+    return False
 
 
 @contextmanager

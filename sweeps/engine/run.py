@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -25,14 +25,17 @@ from sweeps.engine.folders import (
     locked,
     verify,
 )
+from sweeps.engine.index import CellIndex
 from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
-from sweeps.engine.packs import MISSING, CellIndex, read_cells
+from sweeps.engine.packs import MISSING, cells_of, read_cells
+from sweeps.engine.places import Objects, Where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
 from sweeps.engine.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.settings import Choices
+from sweeps.engine.sharing import using
 from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes, write_store
 from sweeps.engine.tasks import Damaged, Outcome, Report, Trouble, run_calls, uneven
@@ -51,14 +54,21 @@ Failures = list[tuple[str, str]]
 class Place:
     """Store, cache and cluster of a sweep, and the limit of the cache [byte].
 
-    A share `verify` of the cells is computed twice and compared.
+    All who may write to the cache are trusted if it is `cache_shared`. A share `verify` of the
+    cells is computed twice and compared.
     """
 
     store: Path
-    cache: Path
+    cache: Where
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 2**30
     verify: float = 0.0
+    cache_shared: bool = False
+
+    @property
+    def packs(self) -> Objects:
+        """Where results are kept."""
+        return cells_of(self.cache, shared=self.cache_shared)
 
 
 @dataclass
@@ -94,8 +104,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     OSError
         If the cache or the store cannot be written; finished results are kept in the cache.
     """
-    start, begun = time.perf_counter(), time.time()
-    place = replace(place, cache=place.cache.absolute())  # workers may be started elsewhere
+    start = time.perf_counter()
     with ExitStack() as stack:
         stack.enter_context(environment(choices.variables))
         check_target(place.store)
@@ -103,13 +112,14 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         check_apart([place.store], place.cache, lambda store: ())
         plan = Plan(experiment, choices)
         stack.enter_context(locked(place.store))
-        index = CellIndex(place.cache, watch.say)
+        use = stack.enter_context(using(place.packs, watch.say))
+        index = CellIndex(place.packs, watch.say, use)
         old = existing(experiment, place.store, plan)
         if old is not None and is_whole(plan, place.store, old, watch.say):
             finished = _unchanged(plan, index, watch)
         else:
             finished = _until_undamaged(plan, place, index, watch)
-        index.shrink(place.cache_limit, keep_since=begun)
+        use.shrink(place.cache_limit)
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
 
@@ -123,15 +133,14 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
             schedule = Schedule(plan, costs, place.verify)
             try:
                 failures = _compute(schedule, place, index, watch, thread)
-                failures += _write(schedule, place, watch)
+                failures += _write(schedule, place, index, watch)
             except Damaged as error:
-                damaged = sorted(_damaged(schedule, place).union(error.keys))
+                damaged = sorted(_damaged(schedule, index.cells).union(error.keys))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 lost = f"{len(damaged):,} results in the cache are damaged"
                 watch.say(f"{lost} and are computed again")
                 index.forget(keys)
             else:
-                index.used(np.unique(schedule.spots.pack).tolist())
                 return Finished(schedule.progress, failures, written=True)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
@@ -149,6 +158,7 @@ def _compute(
     try:
         with interruptible():
             schedule.resolve(index)
+            index.used(np.unique(schedule.spots.pack).tolist())
             missing = schedule.missing_cells()
         cells = sum(number for _, number, _ in missing)
         total = sum(one.total for one in schedule.progress.values())
@@ -166,7 +176,7 @@ def _compute(
             tasks=sum(calls for *_, calls in missing),
             packages=plan.experiment.code,
             modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
-            folder=place.cache,
+            packs=index.cells,
             say=watch.say,
         )
         starting = thread.submit(stack.enter_context, entered)
@@ -180,7 +190,7 @@ def _compute(
 
 
 def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
-    """Run all calls of a schedule, and record finished cells in the index, whose folder has them.
+    """Run all calls of a schedule, and record finished cells in the index, whose packs have them.
 
     Returns the names of cells that failed, with the reasons. Raises `Damaged`, when all is done, if
     cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
@@ -198,7 +208,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
 
     def hand_out(task: Task) -> None:
         number, calls = next(numbers), tuple(part.calls for part in task.parts)
-        executor.submit(number, run_calls, calls, task.order, index.folder)
+        executor.submit(number, run_calls, calls, task.order, index.cells)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
@@ -237,14 +247,14 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     return failures
 
 
-def _damaged(schedule: Schedule, place: Place) -> set[bytes]:
+def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
     """Return keys of all cells that cannot be read back, so that one round mends them."""
     spots = schedule.spots[schedule.spots.present]
     order = np.lexsort((spots.row, spots.pack))
     damaged: set[bytes] = set()
     for start in range(0, len(order), AT_ONCE):
         part = spots[order[start : start + AT_ONCE]]
-        cells = zip(part.keys, read_cells(place.cache, part), strict=True)
+        cells = zip(part.keys, read_cells(packs, part), strict=True)
         damaged |= {key.tobytes() for key, arrays in cells if arrays is None}
     return damaged
 
@@ -271,7 +281,7 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     for bound in plan.targets:
         keys = plan.keys(bound)
         plan.forget_keys(bound)
-        index.used(np.unique(index.find(keys).pack).tolist())
+        index.used(np.unique(index.find(keys, bound.stage.outputs).pack).tolist())
         total = len(distinct(keys)[0])
         progress[bound.name] = Progress(total, total)
     cells = sum(one.total for one in progress.values())
@@ -279,11 +289,11 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     return Finished(progress)
 
 
-def _write(schedule: Schedule, place: Place, watch: Watch) -> Failures:
+def _write(schedule: Schedule, place: Place, index: CellIndex, watch: Watch) -> Failures:
     """Assemble the store with its tables, and move it to its place; return tables that failed."""
     heed()
     plan, failed = schedule.plan, schedule.failed
-    cube = Cube(schedule, partial(read_cells, place.cache))
+    cube = Cube(schedule, partial(read_cells, index.cells))
     failures = {
         plan.described(bound, cell): failed[nodes[cell]]
         for bound in plan.bound.values()
@@ -312,10 +322,10 @@ def _write(schedule: Schedule, place: Place, watch: Watch) -> Failures:
 # dry run ------------------------------------------------------------------------------------------
 
 
-def preview(plan: Plan, cache: Path, store: Path) -> tuple[Mapping[str, tuple[int, int]], str]:
+def preview(plan: Plan, packs: Objects, store: Path) -> tuple[Mapping[str, tuple[int, int]], str]:
     """Return the cells of each stage, those to be computed among them, and the work in words.
 
-    Nothing is written, and neither folder need exist.
+    Nothing is written, and neither place need exist.
 
     Raises
     ------
@@ -326,7 +336,7 @@ def preview(plan: Plan, cache: Path, store: Path) -> tuple[Mapping[str, tuple[in
     if old is not None and is_whole(plan, store, old, lambda sentence: None):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
-    index = CellIndex(cache, lambda sentence: None)  # which is not saved
+    index = CellIndex(packs, lambda sentence: None)
     schedule, costs = Schedule(plan), index.costs()
     schedule.resolve(index)
     stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}

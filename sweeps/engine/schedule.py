@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from sweeps.engine.declarations import VALID
 from sweeps.engine.failures import Failure
+from sweeps.engine.index import CellIndex
 from sweeps.engine.keys import Keys, distinct, hashed, joined, spelt_key
-from sweeps.engine.packs import NO_SPOTS, CellIndex, Spots
+from sweeps.engine.packs import NO_SPOTS, Spots
 from sweeps.engine.plan import Cells, Plan
 from sweeps.engine.stage import Bound
 from sweeps.engine.tasks import Calls, Column, Made, Outcome, Read, Step, Trouble
@@ -127,7 +128,8 @@ class Schedule:
         nodes[cells] = numbers[number[len(known) :]]
         self.nodes[bound] = nodes
         alike.append(range(before, before + len(new)))
-        found = self._index.find(keys[new] if len(new) < len(keys) else keys)
+        asked = keys[new] if len(new) < len(keys) else keys
+        found = self._index.find(asked, bound.stage.outputs)
         absent = cells[new[~found.present]]
         self.spots = Spots(
             found.paths,
@@ -188,7 +190,7 @@ class Schedule:
                 node = self.nodes[bound][one]
                 why, self.spots.keys[node] = self._now(bound, int(one[0]))
                 self._odd[node] = odd[number]
-                found = self._index.find(self.spots.keys[node])
+                found = self._index.find(self.spots.keys[node], bound.stage.outputs)
                 if why:
                     self._fail(bound, int(node[0]), why)
                 elif found.present[0]:

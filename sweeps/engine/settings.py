@@ -196,7 +196,7 @@ class Run(Settings):
     seed = count(0, 0, 2**63, label="seed of all noise")
     store = text(None, label="folder of the store; null: sweep.zarr", fixed=NO_RESULT)
     cache = text(
-        None, label="folder of finished results; null: the user's cache folder", fixed=NO_RESULT
+        None, label="place of finished results; null: the user's cache folder", fixed=NO_RESULT
     )
     cache_limit = number(
         20,
@@ -204,6 +204,11 @@ class Run(Settings):
         1e6,
         unit="GB",
         label="limit of the cache; the least recently used results are deleted first",
+        fixed=NO_RESULT,
+    )
+    cache_shared = switch(
+        False,
+        label="trust all who may write to the cache, also other users",
         fixed=NO_RESULT,
     )
     dry_run = switch(False, label="only print what would be computed", fixed=NO_RESULT)

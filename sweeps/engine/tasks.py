@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import chain, islice
-from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
@@ -27,6 +26,7 @@ from sweeps.engine.errors import DeclarationError
 from sweeps.engine.failures import described, reason, traceback_of
 from sweeps.engine.keys import Keys
 from sweeps.engine.packs import Arrays, Pack, Packing, Spots, read_cells
+from sweeps.engine.places import Objects
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.stage import FIRST, MEASURED, Output, Stage
 
@@ -152,12 +152,12 @@ class Damaged(Exception):
         self.keys = keys
 
 
-def run_calls(parts: tuple[Calls, ...], order: Iterable[int], folder: Path) -> Report:
-    """Run calls one after the other, even if some raise, and pack their results in a folder.
+def run_calls(parts: tuple[Calls, ...], order: Iterable[int], packs: Objects) -> Report:
+    """Run calls one after the other, even if some raise, and pack their results.
 
     `order` has the part of which the next call is run, each in turn.
     """
-    running = [_Running(part, folder) for part in parts]
+    running = [_Running(part, packs) for part in parts]
     for number in order:
         running[number].run()
     outcomes = []
@@ -182,8 +182,8 @@ def uneven(
 class _Running:
     """Calls of one function, under way: what is done of them."""
 
-    def __init__(self, calls: Calls, folder: Path) -> None:
-        self.calls, self.folder = calls, folder
+    def __init__(self, calls: Calls, packs: Objects) -> None:
+        self.calls, self.packs = calls, packs
         self.function = calls.step.call
         self.packing = Packing()
         self.next = 0
@@ -191,7 +191,7 @@ class _Running:
         self.seconds = np.zeros(len(calls))
         self.troubles: dict[int, Trouble] = {}
         self.shapes: set[tuple[str, str, tuple[int, ...]]] = set()
-        self._inputs = _with_inputs(calls, folder)
+        self._inputs = _with_inputs(calls, packs)
 
     def run(self) -> None:
         """Run the next call."""
@@ -202,7 +202,7 @@ class _Running:
         start = time.perf_counter()
         given: dict[str, Any] = {}
         try:
-            given = _arguments(calls, number, inputs, self.folder)
+            given = _arguments(calls, number, inputs, self.packs)
             cells = self._computed(number, given)
         except Damaged as error:
             self.troubles[number] = Trouble(damaged=error.keys)
@@ -233,10 +233,10 @@ class _Running:
     def _difference(self, cell: int, first: Arrays) -> str:
         """Return how a cell differs if it is computed again, alone and from new objects."""
         forget_all()
-        alone = _Running(self.calls.again[cell], self.folder)
+        alone = _Running(self.calls.again[cell], self.packs)
         [inputs] = alone._inputs
         try:
-            given = _arguments(alone.calls, 0, inputs, self.folder)
+            given = _arguments(alone.calls, 0, inputs, self.packs)
             [again] = alone._computed(0, given)
             how = _difference(alone.calls.step, first, again)
         except Damaged:
@@ -264,7 +264,7 @@ class _Running:
         if not self.kept:
             return Outcome(self.seconds, self.troubles)
         keys, spent = self.calls.keys[self.kept], float(self.seconds.sum())
-        pack = self.packing.write(self.folder, self.calls.step.name, keys, spent)
+        pack = self.packing.write(self.packs, self.calls.step.name, keys, spent)
         return Outcome(self.seconds, self.troubles, pack)
 
 
@@ -287,7 +287,7 @@ Inputs = dict[str, Arrays | Exception]
 """By argument, the arrays of what a call reads, or why there are none."""
 
 
-def _with_inputs(calls: Calls, folder: Path, start: int = 0) -> Iterator[Inputs]:
+def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Inputs]:
     """Yield what each call from one on reads, for as many at once as fit, estimated from earlier.
 
     Opening a pack takes longer than reading a small cell in it.
@@ -300,7 +300,7 @@ def _with_inputs(calls: Calls, folder: Path, start: int = 0) -> Iterator[Inputs]
         size = 0
         for name, read in reads.items():
             spots = read.spots[start:stop]
-            cells = _each(folder, spots[spots.present])
+            cells = _each(packs, spots[spots.present])
             for number, inputs in enumerate(found):
                 if spots.pack.ndim == 1:  # one cell, as most often
                     arrays: Any = next(cells) or Damaged((spots.keys[number].tobytes(),))
@@ -315,13 +315,13 @@ def _with_inputs(calls: Calls, folder: Path, start: int = 0) -> Iterator[Inputs]
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
 
 
-def _each(folder: Path, spots: Spots) -> Iterator[Arrays | None]:
+def _each(packs: Objects, spots: Spots) -> Iterator[Arrays | None]:
     """Yield arrays of cells in order, None for damaged ones; some are in memory at once."""
     for first in range(0, len(spots), JOINED):
-        yield from read_cells(folder, spots[first : first + JOINED])
+        yield from read_cells(packs, spots[first : first + JOINED])
 
 
-def _arguments(calls: Calls, number: int, inputs: Inputs, folder: Path) -> dict[str, Any]:
+def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
     """Return arguments of a call by name; raise `Damaged` if one is unreadable."""
     damaged = [one.keys for one in inputs.values() if isinstance(one, Damaged)]
     if damaged:
@@ -331,7 +331,7 @@ def _arguments(calls: Calls, number: int, inputs: Inputs, folder: Path) -> dict[
         if isinstance(source, Column):
             given[name] = source.values[source.places[number]]
         elif isinstance(source, Made):
-            given[name] = _object(source.calls, int(source.places[number]), folder)
+            given[name] = _object(source.calls, int(source.places[number]), packs)
         else:
             arrays = inputs.pop(name)
             if isinstance(arrays, Exception):
@@ -345,7 +345,7 @@ def _arguments(calls: Calls, number: int, inputs: Inputs, folder: Path) -> dict[
     return given
 
 
-def _object(calls: Calls, number: int, folder: Path) -> Any:
+def _object(calls: Calls, number: int, packs: Objects) -> Any:
     """Return an object by its key, made if missing; the oldest of its stage is evicted."""
     # By the function's name: stages that share one share its results. A function that comes with
     # each task, from a script or a session, is another object each time.
@@ -356,8 +356,8 @@ def _object(calls: Calls, number: int, folder: Path) -> Any:
         return objects[key]
     while len(objects) >= calls.step.keep:
         objects.popitem(last=False)
-    inputs = next(_with_inputs(calls, folder, number))
-    objects[key] = made = calls.step.call(**_arguments(calls, number, inputs, folder))
+    inputs = next(_with_inputs(calls, packs, number))
+    objects[key] = made = calls.step.call(**_arguments(calls, number, inputs, packs))
     return made
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.packs import CellIndex, Spots, read_cells
+from sweeps.engine.index import CellIndex
+from sweeps.engine.packs import Spots, cells_of, read_cells
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import one_thread
 from sweeps.engine.run import execute
@@ -44,9 +45,9 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
     schedule = Schedule(plan)
     compared: dict[str, int] = {}
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        packs = cells_of(Path(name))
         quiet = Watch(lambda sentence: None)
-        index = CellIndex(folder, quiet.say)
+        index = CellIndex(packs, quiet.say)
         schedule.resolve(index)
         with executor(ClusterChoice(kind="inline"), say=quiet.say) as one:
             failures = execute(schedule, one, index, quiet)
@@ -60,11 +61,11 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
                     what = plan.described(bound, cell)
                     part = schedule.part(bound, [np.array([cell])])
                     with one_thread():  # as workers are
-                        [done] = run_calls((part.calls,), [0], folder).outcomes
+                        [done] = run_calls((part.calls,), [0], packs).outcomes
                     assert not done.troubles, f"{what}: {done.troubles}"
-                    there = read_cells(folder, schedule.spots[part.nodes])
+                    there = read_cells(packs, schedule.spots[part.nodes])
                     alone = Spots([done.pack.path], np.array([0]), np.array([0]), part.calls.keys)
-                    (there,), (again,) = there, read_cells(folder, alone)
+                    (there,), (again,) = there, read_cells(packs, alone)
                     measured = {one.name for one in bound.stage.outputs if one.role == "measured"}
                     _compare(what, there, again, measured)
                     compared[bound.name] = compared.get(bound.name, 0) + 1

@@ -19,6 +19,7 @@ from toys import go
 from sweeps.engine import cluster
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.packs import cells_of
 from sweeps.engine.process import ONE_THREAD
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
@@ -140,22 +141,16 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
     )
 
 
-def elsewhere(folder):
-    """A mark in a folder that no worker sees."""
-    return str(folder / "cells" / "mark.partial")
-
-
 def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path, monkeypatch):
-    folder = tmp_path / "cache"
-    monkeypatch.setattr(cluster, "marked", lambda folder: nullcontext(elsewhere(folder)))
+    packs = cells_of(tmp_path / "cache")
+    monkeypatch.setattr(cluster, "marked", lambda packs: nullcontext("a mark that is not there"))
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, folder=folder, say=executors.silent),
+        executor(running, packs=packs, say=executors.silent),
     ):
         pass
     assert re.fullmatch(
         rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ does not see "
-        rf"the folder '{folder}' of this command; it must be on a file system that all of them "
-        "share",
+        rf"the cache '{packs.place}' of this command; it must be where all of them see it",
         str(refused.value),
     )

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from packed import pack_files
 from small_stores import files, opened
 from toys import CALLS, Few, Told, go, of, run
 
-from sweeps.engine.packs import Packing, files_of
+from sweeps.engine.packs import Packing
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Group, Output, Status, in_memory, stage
 from sweeps.engine.store import read_attributes
@@ -133,17 +134,12 @@ def damage(file, at=-3):
     file.write_bytes(content)
 
 
-def packs(cache):
-    """Packs of a cache."""
-    return sorted(cache / path for path in files_of(cache, "pack"))
-
-
 @pytest.mark.parametrize("way", ["flipped", "short", "gone", "header"])
 def test_damaged_packs_are_made_again_and_said(tmp_path, way):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     go(store, cache)
     before = files(store)
-    for file in packs(cache):
+    for file in pack_files(cache):
         match way:
             case "flipped":
                 damage(file)

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from killed import killed_at
 from small_stores import files
 from toys import Told, go
 
@@ -61,28 +62,6 @@ def clean(folder, asked):
             go(Path(place, "s.zarr"), **asked)
             CLEAN[name] = files(Path(place, "s.zarr"))
     return CLEAN[name]
-
-
-def killed_at(moment, store, cache, asked):
-    """Run in a process that ends, as by SIGKILL, when it is about to touch its so manieth file."""
-    child = os.fork()
-    if child == 0:
-        left = moment
-        events = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate"}
-
-        def hook(event, arguments):
-            nonlocal left
-            if event in events and str(store.parent) in str(arguments[0]):
-                left -= 1
-                if left == 0:
-                    os._exit(9)
-
-        try:
-            sys.addaudithook(hook)
-            go(store, cache, **asked)
-        finally:
-            os._exit(0)
-    os.waitpid(child, 0)
 
 
 def damaged(folder, seed, flips):

@@ -89,12 +89,13 @@ def test_a_share_is_chosen_by_key(tmp_path):
     """Whatever the order and the number of workers: binomial, within five standard deviations."""
     experiment = of(replace(counting, function=lambda size: [size, 0.0]))
     many = read_choices(experiment.declared, {"few.size": list(range(1, 2001))})
-    from sweeps.engine.packs import CellIndex
+    from sweeps.engine.index import CellIndex
+    from sweeps.engine.places import Objects
     from sweeps.engine.plan import Plan
     from sweeps.engine.schedule import Schedule
 
     schedule = Schedule(Plan(experiment, many), verify=0.1)
-    schedule.resolve(CellIndex(tmp_path / "none", print))
+    schedule.resolve(CellIndex(Objects(tmp_path / "none"), print))
     chosen = 0
     while schedule.ready:
         chosen += sum(len(part.calls.again) for part in schedule.batch(1).parts)

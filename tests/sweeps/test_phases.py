@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from commands import FAST, chosen, groups_of, swept
 
-from sweeps.engine.packs import CellIndex
+from sweeps.engine.index import CellIndex
+from sweeps.engine.places import Objects
 from sweeps.engine.plan import Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.experiment import EXPERIMENT
@@ -31,7 +32,7 @@ def plan_of(*overrides):
 def to_make(*overrides):
     """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
     schedule = Schedule(plan_of(*overrides))
-    schedule.resolve(CellIndex(Path("none"), print))
+    schedule.resolve(CellIndex(Objects(Path("none")), print))
     extents = {"extent", "seen_extent"}
     return sum(cells for bound, cells, _ in schedule.missing_cells() if bound.name in extents)
 

@@ -1,0 +1,190 @@
+"""Who uses a cache: sweeps that run, when each pack was used last, and what may be deleted.
+
+Every sweep that runs has a record in the cache, which it renews. Before anything is deleted, it is
+named in such a record, too. As a sweep writes its record before it looks at those of others, and
+reads no pack that one of them is about to delete, no two sweeps miss each other. When packs were
+used last is in further records, which each sweep that ends makes one of.
+
+Times are those of the place: of a server, or of the system of files. So clocks of hosts need not
+agree.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import threading
+import time
+import uuid
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from sweeps.engine.packs import PACK, undamaged
+from sweeps.engine.places import Objects
+
+if TYPE_CHECKING:
+    from obstore import ObjectMeta
+
+RUNNING, USED = "running/", "used/"
+RENEWED, LEASE = 30.0, 300.0  # s: when a record is renewed; after which it counts no longer
+FORGOTTEN = 86400.0  # s, after which one counts no longer though nobody has watched it
+
+Listed = Mapping[str, "ObjectMeta"]
+
+
+@contextmanager
+def using(cells: Objects, say: Callable[[str], None]) -> Iterator[Use]:
+    """Keep a record of a sweep that runs in the cache where its packs are."""
+    use, ended = Use(cells, say), threading.Event()
+
+    def keep() -> None:
+        while not ended.wait(RENEWED):
+            use.renew()
+
+    thread = threading.Thread(target=keep, name="lease", daemon=True)
+    use.renew()
+    thread.start()
+    try:
+        yield use
+    finally:
+        ended.set()
+        thread.join()
+        with suppress(OSError):
+            cells.delete([use.name])
+
+
+@dataclass
+class Use:
+    """Record of a sweep that runs. Until it has said which packs it uses, it uses all.
+
+    No method but `leaving` raises an error of the place: results are worth more than records.
+    """
+
+    cells: Objects
+    say: Callable[[str], None]
+    name: str = field(default_factory=lambda: f"{RUNNING}{uuid.uuid4().hex}")
+    packs: set[str] | None = None
+    since: float | None = None  # s, epoch
+    _deleting: list[str] = field(default_factory=list)
+    _seen: dict[str, float] = field(default_factory=dict)  # when others had renewed theirs
+    _begun: float = field(default_factory=time.monotonic)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def renew(self) -> None:
+        """Write the record again."""
+        with self._lock, suppress(OSError):
+            document = {
+                "holder": f"process {os.getpid()} on {socket.gethostname()}",
+                "since": self.since,
+                "packs": None if self.packs is None else sorted(self.packs),
+                "deleting": self._deleting,
+            }
+            self.cells.put(self.name, json.dumps(document).encode())
+
+    def leaving(self) -> set[str]:
+        """Return packs that others are about to delete. Those listed later are safe to use."""
+        listed = self.cells.listed(RUNNING)
+        self._seen = {name: _time(one) for name, one in listed.items()}
+        self.since = self._seen.get(self.name)
+        return {name for record in self._others(listed) for name in record.deleting}
+
+    def take(self, packs: Iterable[str]) -> None:
+        """Add packs to those that are used."""
+        self.packs = {*(self.packs or ()), *packs}
+        self.renew()
+
+    def shrink(self, limit_bytes: int) -> None:
+        """Delete the least recently used packs until the rest is small enough.
+
+        Those that this or another sweep uses, or that were written since it began, stay.
+        """
+        try:
+            self._shrink(limit_bytes)
+        except OSError as error:
+            self.say(f"Finished results in {self.cells.place} cannot be deleted ({error}).")
+
+    def _shrink(self, limit_bytes: int) -> None:
+        self.renew()
+        self.cells.tidy(time.time() - FORGOTTEN)
+        listed = self.cells.listed()
+        if self.since is None or self.name not in listed:
+            return
+        packs = {name: one for name, one in listed.items() if name.endswith(PACK)}
+        own = packs.keys() & (self.packs or set())
+        last = self._last_used(listed, packs, own)
+        excess = sum(one["size"] for one in packs.values()) - limit_bytes
+        if excess <= 0:
+            return
+        stay = own | self._used_by_others(packs) | _since(packs, self.since)
+        for name in sorted(packs.keys() - stay, key=lambda name: (last[name], name)):
+            if excess <= 0:
+                break
+            self._deleting.append(name)
+            excess -= packs[name]["size"]
+        self.renew()  # from here on, others see what is to go
+        stay = self._used_by_others(packs)
+        self.cells.delete(name for name in self._deleting if name not in stay)
+
+    def _last_used(self, listed: Listed, packs: Listed, own: Iterable[str]) -> dict[str, float]:
+        """Return when packs were used last, and write it as one record instead of several."""
+        now, records = _time(listed[self.name]), [one for one in listed if one.startswith(USED)]
+        written = {name: _time(one) for name, one in packs.items()}
+        last = {**written, **dict.fromkeys(own, now)}
+        for record in records:
+            with undamaged():
+                for name, moment in json.loads(self.cells.get(record) or b"{}").items():
+                    if name in last:
+                        last[name] = max(last[name], min(float(moment), now))
+        used = {name: moment for name, moment in last.items() if moment > written[name]}
+        self.cells.put(f"{USED}{uuid.uuid4().hex}", json.dumps(used).encode())
+        self.cells.delete(records)
+        return last
+
+    def _used_by_others(self, packs: Listed) -> set[str]:
+        """Return packs that other sweeps use, which run now."""
+        used: set[str] = set()
+        for record in self._others(self.cells.listed(RUNNING)):
+            if record.packs is None or record.since is None:
+                return set(packs)
+            used |= {*record.packs} | _since(packs, record.since)
+        return used
+
+    def _others(self, listed: Listed) -> Iterator[Record]:
+        """Yield records of other sweeps; delete those of sweeps that ended without doing so."""
+        times = {name: _time(one) for name, one in listed.items()}
+        now = times.pop(self.name, max(times.values(), default=0.0))
+        watched = time.monotonic() - self._begun > LEASE
+        for name, moment in times.items():
+            if now - moment > FORGOTTEN or (watched and self._seen.get(name) == moment):
+                self.cells.delete([name])
+            elif (content := self.cells.get(name)) is not None:
+                yield Record.of(content)
+
+
+class Record(NamedTuple):
+    """What a sweep uses, from when on also all that is new, and what it is about to delete."""
+
+    packs: Collection[str] | None = None
+    since: float | None = None
+    deleting: Collection[str] = ()
+
+    @classmethod
+    def of(cls, content: bytes) -> Record:
+        """Return a record from its bytes; one that uses everything if they say nothing."""
+        with undamaged():
+            given = json.loads(content)
+            packs, deleting = given["packs"], given["deleting"]
+            packs = None if packs is None else frozenset(packs)
+            return cls(packs, float(given["since"]), frozenset(deleting))
+        return cls()
+
+
+def _time(one: ObjectMeta) -> float:
+    return one["last_modified"].timestamp()
+
+
+def _since(packs: Listed, moment: float) -> set[str]:
+    return {name for name, one in packs.items() if _time(one) >= moment}

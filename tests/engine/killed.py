@@ -1,0 +1,88 @@
+"""Sweeps of the springs that end at a moment, forked from a process that has imported it all.
+
+Run as a script with a line of JSON on stdin for each: the moment, the folder, the names in it of
+store and cache, and what is asked. Prints a line when it has ended. No process is forked from one
+that has read or written a place, whose threads it would lack.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache, wraps
+from pathlib import Path
+
+from running import ROOT
+
+METHODS = ("get", "part", "put", "create", "copy", "delete", "listed")
+EVENTS = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate"}
+
+
+@cache
+def _forking():
+    here = Path(__file__)
+    paths = os.pathsep.join(map(str, (ROOT, here.parents[1], here.parent)))
+    return subprocess.Popen(
+        [sys.executable, here],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": paths},
+    )
+
+
+def killed_at(moment, store, cache, asked):
+    """Run in a process that ends, as by SIGKILL, when it is about to touch its so manieth file."""
+    forking = _forking()
+    case = [moment, str(store.parent), store.name, cache.name, asked]
+    forking.stdin.write(json.dumps(case) + "\n")
+    forking.stdin.flush()
+    assert forking.stdout.readline() == "ended\n"
+
+
+def main():
+    """Run the sweeps of stdin."""
+    import xarray  # noqa: F401  which tables need
+    from toys import go
+
+    from sweeps.engine.places import Objects
+
+    for line in sys.stdin:
+        moment, folder, store, cache, asked = json.loads(line)
+        child = os.fork()
+        if child == 0:
+            left = moment
+
+            def touched():
+                nonlocal left
+                left -= 1
+                if left == 0:
+                    os._exit(9)
+
+            def counted(method):
+                @wraps(method)
+                def call(*arguments):
+                    touched()
+                    found = method(*arguments)
+                    touched()
+                    return found
+
+                return call
+
+            def hook(event, arguments, folder=folder):
+                if event in EVENTS and folder in str(arguments[0]):
+                    touched()
+
+            try:
+                for name in METHODS:
+                    setattr(Objects, name, counted(getattr(Objects, name)))
+                sys.addaudithook(hook)
+                go(Path(folder, store), Path(folder, cache), **asked)
+            finally:
+                os._exit(0)
+        os.waitpid(child, 0)
+        print("ended", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""Packs and caches of tests."""
+
+import hashlib
+
+import numpy as np
+
+from sweeps.engine.packs import Pack, Packing, Spots, cells_of, read_cells
+from sweeps.engine.places import Objects
+from sweeps.engine.stage import Output
+
+SMALL = [Output(f"output {number}", ("row",), "f8") for number in range(2)]
+"""What `small` returns."""
+
+
+def keys(*names) -> np.ndarray:
+    texts = (hashlib.md5(str(name).encode()).digest() for name in names)
+    return np.frombuffer(b"".join(texts), np.uint64).reshape(-1, 2)
+
+
+def write_pack(cells: Objects, stage: str, names, arrays, seconds=0.0) -> Pack:
+    packing = Packing()
+    for one in arrays:
+        packing.add(one)
+    return packing.write(cells, stage, keys(*names), seconds)
+
+
+def spots(path: str, rows, names) -> Spots:
+    """Cells of a pack, by row and key."""
+    rows = np.array(rows, np.int32)
+    return Spots([path], 0 * rows, rows, keys(*names))
+
+
+def small(name) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(int(keys(name)[0, 0]))
+    return {output.name: rng.normal(size=number) for number, output in enumerate(SMALL)}
+
+
+def written(cells: Objects, *names, stage="render") -> Pack:
+    return write_pack(cells, stage, names, map(small, names))
+
+
+def same(cell, expected) -> bool:
+    """Same names in the same order, and the same dtype, shape and bits of each."""
+    return list(cell) == list(expected) and all(
+        (cell[name].dtype, cell[name].shape, cell[name].tobytes())
+        == (array.dtype, array.shape, array.tobytes())
+        for name, array in expected.items()
+    )
+
+
+def whole(cells: Objects, index, names) -> bool:
+    """True if all cells are found, and read as they were written."""
+    index.refresh()
+    found = index.find(keys(*names), SMALL)
+    read = read_cells(cells, found)
+    return found.present.all() and all(
+        same(cell, small(name)) for cell, name in zip(read, names, strict=True)
+    )
+
+
+def pack_files(cache):
+    """Files of the packs of a cache in a folder."""
+    return sorted(cell for cell in cells_of(cache).place.glob("*.pack"))

@@ -1,0 +1,245 @@
+"""The index of a cache: which pack has which cell, and whom it trusts."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from packed import SMALL, keys, small, whole, write_pack, written
+from running import ROOT
+from toys import SPRINGS, Told
+
+from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.index import CellIndex
+from sweeps.engine.packs import Pack, cells_of, declared
+from sweeps.engine.places import Objects
+from sweeps.engine.run import Place, sweep
+from sweeps.engine.settings import read_choices
+from sweeps.engine.sharing import using
+
+
+@pytest.fixture
+def said():
+    """Sentences of an index; opened with `say=said.append`."""
+    return []
+
+
+@pytest.fixture
+def six(tmp_path) -> Objects:
+    """Packs of cells 0 to 5, three of them."""
+    cells = cells_of(tmp_path)
+    for n in range(0, 6, 2):
+        written(cells, n, n + 1)
+    return cells
+
+
+def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, said):
+    cells = cells_of(place)
+    older, newer = written(cells, 1), written(cells, 1, 2)
+    added = CellIndex(Objects(Path("none")), said.append)
+    assert [added.add(older, keys(1)), added.add(newer, keys(1, 2))] == [0, 1]
+    for index in (added, CellIndex(cells, said.append)):
+        index.refresh()
+        found = index.find(keys(3, 2, 1), SMALL)
+        assert found.pack.tolist() == [-1, 1, 1] and found.row[1:].tolist() == [1, 0]
+        assert index.packs == [older, newer] and found.paths == [older.path, newer.path]
+        index.forget(keys(1))
+        assert index.find(keys(1, 2), SMALL).pack.tolist() == [-1, 1]
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_an_index_finds_what_a_dictionary_finds(data):
+    """Whatever is in how many packs; another key of the same first half is not found."""
+    one = st.integers(0, 4).map(lambda n: (n * (2**62 - 1), n))
+    some = st.lists(one, max_size=6)
+    kinds = frozenset([declared(SMALL)])
+    with tempfile.TemporaryDirectory() as name:
+        index = CellIndex(Objects(Path(name)), print)
+        expected = {}
+        for number, pack in enumerate(data.draw(st.lists(some, max_size=4))):
+            index.add(Pack(f"{number}", kinds=kinds), np.array(pack, np.uint64).reshape(-1, 2))
+            expected |= {key: (number, row) for row, key in enumerate(pack)}
+            if data.draw(st.booleans()):
+                index.refresh()
+        index.refresh()
+        asked = [*data.draw(some), (0, 1)]
+        found = index.find(np.array(asked, np.uint64).reshape(-1, 2), SMALL)
+        at = [(n, row) if n >= 0 else None for n, row in zip(found.pack, found.row, strict=True)]
+        assert at == [expected.get(key) for key in asked]
+
+
+def test_costs_are_means_of_the_latest_packs(tmp_path, said):
+    cells = cells_of(tmp_path)
+    for seconds in (1000.0, *10 * [3.0]):
+        pack = write_pack(cells, "a", range(6), map(small, range(6)), seconds)
+    assert CellIndex(cells, said.append).costs() == {"a": (0.5, pack.size / 6)}
+
+
+KILLED = """
+import os, sys, threading, time
+from pathlib import Path
+import numpy as np
+from packed import write_pack
+from sweeps.engine.packs import cells_of
+cells = cells_of(Path(sys.argv[1]))
+write_pack(cells, "stage", ["done"], [{"a": np.float64(4)}])
+print("begins", flush=True)
+while True:
+    write_pack(cells, "stage", ["killed"], [{"a": np.zeros(10**6)}])
+"""
+
+
+def test_packs_of_a_killed_run_are_whole_or_absent(six, said, tmp_path):
+    """It is killed at any moment; what it left half done goes once nobody can be writing to it."""
+    for moment in range(4):
+        command = [sys.executable, "-c", KILLED, tmp_path]
+        paths = {"PYTHONPATH": os.pathsep.join((str(ROOT), str(Path(__file__).parent)))}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ | paths) as run:
+            assert run.stdout.readline() == b"begins\n"
+            time.sleep(0.02 * moment)
+            run.kill()
+            assert run.wait() == -signal.SIGKILL
+    index = CellIndex(six, said.append)
+    assert whole(six, index, range(6)) and said == []
+    assert sum(pack.cells for pack in index.packs) >= 10
+    assert {pack.kinds for pack in index.packs} >= {frozenset([(("a", "<f8", 0),)])}
+
+
+def test_what_killed_writers_left_goes_after_a_day(six, said):
+    left = six.place / "0.pack#1"
+    left.write_bytes(b"")
+    for age, stays in ((0, True), (86400 + 60, False)):
+        os.utime(left, (0, time.time() - age))
+        with using(six, said.append) as use:
+            use.leaving()
+            use.shrink(2**40)
+        assert left.exists() == stays
+    assert whole(six, CellIndex(six, said.append), range(6)) and said == []
+
+
+def test_a_pack_that_says_something_else_has_no_cells_and_is_evicted(six, said):
+    lost = written(six, "lost").path
+    (six.place / lost).write_bytes(b"something else")
+    (six.place / "notes.pack").write_text("of another version")
+    with using(six, said.append) as use:
+        index = CellIndex(six, said.append, use)
+        assert whole(six, index, range(6)) and not index.find(keys("lost"), SMALL).present
+        cells, size = index.size()
+        assert cells == 6 and index.costs().keys() == {"render"}
+        index.used(range(3))
+        os.utime(six.place / lost, (1, 1))
+        os.utime(six.place / "notes.pack", (2, 2))
+        use.shrink(size - 10)
+    assert not (six.place / lost).exists() and (six.place / "notes.pack").exists()
+    assert whole(six, CellIndex(six, lambda sentence: None), range(6))
+    assert said == ["results in the cache are damaged, or of another version (files: 2)"]
+
+
+# trust --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mask", [0, 0o002, 0o022])
+def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, said, mask):
+    umask(mask)
+    cells = cells_of(tmp_path / "home" / "cache")
+    written(cells, 1)
+    made = [*(tmp_path / "home").rglob("*")]
+    modes = {one.is_dir(): stat.S_IMODE(one.stat().st_mode) for one in made}
+    assert len(made) == 3 and modes == {True: 0o700, False: 0o600}
+    assert stat.S_IMODE((tmp_path / "home").stat().st_mode) == 0o700
+    assert whole(cells, CellIndex(cells, said.append), [1]) and said == []
+
+
+def test_a_shared_cache_is_made_for_all_that_the_umask_lets(tmp_path, umask):
+    umask(0o002)
+    written(cells_of(tmp_path / "cache", shared=True), 1)
+    modes = {stat.S_IMODE(one.stat().st_mode) for one in (tmp_path / "cache").rglob("*")}
+    assert modes == {0o775, 0o664}
+
+
+def others(count, cells):
+    return [
+        f"{count} files in {cells.place} are not read, since others own them or may write them; "
+        "cache_shared=true trusts all who can write there"
+    ]
+
+
+def test_a_folder_of_another_user_is_not_read(six, said, monkeypatch):
+    assert whole(six, CellIndex(six, said.append), range(6)) and said == []
+    monkeypatch.setattr(os, "geteuid", lambda: os.stat(six.place).st_uid + 1)
+    index = CellIndex(six, said.append)
+    index.refresh()
+    assert not index.find(keys(*range(6)), SMALL).present.any() and index.costs() == {}
+    assert said == others(3, six)
+    trusting = cells_of(six.place.parent, shared=True)
+    assert whole(trusting, CellIndex(trusting, said.append), range(6)) and len(said) == 1
+
+
+@pytest.mark.parametrize("bits", [0o020, 0o002])
+@pytest.mark.parametrize("which", ["cache", "folder", "file"])
+def test_what_others_may_write_is_not_read(six, said, bits, which):
+    file = min(six.place.glob("*.pack"))
+    opened = {"cache": six.place.parent, "folder": six.place, "file": file}[which]
+    opened.chmod(opened.stat().st_mode | bits)
+    index = CellIndex(six, said.append)
+    index.refresh()
+    found = index.find(keys(*range(6)), SMALL).present
+    assert found.tolist() == 2 * [False] + 4 * [which == "file"]
+    assert said == others(1 if which == "file" else 3, six)
+    trusting = cells_of(six.place.parent, shared=True)
+    assert whole(trusting, CellIndex(trusting, said.append), range(6)) and len(said) == 1
+
+
+def test_a_sweep_reads_its_own_packs_where_others_may_write(tmp_path):
+    told, cache = Told(), tmp_path / "cache"
+    chosen = SPRINGS.check(read_choices(SPRINGS.declared, {}))
+    cache.mkdir()
+    cache.chmod(0o777)
+    for reused in (0, 0, 74):
+        place = Place(tmp_path / "s.zarr", cache, ClusterChoice("inline"), cache_shared=reused > 0)
+        finished = sweep(SPRINGS, chosen, place, told.watch)
+        progress = finished.progress.values()
+        assert sum(one.reused for one in progress) == reused
+        assert not finished.failures
+        (tmp_path / "s.zarr").rename(tmp_path / f"{len(told.sentences)}.zarr")
+    assert sum("are not read, since others" in one for one in told.sentences) == 1
+
+
+# several at once ----------------------------------------------------------------------------------
+
+
+def drive(cache, driver: int) -> list[str]:
+    """Add packs as one of several drivers; sentences that were said."""
+    said: list[str] = []
+    cells = cells_of(cache)
+    for number in range(4):
+        with using(cells, said.append) as use:
+            index = CellIndex(cells, said.append, use)
+            for name in (driver, "shared"):
+                index.add(written(cells, (name, number)))
+            assert whole(cells, index, [(driver, number), ("shared", number)])
+            index.used([])
+            use.shrink(2**40)
+    return said
+
+
+def test_several_drivers_share_a_cache(place, said):
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        assert list(pool.map(drive, [place] * 4, range(4))) == [[]] * 4
+    cells = cells_of(place)
+    index = CellIndex(cells, said.append)
+    names = [(driver, number) for driver in [*range(4), "shared"] for number in range(4)]
+    assert whole(cells, index, names)
+    assert index.size()[0] == 32 and said == []
+    assert not cells.sizes("running/") and len(cells.sizes("used/")) <= 2

@@ -1,0 +1,354 @@
+"""Packs: what is written is read back, and what was changed is not."""
+
+import errno
+import json
+import os
+import re
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays_of
+from packed import SMALL, keys, pack_files, same, small, spots, write_pack, written
+from small_stores import files
+from toys import Told, go
+
+from sweeps.engine import packs
+from sweeps.engine.index import CellIndex
+from sweeps.engine.packs import Pack, cells_of, described_pack, read_cells
+from sweeps.engine.places import Objects
+from sweeps.engine.stage import Output
+
+HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
+
+
+@pytest.fixture(autouse=True)
+def anew():
+    """No head of a pack is remembered."""
+    packs._head.cache_clear()
+
+
+DTYPES = (
+    arrays_of.scalar_dtypes()
+    | arrays_of.unicode_string_dtypes()
+    | st.sampled_from([np.dtype(np.longdouble), np.dtype("V5"), np.dtype("S3")])
+)
+SHAPES = arrays_of.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=3)
+LAYOUTS = st.dictionaries(st.text(max_size=4), st.tuples(DTYPES, SHAPES), max_size=3)
+
+
+@st.composite
+def contents(draw):
+    """Cells of one layout or of several."""
+    layouts = draw(st.lists(LAYOUTS, min_size=1, max_size=3))
+    chosen = draw(st.lists(st.sampled_from(layouts), min_size=1, max_size=6))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    return [
+        {
+            name: np.ndarray(shape, dtype, rng.bytes(int(np.prod(shape)) * dtype.itemsize))
+            for name, (dtype, shape) in layout.items()
+        }
+        for layout in chosen
+    ]
+
+
+@settings(max_examples=60, deadline=None)
+@given(contents=contents(), data=st.data())
+def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
+    asked = data.draw(st.lists(st.integers(0, len(contents) - 1), max_size=8))
+    with tempfile.TemporaryDirectory() as name:
+        cells, names = Objects(Path(name)), range(len(contents))
+        pack = write_pack(cells, "stage", names, contents)
+        assert pack.size == Path(name, pack.path).stat().st_size
+        there, written = described_pack(cells, pack.path, pack.size)
+        assert there == pack and np.array_equal(written, keys(*names))
+        found = read_cells(cells, spots(pack.path, asked, asked))
+    arrays = [array for cell in found for array in cell.values()]
+    for row, cell in zip(asked, found, strict=True):
+        assert same(cell, contents[row])
+    for array in arrays:
+        assert array.flags.aligned and array.flags.c_contiguous and array.flags.writeable
+        assert not any(np.shares_memory(array, one) for one in arrays if one is not array)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.array([None]),
+        np.zeros(2, dtype="f8,i4"),
+        np.array(["a"], dtype=np.dtypes.StringDType()),
+    ],
+    ids=["objects", "fields", "text"],
+)
+def test_what_cannot_be_kept_is_refused(tmp_path, values):
+    with pytest.raises(TypeError, match="cannot be kept"):
+        write_pack(Objects(tmp_path), "stage", [1], [{"a": values}])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_packs_of_either_kind_of_place_are_alike(place):
+    cells = cells_of(place)
+    one, other = written(cells, 1, 2), written(cells, 3)
+    found = read_cells(cells, spots(one.path, [1, 0, 1], [2, 1, 2]))
+    assert [same(cell, small(n)) for cell, n in zip(found, (2, 1, 2), strict=True)] == 3 * [True]
+    assert read_cells(cells, spots(other.path, [0, 1], [4, 3])) == [None] * 2
+    assert read_cells(cells, spots(f"{'0' * 56}.pack", [0], [1])) == [None]
+    assert cells.sizes() == {one.path: one.size, other.path: other.size}
+
+
+def test_every_changed_byte_is_noticed(tmp_path):
+    """By its own cell alone if it is among the bytes of one, else by all cells."""
+    made = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
+    cells = Objects(tmp_path)
+    pack = write_pack(cells, "s", range(3), made)
+    path = tmp_path / pack.path
+    three = spots(pack.path, range(3), range(3))
+    content = path.read_bytes()
+    ends = int(HEAD.fullmatch(pack.path)[2], 16) + np.cumsum([0, 32, 32, 48])
+    assert ends[-1] == len(content)
+    for place in range(len(content)):
+        owner = int(np.searchsorted(ends, place, side="right")) - 1
+        flipped = bytearray(content)
+        flipped[place] ^= 1 << place % 8
+        path.write_bytes(flipped)
+        packs._head.cache_clear()
+        found = read_cells(cells, three)
+        assert [cell is None for cell in found] == [owner in (-1, row) for row in range(3)]
+        assert all(cell is None or same(cell, one) for cell, one in zip(found, made, strict=True))
+
+
+MIXED = [
+    {"a": np.arange(3.0), "b": np.arange(4).reshape(2, 2)},
+    {"a": np.arange(2.0), "b": np.zeros((0, 5), int)},
+    {"a": np.arange(3.0) + 1, "b": np.arange(4).reshape(2, 2)},
+]
+
+
+@st.composite
+def changes(draw, size):
+    """Changes of some bytes: where, how many are replaced, and by what."""
+    start = draw(st.integers(0, size))
+    return start, draw(st.integers(0, 20)), draw(st.binary(max_size=20))
+
+
+def changed(content, all_changes):
+    for start, length, new in all_changes:
+        content = content[:start] + new + content[start + length :]
+    return content
+
+
+@settings(max_examples=200, deadline=None)
+@given(data=st.data(), sealed=st.booleans())
+def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
+    """Also if the name of the pack is made to fit, though then other values may be read."""
+    with tempfile.TemporaryDirectory() as name:
+        cells = Objects(Path(name))
+        pack = write_pack(cells, "s", range(3), MIXED)
+        content = Path(name, pack.path).read_bytes()
+        size = int(HEAD.fullmatch(pack.path)[2], 16)
+        where = size if sealed else len(content)
+        new = changed(content[:where], data.draw(st.lists(changes(where), max_size=3)))
+        path = sealed_as(Path(name), new, content[size:]) if sealed else pack.path
+        Path(name, path).write_bytes(new + content[where:])
+        packs._head.cache_clear()
+        described_pack(cells, path, Path(name, path).stat().st_size)
+        for cell, before in zip(
+            read_cells(cells, spots(path, range(3), range(3))), MIXED, strict=True
+        ):
+            if cell is not None and not sealed:
+                assert same(cell, before)
+            elif cell is not None:
+                assert sum(array.nbytes for array in cell.values()) <= len(content)
+
+
+def sealed_as(folder: Path, head: bytes, records: bytes) -> str:
+    """Write a pack whose name fits its head; return the name."""
+    path = f"{16 * '0'}{packs._digest(16, head).hex()}{len(head):08x}.pack"
+    (folder / path).write_bytes(head + records)
+    return path
+
+
+def test_what_is_cut_off_is_absent(tmp_path):
+    cells = Objects(tmp_path)
+    pack = written(cells, 0, 1, 2)
+    path = tmp_path / pack.path
+    three = spots(pack.path, range(3), range(3))
+    content = path.read_bytes()
+    for length in range(0, len(content), 7):
+        path.write_bytes(content[:length])
+        packs._head.cache_clear()
+        for number, cell in enumerate(read_cells(cells, three)):
+            assert cell is None or same(cell, small(number))
+        assert cell is None
+    path.unlink()
+    packs._head.cache_clear()
+    for strange in (pack.path, ".", "nul\0"):
+        assert read_cells(cells, spots(strange, [0, 3], [0, 1])) == [None] * 2
+
+
+# packs that are not what they were ---------------------------------------------------------------
+
+
+def exchange(one: Path, other: Path) -> None:
+    first, second = one.read_bytes(), other.read_bytes()
+    one.write_bytes(second)
+    other.write_bytes(first)
+
+
+def test_a_cell_of_another_key_is_not_read(tmp_path):
+    cells = Objects(tmp_path)
+    one, other = written(cells, 1, 2), written(cells, 3, 4)
+    assert read_cells(cells, spots(one.path, [0, 1], [3, 1])) == [None] * 2
+    exchange(tmp_path / one.path, tmp_path / other.path)
+    assert read_cells(cells, spots(one.path, [0, 1], [1, 2])) == [None] * 2
+    assert read_cells(cells, spots(other.path, [0, 0], [1, 3])) == [None] * 2
+
+
+def stage_of(path: Path) -> str:
+    return described_pack(Objects(path.parent), path.name, path.stat().st_size)[0].stage
+
+
+def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, monkeypatch):
+    cache, told = tmp_path / "cache", Told()
+    go(tmp_path / "s.zarr", cache)
+    first = {stage_of(path): path for path in pack_files(cache)}
+    go(tmp_path / "t.zarr", cache, seed=1)  # cells of the same shapes
+
+    def found(index, *asked, find=CellIndex.find):
+        if not told.failures:
+            told.failures.append("exchanged")  # at the first look-up, after the index is read
+            for path in pack_files(cache):
+                if path not in first.values():
+                    exchange(path, first[stage_of(path)])
+            packs._head.cache_clear()
+        return find(index, *asked)
+
+    monkeypatch.setattr(CellIndex, "find", found)
+    go(tmp_path / "again.zarr", cache, watch=told.watch)
+    assert files(tmp_path / "again.zarr") == files(tmp_path / "s.zarr")
+    again = [one for one in told.sentences if "are damaged and are computed again" in one]
+    assert len(again) == 1, "one round mends the cells of all stages"
+
+
+LINE = ["s", 0.5, [[["a", "<f8", [2]]]]]
+
+
+def of_line(cells: Objects, line, number=0, key=1) -> Pack:
+    """Write a pack of one cell that says something of itself; return what is read of it."""
+    record = np.arange(2.0).tobytes()
+    text = line if isinstance(line, bytes) else json.dumps(line).encode()
+    tables = keys(key).tobytes() + np.array([number], "<u4").tobytes() + packs._digest(8, record)
+    path = sealed_as(cells.place, text + b"\n" + tables, record)
+    pack, found = described_pack(cells, path, len(text) + 1 + len(tables) + len(record))
+    assert len(found) == pack.cells
+    [cell] = read_cells(cells, spots(path, [0], [key]))
+    return pack, cell
+
+
+def test_a_pack_may_say_where_it_is_from(tmp_path):
+    pack, cell = of_line(Objects(tmp_path), LINE)
+    assert (pack.stage, pack.seconds, pack.cells) == ("s", 0.5, 1)
+    assert cell["a"].tolist() == [0, 1]
+
+
+HUGE = 2**62
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *(None, 1, [], {}, "s", b"", b"[", 10_000 * b"[", b"\xff", [1, 2, 3]),
+        *(["s", -1, []], ["s", "1", []], ["s", None, []], b'["s",NaN,[]]', b'["s",Infinity,[]]'),
+        *([None, 0, []], ["s", 0, [[["a", "<f8", [2]]]], 0], ["s", 0, None], ["s", 0, 7]),
+        *(["s", 0, layouts] for layouts in ([], [7], ["abc"], [[["a", "<f8"]]], [[7]], {"a": 1})),
+        *(
+            ["s", 0, [[["a", "<f8", shape]]]]
+            for shape in ([-2], [-1, -2], [1.0], ["2"], "2", None, 2, [[2]], [HUGE], 9 * [HUGE])
+        ),
+        *(
+            ["s", 0, [[["a", "<f8", [2]], ["b", "u1", [0, HUGE, HUGE]]]]],
+            b'["s",0,[[["a",2,[2]]]]]',
+        ),
+        *(
+            ["s", 0, [[["a", code, [2]]]]]
+            for code in ("|O", "<f8,<i4", "(2,)<f8", "nonsense", "", None, ["<f8"], 3, "T")
+        ),
+    ],
+)
+def test_a_pack_that_says_something_else_is_damaged(tmp_path, line):
+    """Its name fits its head: bytes would be taken for pointers of objects, or fill the memory."""
+    _, cell = of_line(Objects(tmp_path), line)
+    assert cell is None
+
+
+def test_a_layout_that_a_pack_does_not_have_is_damage(tmp_path):
+    pack, cell = of_line(Objects(tmp_path), LINE, number=1)
+    assert cell is None and pack.cells == 0
+
+
+@pytest.mark.parametrize("longer", [1, 27, 28, 10**9])
+def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
+    cells = Objects(tmp_path)
+    path = written(cells, 1).path
+    size = int(HEAD.fullmatch(path)[2], 16)
+    content = (tmp_path / path).read_bytes()
+    other = f"{path[:48]}{size + longer:08x}.pack"
+    (tmp_path / other).write_bytes(content)
+    assert read_cells(cells, spots(other, [0], [1])) == [None]
+    pack, there = described_pack(cells, other, len(content))
+    assert pack == Pack(other, len(content)) and len(there) == 0
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"output 0": np.zeros(1), "output 1": np.zeros(1, "f4")},
+        {"output 0": np.zeros(1), "output 1": np.zeros(1, ">f8")},
+        {"output 0": np.zeros(1), "output 1": np.zeros((1, 1))},
+        {"output 0": np.zeros(1), "output 2": np.zeros(1)},
+        {"output 1": np.zeros(1), "output 0": np.zeros(1)},
+        {"output 0": np.zeros(1)},
+        {"output 0": np.zeros(1), "output 1": np.zeros(1), "output 2": np.zeros(1)},
+    ],
+)
+def test_only_what_a_stage_declares_is_found(tmp_path, other):
+    cells, said = Objects(tmp_path), []
+    for made in (small(1), other):
+        write_pack(cells, "s", [1], [made])
+        index = CellIndex(cells, said.append)
+        index.refresh()
+        assert index.find(keys(1), SMALL).present.tolist() == [made is not other]
+    [said] = said
+    assert said.startswith("1 results in the cache are not what their stage declares")
+    outputs = [Output(name, one.ndim * ("x",), one.dtype.str) for name, one in other.items()]
+    assert index.find(keys(1), outputs).present.all()
+
+
+def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, monkeypatch):
+    cache = tmp_path / "cache"
+    go(tmp_path / "s.zarr", cache)
+    before = {name: one for name, one in files(cache).items() if name.endswith(".pack")}
+    with monkeypatch.context() as patch:
+        part, short = Objects.part, False
+
+        def refused(cells, *asked):
+            if short:
+                raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(cells.place))
+            return part(cells, *asked)
+
+        def found(index, *asked, find=CellIndex.find):
+            nonlocal short
+            short = True  # from the first look-up on, after the index is read
+            packs._head.cache_clear()
+            return find(index, *asked)
+
+        patch.setattr(Objects, "part", refused)
+        patch.setattr(CellIndex, "find", found)
+        with pytest.raises(OSError, match="Too many open files"):
+            go(tmp_path / "t.zarr", cache)
+    assert before.items() <= files(cache).items() and not (tmp_path / "t.zarr").exists()
+    go(tmp_path / "t.zarr", cache)
+    assert files(tmp_path / "t.zarr") == files(tmp_path / "s.zarr")

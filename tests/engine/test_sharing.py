@@ -1,0 +1,251 @@
+"""Who uses a cache, and what may be deleted of it."""
+
+import json
+import multiprocessing
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from packed import whole, write_pack, written
+
+from sweeps.engine import sharing
+from sweeps.engine.index import CellIndex
+from sweeps.engine.packs import PACK, cells_of
+from sweeps.engine.places import Objects
+from sweeps.engine.sharing import RUNNING, USED, Record, Use, using
+
+
+def packs_of(cells):
+    return {name for name in cells.sizes() if name.endswith(PACK)}
+
+
+@pytest.fixture
+def said():
+    return []
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    sizes=st.lists(st.integers(0, 200), min_size=5, max_size=5),
+    last=st.permutations(range(1, 6)),
+    used=st.sets(st.integers(0, 4)),
+    again=st.sets(st.integers(0, 4)),
+    percent=st.integers(0, 100),
+)
+def test_the_packs_not_used_for_longest_go_first(sizes, last, used, again, percent):
+    """Against a plain model; what the sweep itself uses stays, though the limit is exceeded."""
+    with tempfile.TemporaryDirectory() as name:
+        cells, said = Objects(Path(name)), []
+        kept = [
+            write_pack(cells, "s", [n], [{"a": np.zeros(size, dtype="u1")}])
+            for n, size in enumerate(sizes)
+        ]
+        for pack, moment in zip(kept, last, strict=True):
+            os.utime(cells.place / pack.path, (moment, moment))
+        with using(cells, said.append) as earlier:  # uses some long after they were written
+            earlier.leaving()
+            earlier.take(kept[n].path for n in again)
+            earlier.shrink(2**40)
+        total = sum(pack.size for pack in kept)
+        limit = total * percent // 100
+        stay = sorted(range(5), key=lambda n: (n in again, last[n] if n not in again else n))
+        for n in [n for n in stay if n not in used]:
+            if total > limit:
+                total -= kept[n].size
+                stay.remove(n)
+        # Of those used at one time, the name decides, which begins with the time of writing.
+        with using(cells, said.append) as use:
+            use.leaving()
+            use.take(kept[n].path for n in used)
+            use.shrink(limit)
+        assert packs_of(cells) == {kept[n].path for n in stay}
+        assert len(cells.sizes(USED)) == 1 and not cells.sizes(RUNNING) and said == []
+
+
+def test_nothing_goes_that_another_sweep_uses(place, said):
+    """Neither what it has found, nor what is new since it began, nor all before it has looked."""
+    cells = cells_of(place)
+    found, unused = written(cells, 1), written(cells, 2)
+    if isinstance(place, Path):
+        os.utime(cells.place / found.path, (1, 1))
+        os.utime(cells.place / unused.path, (2, 2))
+    else:
+        time.sleep(1.1)  # times of a bucket are whole seconds
+    with using(cells, said.append) as other:
+        other.leaving()
+        with using(cells, said.append) as use:
+            use.leaving()
+            use.shrink(0)
+            assert packs_of(cells) == {found.path, unused.path}
+            other.take([found.path])
+            new = written(cells, 3)
+            use.since += 3600  # so that what is new is so for the other alone
+            use.shrink(0)
+            assert packs_of(cells) == {found.path, new.path}
+    with using(cells, said.append) as use:
+        use.leaving()
+        use.since += 3600
+        use.shrink(0)
+    assert packs_of(cells) == set() and said == []
+
+
+def test_what_is_about_to_go_is_not_read(place, said):
+    """A sweep that begins while another deletes is seen by it, or sees what it deletes."""
+    cells = cells_of(place)
+    one, two = written(cells, 1), written(cells, 2)
+    with using(cells, said.append) as use:
+        use.leaving()
+        use._deleting.append(one.path)
+        use.renew()
+        with using(cells, said.append) as other:
+            index = CellIndex(cells, said.append, other)
+            assert index.paths == [two.path]
+
+
+class Beginning(Objects):
+    """Packs of a cache in which another sweep begins when a record says what is to be deleted."""
+
+    begun: Use
+
+    def put(self, name, content):
+        super().put(name, content)
+        if name.startswith(RUNNING) and json.loads(content)["deleting"]:
+            object.__setattr__(self, "begun", Use(Objects(self.place), print))
+            self.begun.renew()
+
+
+def test_a_sweep_that_begins_just_before_the_deletion_loses_nothing(tmp_path, said):
+    cells = Beginning(tmp_path, make=True)
+    pack = written(cells, 1)
+    os.utime(tmp_path / pack.path, (1, 1))
+    with using(cells, said.append) as use:
+        use.leaving()
+        use.shrink(0)
+    assert cells.begun.leaving() == set() and packs_of(cells) == {pack.path}
+
+
+@pytest.mark.parametrize("way", ["a day old", "watched", "fresh"])
+def test_a_sweep_that_was_killed_keeps_nothing_for_ever(tmp_path, said, monkeypatch, way):
+    cells = cells_of(tmp_path)
+    pack = written(cells, 1)
+    os.utime(cells.place / pack.path, (1, 1))
+    dead = Use(cells, print)
+    dead.renew()
+    if way == "a day old":
+        moment = time.time() - 86400 - 60
+        os.utime(cells.place / dead.name, (moment, moment))
+    with using(cells, said.append) as use:
+        use.leaving()
+        if way == "watched":
+            use._begun -= sharing.LEASE + 1
+        use.shrink(0)
+    assert (dead.name in cells.sizes()) == (way == "fresh")
+    assert packs_of(cells) == ({pack.path} if way == "fresh" else set())
+
+
+def test_a_sweep_that_runs_renews_its_record(tmp_path, said, monkeypatch):
+    """However long it takes: another one that watches it deletes nothing."""
+    monkeypatch.setattr(sharing, "RENEWED", 0.02)
+    cells = cells_of(tmp_path)
+    pack = written(cells, 1)
+    os.utime(cells.place / pack.path, (1, 1))
+    with using(cells, said.append), using(cells, said.append) as use:
+        use.leaving()
+        use._begun -= sharing.LEASE + 1
+        seen = dict(use._seen)
+        while any(
+            one["last_modified"].timestamp() == seen[name]
+            for name, one in cells.listed(RUNNING).items()
+        ):
+            time.sleep(0.01)
+        use.shrink(0)
+    assert packs_of(cells) == {pack.path}
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.binary()
+    | st.recursive(
+        st.none() | st.booleans() | st.floats() | st.text(),
+        lambda inner: (
+            st.lists(inner, max_size=3)
+            | st.dictionaries(st.sampled_from(["packs", "since", "deleting"]), inner, max_size=3)
+        ),
+    ).map(lambda document: json.dumps(document).encode())
+)
+def test_a_record_that_says_nothing_uses_everything(content):
+    record = Record.of(content)
+    assert record.packs is None or isinstance(record.packs, frozenset)
+    assert record.since is None or isinstance(record.since, float)
+    assert set(record.deleting) or record.deleting is not None
+
+
+def test_damaged_records_of_use_are_dropped(tmp_path, said):
+    cells = cells_of(tmp_path)
+    pack = written(cells, 1)
+    for number, content in enumerate((b"", b"[]", b"\xff", b'{"a": 1}', b'{"%s": "x"}')):
+        cells.put(f"{USED}{number}", content.replace(b"%s", pack.path.encode()))
+    with using(cells, said.append) as use:
+        use.leaving()
+        use.shrink(2**40)
+    assert len(cells.sizes(USED)) == 1 and packs_of(cells) == {pack.path} and said == []
+
+
+def test_a_place_that_takes_no_records_stops_nothing(tmp_path, said):
+    cells = Objects(tmp_path / "file" / "cells", make=True)
+    (tmp_path / "file").write_bytes(b"")
+    with using(cells, said.append) as use:
+        use.take(["a"])
+        use.shrink(0)
+    assert len(said) == 1 and "cannot be deleted" in said[0]
+
+
+def evict(cache, limit, turns, lost):
+    """Sweep: find what is there, make what is not, use it and shrink the cache, many times."""
+    cells = cells_of(cache)
+    rng = np.random.default_rng(os.getpid())
+    for _ in range(turns):
+        with using(cells, lambda sentence: lost.put(sentence)) as use:
+            index = CellIndex(cells, lambda sentence: lost.put(sentence), use)
+            wanted = rng.choice(12, 4, replace=False).tolist()
+            there = [name for name in wanted if whole_if_found(cells, index, name)]
+            index.used(index._found)
+            for name in wanted:
+                if name not in there:
+                    index.add(written(cells, name))
+            time.sleep(0.01 * rng.random())
+            if not whole(cells, index, wanted):
+                lost.put(f"{wanted} of which {there} were there")
+            use.shrink(limit)
+
+
+def whole_if_found(cells, index, name):
+    from packed import SMALL, keys
+
+    index.refresh()
+    index._found = getattr(index, "_found", [])
+    [pack] = index.find(keys(name), SMALL).pack.tolist()
+    index._found.append(pack)
+    return pack >= 0
+
+
+def test_sweeps_that_share_a_small_cache_lose_nothing(place):
+    """Several processes: what one has found stays until it ends, whatever the others delete."""
+    context = multiprocessing.get_context("spawn")
+    lost = context.Queue()
+    turns = 30 if isinstance(place, Path) else 8
+    runs = [context.Process(target=evict, args=(place, 1500, turns, lost)) for _ in range(3)]
+    for run in runs:
+        run.start()
+    for run in runs:
+        run.join(120)
+    assert [run.exitcode for run in runs] == [0, 0, 0]
+    assert lost.empty(), lost.get()
+    cells = cells_of(place)
+    assert not cells.sizes(RUNNING)
+    assert len(packs_of(cells)) < 12 * 3, "something was deleted"
