@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Labelled = tuple[Any, Any, dict[str, str]]
 
@@ -10,3 +14,13 @@ Labelled = tuple[Any, Any, dict[str, str]]
 def labelled(dims: str | tuple[str, ...], values: Any, units: str, name: str) -> Labelled:
     """Return a variable of an xarray data set, with its unit and its long name."""
     return dims, values, {"units": units, "long_name": name}
+
+
+def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
+    """Return a table of arrays, each with its label and perhaps its unit."""
+    import xarray as xr
+
+    found = xr.Dataset({name: array for name, (array, *_) in columns.items()})
+    for name, (_, label, *unit) in columns.items():
+        found[name].attrs |= {"units": unit[0] if unit else "1", "long_name": label}
+    return found

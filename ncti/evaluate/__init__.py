@@ -1,7 +1,9 @@
 """Scores of classifiers by aspect bin, with confidence intervals, and category formation."""
 
+from ncti.evaluate.answers import tabulate_categories, tabulate_scores
 from ncti.evaluate.categories import CategoryFormation, category_formation
 from ncti.evaluate.open_set import OpenSetScores, open_set_scores, rejection_thresholds
+from ncti.evaluate.rejection import tabulate_rejection
 from ncti.evaluate.replicates import paired_difference, replicated_accuracy
 from ncti.evaluate.scores import AspectAccuracy, accuracy_by_aspect, aspect_bins, wilson_interval
 
@@ -16,5 +18,8 @@ __all__ = [
     "paired_difference",
     "rejection_thresholds",
     "replicated_accuracy",
+    "tabulate_categories",
+    "tabulate_rejection",
+    "tabulate_scores",
     "wilson_interval",
 ]

@@ -10,13 +10,13 @@ from typing import Any
 import xarray as xr
 
 from ncti.evaluate import paired_difference
+from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.errors import ConfigurationError
 from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
 from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable
 from sweeps.stages.classifier import drawn_aspects
-from sweeps.stages.scores import DRAWS, OF_ASPECTS, VIEW, by_bin
 
 NAME = "differences"
 SCORES = "scores"

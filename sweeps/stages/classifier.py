@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.evaluate import aspect_bins
+from ncti.evaluate import aspect_bins, tabulate_categories, tabulate_rejection, tabulate_scores
+from ncti.evaluate.answers import VIEW
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
@@ -30,7 +31,6 @@ from sweeps.engine.stage import STATE, Group, Output, Status, coordinate, in_mem
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
-from sweeps.stages.scores import VIEW
 from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles, refuse, require_among, ships
 
 if TYPE_CHECKING:
@@ -323,7 +323,7 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROF
 
     Of range profiles with the receiver for an attribute, if all have one.
     """
-    table = scores.tabulate_scores(known_ships(classified, choices), aspects_of(choices), shown)
+    table = tabulate_scores(known_ships(classified, choices), aspects_of(choices), shown)
     receivers = choices.values.get(Ladar.receiver.key, ())
     one = len(receivers) == 1 and shown == PROFILES
     return table.assign_attrs({"receiver": receivers[0]} if one else {})
@@ -399,11 +399,11 @@ class ClassifierGroup(Group):
             return of_ships(choices) / classes
 
         def form(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-            return scores.tabulate_categories(known_ships(classified, choices))
+            return tabulate_categories(known_ships(classified, choices))
 
         def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
             of_all = known_of(choices), aspects_of(choices), choices[Classifier.test_vigilance]
-            return scores.tabulate_rejection(classified, *of_all)
+            return tabulate_rejection(classified, *of_all)
 
         def asked(choices: Choices) -> bool:
             return self.when(choices) and not bool(known_of(choices).all())

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from ncti import features
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
+from ncti.evaluate.answers import with_bins
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
 from ncti.infrared.detector_view import MOST_OFFSETS
+from ncti.labels import data_set
 from ncti.render import LineImage, RangeImage
 from ncti.render.loops import MASK
 from sweeps.engine.display import Display, Figure
@@ -46,8 +48,7 @@ from sweeps.engine.stage import (
 )
 from sweeps.stages import views
 from sweeps.stages.ladar import subpixel_offset
-from sweeps.stages.scores import with_bins
-from sweeps.stages.views import Arrays, Grid, data_set, looks, quantity
+from sweeps.stages.views import Arrays, Grid, looks, quantity
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import NothingSeenError
+from ncti.evaluate import tabulate_scores
 from ncti.irar import ShipPixels, measured_extent
 from ncti.ladar import expected_profile, no_return
 from sweeps.engine.settings import Choices
@@ -26,7 +27,6 @@ from sweeps.stages.flights import flown
 from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar, flight_of
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.mnn import mnn, mnn_training
-from sweeps.stages.scores import tabulate_scores
 from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, Profiles, by_key, looks, require
 
 if TYPE_CHECKING:

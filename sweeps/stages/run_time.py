@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.labels import data_set
 from ncti.ladar import RangeExtent, expected_profile, range_extent
 from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
@@ -310,7 +311,7 @@ def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
         f"{name}_needed": (xr.apply_ufunc(at_error, table[name], error, **along), *label)
         for name, label in figures.items()
     }
-    return views.data_set(needed).assign_attrs(title=f"Cost of a median error of {TARGET:.1%}")
+    return data_set(needed).assign_attrs(title=f"Cost of a median error of {TARGET:.1%}")
 
 
 def at_error(figure: Floats, error: Floats, target: float = TARGET) -> float:

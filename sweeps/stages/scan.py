@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ncti import search
 from ncti.evaluate import wilson_interval
 from ncti.features.profile import EDGE
+from ncti.labels import data_set
 from ncti.ladar import RangeExtent, banded_frame_moments
 from ncti.search import Box, Field, Imager, Laser, Rates, Survey, Target
 from ncti.search.visits import identify_visits, known_similarity, search_outcome, visit_templates
@@ -378,7 +379,7 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
         arrays[name] = (mean, f"{scan[one].long_name}, mean of draws", scan[one].units)
     ratio = arrays["exhaustive"][0] / arrays["total"][0]
     arrays["gain"] = (ratio, "time of the laser radar over the whole field over the search's")
-    return views.data_set(arrays)
+    return data_set(arrays)
 
 
 _percent = partial(Figure, percent=True, format=".0f")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -45,7 +45,6 @@ from sweeps.stages.ships import ShipFile, ShipName, ships
 
 if TYPE_CHECKING:
     import trimesh
-    import xarray as xr
 
     from ncti.render.mask import Mask
 
@@ -318,16 +317,6 @@ def restored(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
     """
     given = {name: np.asarray(array) for name, array in arrays.items()}
     return kind(**{name: one if one.ndim else one.item() for name, one in given.items()})
-
-
-def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
-    """Return a table of arrays, each with its label and perhaps its unit."""
-    import xarray as xr
-
-    found = xr.Dataset({name: array for name, (array, *_) in columns.items()})
-    for name, (_, label, *unit) in columns.items():
-        found[name].attrs |= {"units": unit[0] if unit else "1", "long_name": label}
-    return found
 
 
 def cache_folder() -> Path:

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from range_channel import choose
 
+from ncti.evaluate.answers import scored
 from sweeps.stages import classifier
 from sweeps.stages.classifier import aspects_of, drawn_aspects, learned_of, random_test_aspects
-from sweeps.stages.scores import scored
 from sweeps.stages.views import Grid
 
 SHIPS = {"grid__ship": ["duncan", "horne"]}

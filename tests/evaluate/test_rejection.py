@@ -7,9 +7,7 @@ import pytest
 import xarray as xr
 from sklearn.metrics import roc_auc_score
 
-from ncti.evaluate import replicated_accuracy, wilson_interval
-from sweeps.stages import scores
-from sweeps.stages.scores import tabulate_rejection
+from ncti.evaluate import rejection, replicated_accuracy, tabulate_rejection, wilson_interval
 
 
 def tabulate(classified, learned, vigilances):
@@ -139,7 +137,7 @@ def many(aspects, draws=()):
 def test_levels_some_at_a_time_are_as_all_together(draws, monkeypatch):
     whole = tabulate(*many(20, draws), np.linspace(0, 1, 11))
     for at_once in (1, 500, 2000):
-        monkeypatch.setattr(scores, "AT_ONCE", at_once)
+        monkeypatch.setattr(rejection, "AT_ONCE", at_once)
         parts = tabulate(*many(20, draws), np.linspace(0, 1, 11))
         if not draws:  # all sums are of whole numbers
             xr.testing.assert_identical(parts, whole)

@@ -1,0 +1,164 @@
+"""Tables of the rejection of unknown ships by a test vigilance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, scored
+from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
+
+if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
+    import xarray as xr
+
+ENDS = ("_ci_low", "_ci_high")
+AT_ONCE = 2**20  # answers, each at every level of a vigilance, that are held at one time
+LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
+MEANINGS = {
+    "rejected_unknown": "fraction of answers to unknown ships that are rejected",
+    "rejected_known": "fraction of answers to known ships that are rejected",
+    "correct_known": "fraction of answers to known ships that are right and not rejected",
+    "n_unknown": "answers to unknown ships",
+    "n_known": "answers to known ships",
+    "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
+    "where at least so many of those to unknown ones are",
+    "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
+    "auroc": "probability that an answer to a known ship is more similar than one to an unknown "
+    "ship (area under the receiver operating characteristic)",
+    "oscr": "probability that an answer to a known ship is right and more similar than one to an "
+    "unknown ship (area under the open-set classification rate)",
+    "test_vigilance": "cosine that an answer must reach",
+    "least_rejected": "fraction of answers to unknown ships that is rejected at least",
+}
+
+
+def tabulate_rejection(
+    classified: xr.Dataset,
+    known: xr.DataArray,
+    aspects: Mapping[str, xr.DataArray],
+    test_vigilances: tuple[float, ...],
+) -> xr.Dataset:
+    """Return the receiver operating characteristic of rejection by test vigilance.
+
+    Parameters
+    ----------
+    classified : xarray.Dataset
+        `similarity` and `correct` of answers over ship, aspect and others.
+    known : (ship,) xarray.DataArray of bool
+        Ships that are learned; the others are unknown.
+    aspects : mapping of str to (aspect,) xarray.DataArray of bool
+        Kinds of aspects, tabulated apart.
+    test_vigilances : tuple of float
+        Similarities below which a test answers "unknown".
+
+    Returns
+    -------
+    xarray.Dataset
+        `MEANINGS` over the classifier's axes and `aspects`, NaN without answers; means over all
+        draws, with `..._ci_low` and `..._ci_high`. `correct_where_rejected`, `rejected_up_to`,
+        `auroc` and `oscr` are of the whole characteristic, for any test vigilances.
+
+    See Also
+    --------
+    open_set_scores, rejection_thresholds : Figures of the whole characteristic.
+    tabulate_scores : Percent correct without rejection.
+
+    Examples
+    --------
+    One known ship and one unknown, at two aspects:
+
+    >>> import xarray as xr
+    >>> from ncti.evaluate import tabulate_rejection
+    >>> similarity = xr.DataArray([[0.9, 0.7], [0.8, 0.3]], dims=("ship", "aspect"))
+    >>> correct = xr.DataArray([[1, 1], [0, 0]], dims=("ship", "aspect"))
+    >>> answers = xr.Dataset({"similarity": similarity, "correct": correct})
+    >>> known = xr.DataArray([True, False], dims="ship")
+    >>> aspects = {"learned": xr.DataArray([True, True], dims="aspect")}
+    >>> table = tabulate_rejection(answers, known, aspects, (0.0, 0.85)).sel(aspects="learned")
+    >>> table.rejected_unknown.values.tolist(), table.correct_known.values.tolist()
+    ([0.0, 1.0], [1.0, 0.5])
+    >>> float(table.auroc)
+    0.75
+    """
+    import xarray as xr
+
+    levels = np.array(test_vigilances)
+    vigilance = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
+    similarity, right = classified.similarity.compute(), classified.correct == 1
+    asked = classified.correct >= 0
+    pooled = [*(name for name in DRAWS if name in right.dims), *VIEW]
+    parts = []
+    for kind, of_kind in aspects.items():
+        of_known = asked & known & of_kind
+        of_unknown = similarity.notnull() & ~known & of_kind  # right or wrong
+        of_all = similarity.where(of_known | of_unknown)
+        over = partial(xr.apply_ufunc, vectorize=True)
+        up_to = over(
+            lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST),
+            similarity.where(of_unknown),
+            input_core_dims=[pooled],
+            output_core_dims=[["least_rejected"]],
+        ).assign_coords(least_rejected=LEAST)
+        pools: Any = {"input_core_dims": [pooled] * 3, "output_core_dims": [[], []]}
+        auroc, oscr = over(_areas, of_all, right, of_known, **pools)
+        part = {
+            "n_unknown": of_unknown.sum(pooled),
+            "n_known": of_known.sum(pooled),
+            "rejected_up_to": up_to.where(up_to > -np.inf).astype(similarity.dtype),
+            "auroc": auroc,
+            "oscr": oscr,
+        }
+        for name, level, hits, counted in (
+            ("rejected_unknown", vigilance, lambda least: ~(similarity >= least), of_unknown),
+            ("rejected_known", vigilance, lambda least: ~(similarity >= least), of_known),
+            ("correct_known", vigilance, lambda least: (similarity >= least) & right, of_known),
+            ("correct_where_rejected", up_to, lambda most: (similarity > most) & right, of_known),
+        ):
+            share = _shares(level, hits, counted, name)
+            part[name] = share[f"{name}_accuracy"]
+            part |= {name + end: share[name + end] for end in ENDS}
+        parts.append(xr.Dataset(part).expand_dims(aspects=[kind]))
+    table = xr.concat(parts, "aspects")
+    for name, meaning in MEANINGS.items():
+        table[name].attrs = {"units": "1", "long_name": meaning}
+        for ending, end in zip(ENDS, ("lower", "upper"), strict=True):
+            if name + ending in table:
+                interval = f"{end} end of the 95 % Wilson interval of the {meaning}"
+                table[name + ending].attrs = {"units": "1", "long_name": interval}
+    table.aspects.attrs = OF_ASPECTS
+    return table
+
+
+def _shares(
+    levels: xr.DataArray,
+    hits: Callable[[xr.DataArray], xr.DataArray],
+    asked: xr.DataArray,
+    name: str,
+) -> xr.Dataset:
+    """Return `scored` of all aspects together at levels, NaN without one.
+
+    Which of the answers asked for are hits is a function of the level. Levels lie on the last axis
+    of theirs, and are taken some at a time.
+    """
+    import xarray as xr
+
+    dim = str(levels.dims[-1])
+    some, parts = max(1, AT_ONCE // max(asked.size, 1)), []
+    for first in range(0, levels.sizes[dim], some):
+        level = levels.isel({dim: slice(first, first + some)})
+        hit, counted = xr.broadcast(hits(level), asked & level.notnull())
+        # All aspects together, as if they were the same.
+        answers = hit.astype("i1").where(counted, np.int8(-1))
+        answers = answers.assign_coords(aspect=np.zeros(hit.sizes["aspect"]))
+        parts.append(scored(answers, f"{name}_", name).sel(aspect_bin="overall", drop=True))
+    return xr.concat(parts, dim) if len(parts) > 1 else parts[0]
+
+
+def _areas(similarity: Any, right: Any, known: Any) -> tuple[float, float]:
+    """Return AUROC and OSCR of answers, NaN without any; a similarity of NaN is none."""
+    asked = ~np.isnan(similarity)
+    scores = open_set_scores(similarity[asked], right[asked], known[asked])
+    return scores.auroc, scores.oscr
