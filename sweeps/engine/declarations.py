@@ -11,6 +11,7 @@ import numpy as np
 from sweeps.engine.errors import DeclarationError
 
 RNG, VALID = "rng", "valid"
+SINGLE = "dimension", "coordinate"  # what a setting of one value may be in a store
 
 Stages = Iterable[Any]  # of `sweeps.engine.stage`, which imports this module
 
@@ -37,6 +38,11 @@ def check_declarations(settings: Iterable[Any], stages: Stages, tables: Iterable
     _once(outputs, "outputs of a group of the store")
     for setting in settings:
         _check_name(f"setting {setting.key}", setting.name)
+        if setting.single and setting.single not in SINGLE:
+            raise DeclarationError(
+                f"setting {setting.key} has single={setting.single!r}, but must have one of "
+                f"{', '.join(map(repr, SINGLE))}"
+            )
     for stage in stages:
         _check_stage(stage, keys)
     groups = {name.rpartition("/")[0] for name in outputs}

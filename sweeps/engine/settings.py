@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar, Self
 
+from sweeps.engine.declarations import SINGLE
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import (
     Count,
@@ -37,7 +38,7 @@ from sweeps.engine.kinds import (
 )
 from sweeps.engine.process import CACHE
 
-DIMENSION, COORDINATE = "dimension", "coordinate"
+DIMENSION, COORDINATE = SINGLE
 NO_RESULT = "no result depends on it"  # why a setting of where or how to run takes one value
 
 

@@ -21,7 +21,7 @@ from ncti.classify.directions import NO_CATEGORY
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import COORDINATE, Run, Settings, count, draws, number, switch, word
+from sweeps.engine.settings import Run, Settings, count, draws, number, switch, word
 from sweeps.engine.stage import Output, in_memory, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views
@@ -36,7 +36,7 @@ IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are
 Indices = NDArray[np.intp]
 
 
-class Network(Settings, key="classifier", single=COORDINATE):
+class Network(Settings, key="classifier", single="coordinate"):
     """The Adaptive Clustering Network."""
 
     learning_rate = number(0.1, 1e-6, 1, label="learning rate in training")

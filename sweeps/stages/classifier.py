@@ -15,18 +15,7 @@ from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import (
-    COORDINATE,
-    DIMENSION,
-    Choices,
-    Run,
-    Settings,
-    count,
-    number,
-    set_of,
-    switch,
-    word,
-)
+from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
 from sweeps.engine.stage import STATE, Group, Output, Status, coordinate, in_memory, plain
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
@@ -92,7 +81,7 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
 class Classifier(Settings, key="classifier"):
     """The classifier and its training set; the experiment gives `name` its words."""
 
-    name = word("acn", (), label="classifier", dimension="classifier", single=DIMENSION)
+    name = word("acn", (), label="classifier", dimension="classifier", single="dimension")
     unknown = set_of(ships(None, label="unknown ships: tested but absent from training"))
     training_aspect = set_of(
         number(
@@ -118,7 +107,7 @@ class Classifier(Settings, key="classifier"):
         False,
         label="leaving the true aspect out of training",
         help="used by correlation and likelihood",
-        single=COORDINATE,
+        single="coordinate",
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify.blocks import row_blocks
-from sweeps.engine.settings import COORDINATE, Choices, Settings, word
+from sweeps.engine.settings import Choices, Settings, word
 from sweeps.engine.stage import Output, in_memory
 from sweeps.stages import classifier
 from sweeps.stages.classifier import NONE, Classifier, Views
@@ -22,7 +22,7 @@ EXPECTED, NOISY = "expected", "noisy"
 Indices = NDArray[np.intp]
 
 
-class Correlation(Settings, key="classifier", single=COORDINATE):
+class Correlation(Settings, key="classifier", single="coordinate"):
     """Nearest neighbour by correlation."""
 
     training = word(

@@ -23,18 +23,7 @@ from ncti.render import LineImage, RangeImage
 from ncti.render.loops import MASK
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import (
-    COORDINATE,
-    DIMENSION,
-    Choices,
-    Run,
-    Setting,
-    Settings,
-    count,
-    draws,
-    number,
-    word,
-)
+from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import (
     SHARE,
     Group,
@@ -83,7 +72,7 @@ MOST_COVERAGE = 0.95
 
 def _as(grid: Setting) -> dict[str, Any]:
     """Return what is said of an axis whose values are the grid's unless others are given."""
-    return {"fallback": grid, "help": f"null: that of {grid.key}", "single": DIMENSION}
+    return {"fallback": grid, "help": f"null: that of {grid.key}", "single": "dimension"}
 
 
 class Infrared(Settings, key="infrared"):
@@ -129,27 +118,27 @@ class Infrared(Settings, key="infrared"):
         help="perfect: half pixels with the noise of whole ones, the source's assumption; shifted: "
         "recombined from frame_count frames at each of four places of the detector, so "
         "4 x frame_count in all",
-        single=DIMENSION,
+        single="dimension",
     )
     coverage_rule = number(
         *(0.25, 0.01, MOST_COVERAGE),
         label="share of a pixel that a ship must fill to show",
         help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
         "at 25 km",
-        single=COORDINATE,
+        single="coordinate",
     )
     segmentation = word(
         "matched",
         SEGMENTATION_METHODS,
         label="segmentation method of silhouettes",
         help="takes pixels as independent; neighbours in a shifted image share noise",
-        single=COORDINATE,
+        single="coordinate",
     )
     inner_radius = number(
         *(0.5, 0.01, 2),
         label="inner radius of the log-polar map, in sqrt(area / pi)",
         help="a compromise between scores and categories of the source's Table 5",
-        single=COORDINATE,
+        single="coordinate",
     )
     interpolation = word(
         "nearest",
@@ -157,7 +146,7 @@ class Infrared(Settings, key="infrared"):
         label="interpolation of the log-polar map",
         help="nearest: the plain map, as the source's; bilinear is the more invariant one and "
         "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
-        single=COORDINATE,
+        single="coordinate",
     )
     training_range = quantity(
         25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
@@ -168,13 +157,13 @@ class Infrared(Settings, key="infrared"):
         MOST_OFFSETS,
         label="position of the ship on the detector's pixels, by number",
         dimension="phase",
-        single=DIMENSION,
+        single="dimension",
     )
     orders = draws(
         4,
         label="order of presentation; 0 is the order of the grid",
         dimension="order",
-        single=DIMENSION,
+        single="dimension",
     )
 
 

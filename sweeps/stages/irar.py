@@ -18,18 +18,7 @@ from ncti.ladar.budget import power_ratio
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Kind, Number, Value
 from sweeps.engine.seeds import cell_rng
-from sweeps.engine.settings import (
-    COORDINATE,
-    DIMENSION,
-    NO_RESULT,
-    Setting,
-    Settings,
-    count,
-    number,
-    set_of,
-    switch,
-    word,
-)
+from sweeps.engine.settings import NO_RESULT, Setting, Settings, count, number, set_of, switch, word
 from sweeps.engine.stage import Group
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.ships import ships
@@ -108,17 +97,17 @@ class Errors(Kind):
 # With one value they are scalar coordinates of what depends on them.
 # Not in SI, since their values name the noise, too.
 _axis = partial(quantity, si=False)
-_word = partial(word, single=COORDINATE)
+_word = partial(word, single="coordinate")
 
 
-class Course(Settings, key="irar", single=COORDINATE):
+class Course(Settings, key="irar", single="coordinate"):
     """Course and radar of a flight: what the pass and the truth depend on.
 
     The source gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
     gate, samples and carrier-to-noise ratio are assumptions that lead to its 8 to 12 lines a pixel.
     """
 
-    range = quantity(3.9, 0.1, 1000, "km", "slant range", single=DIMENSION, si=False)
+    range = quantity(3.9, 0.1, 1000, "km", "slant range", single="dimension", si=False)
     depression = _axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
     aircraft_speed = _axis(90, 1, 1000, "m s-1", "speed of the aircraft")
     ship_speed = _axis(
@@ -166,7 +155,7 @@ class Course(Settings, key="irar", single=COORDINATE):
     )
 
 
-class Receivers(Settings, key="irar", single=COORDINATE):
+class Receivers(Settings, key="irar", single="coordinate"):
     """The receivers of a flight: what its raw images depend on as well."""
 
     cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
@@ -175,7 +164,7 @@ class Receivers(Settings, key="irar", single=COORDINATE):
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
 
 
-class Passive(Settings, key="irar", single=COORDINATE):
+class Passive(Settings, key="irar", single="coordinate"):
     """The passive image of a flight; it does not name the noise."""
 
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
@@ -208,13 +197,13 @@ class Irar(Course, Receivers, Passive, key="irar"):
         label="error of a recorded flight parameter, by number; 0 is none",
         help="one at a time; each a value, a list, or start, stop and step",
         dimension="error",
-        single=COORDINATE,
+        single="coordinate",
     )
     autofocus = switch(
         False,
         label="estimation of the closing speed from the image",
         help="of the exact chain",
-        single=COORDINATE,
+        single="coordinate",
     )
     chain = _word(
         EXACT,

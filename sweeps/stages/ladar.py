@@ -15,16 +15,7 @@ from ncti.ladar import RangeExtent
 from ncti.ladar.pulse import SPEED_OF_LIGHT, shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.render import LineImage, RangeImage
-from sweeps.engine.settings import (
-    COORDINATE,
-    Choices,
-    Setting,
-    Settings,
-    count,
-    draws,
-    number,
-    word,
-)
+from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.views import RANGE, STATUS, Arrays, Floats, Grid, Render, Sweep, looks, quantity
@@ -65,13 +56,13 @@ class Ladar(Settings, key="ladar"):
         help="the source's 32 dB at 100 km includes extinction",
     )
     target_free_ifovs = count(
-        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", single=COORDINATE
+        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", single="coordinate"
     )
     receiver = word(
         FULL,
         RECEIVERS,
         label="receiver: the part of a returned waveform that it keeps",
-        single=COORDINATE,
+        single="coordinate",
     )
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
     subpixel_offsets = draws(
@@ -80,7 +71,7 @@ class Ladar(Settings, key="ladar"):
         help="for averaged profiles, with independent noise; expected profiles have the first, the "
         "origin on a corner",
         dimension="ifov_phase",
-        single=COORDINATE,
+        single="coordinate",
     )
 
 

@@ -11,7 +11,7 @@ from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import label_posterior
 from ncti.features.profile import estimated_floor
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import COORDINATE, Choices, Settings, number, switch
+from sweeps.engine.settings import Choices, Settings, number, switch
 from sweeps.engine.stage import Output, Stream, in_memory, plain, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
@@ -38,7 +38,7 @@ class Likelihood(Settings, key="classifier"):
         1000,
         label="prior standard deviation of the target's gain",
         help="0: known",
-        single=COORDINATE,
+        single="coordinate",
     )
     floor_sigma = number(
         1.0,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ncti.classify.blocks import row_blocks
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
-from sweeps.engine.settings import COORDINATE, Settings, count, number, switch, word
+from sweeps.engine.settings import Settings, count, number, switch, word
 from sweeps.engine.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Views
@@ -38,7 +38,7 @@ LAYERS = {
 }
 
 
-class Mnn(Settings, key="classifier.mnn", single=COORDINATE):
+class Mnn(Settings, key="classifier.mnn", single="coordinate"):
     """The multilayered network."""
 
     epochs = count(1000, 1, 10**6, label="largest number of presentations of the training profiles")

@@ -19,7 +19,7 @@ from ncti.ladar import RangeExtent, expected_profile, range_extent
 from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
-from sweeps.engine.settings import DIMENSION, Choices, Settings, count
+from sweeps.engine.settings import Choices, Settings, count
 from sweeps.engine.stage import MEASURED, Group, Output, Stream, in_memory, inner, plain, stage
 from sweeps.stages import views
 from sweeps.stages.apart import call_apart
@@ -44,7 +44,7 @@ class RunTime(Settings, key="run_time"):
     """Run time against error."""
 
     bin_width = views.quantity(
-        1, 0.05, 50, "m", "range bin of the extents that are timed", single=DIMENSION
+        1, 0.05, 50, "m", "range bin of the extents that are timed", single="dimension"
     )
     repeats = count(3, 1, 1000, label="timings of a view, of which the median is taken")
     draws = count(

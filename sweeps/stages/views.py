@@ -28,8 +28,6 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import SetOf, spelt
 from sweeps.engine.process import CACHE
 from sweeps.engine.settings import (
-    COORDINATE,
-    DIMENSION,
     Choices,
     Setting,
     Settings,
@@ -90,27 +88,29 @@ class Grid(Settings, key="grid"):
         label="ship",
         help="a known name, a path, or a mapping of the keys below",
         entries=ShipFile.declared,
-        single=DIMENSION,
+        single="dimension",
     )
     aspect = number(
         *({"start": 0, "stop": 90, "step": 3}, 0),
         below=360,
         unit="degree",
         label="aspect, 0 bow-on, 90 port beam",
-        single=DIMENSION,
+        single="dimension",
     )
-    pulse_width = quantity(30, 1, 1000, "ns", "pulse width, full width at 1/e^2", single=DIMENSION)
+    pulse_width = quantity(
+        30, 1, 1000, "ns", "pulse width, full width at 1/e^2", single="dimension"
+    )
     frame_count = count(
         [4, 8, 16, 32],
         1,
         MOST_FRAMES,
         label="frames averaged",
         help="averages share their first frames",
-        single=DIMENSION,
+        single="dimension",
     )
-    range = quantity(100, 1, 1000, "km", "slant range", single=DIMENSION)
-    vigilance = number(0.95, 0, 1, label="vigilance in training", single=DIMENSION)
-    replicate = draws(1, label="draw of the noise, by number", single=COORDINATE)
+    range = quantity(100, 1, 1000, "km", "slant range", single="dimension")
+    vigilance = number(0.95, 0, 1, label="vigilance in training", single="dimension")
+    replicate = draws(1, label="draw of the noise, by number", single="coordinate")
 
 
 class Scene(Settings, key="scene"):

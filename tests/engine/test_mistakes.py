@@ -22,6 +22,12 @@ class Slashed(Settings, key="slashed"):
     size = number(1.0, label="size", dimension="a/b")
 
 
+class Scalar(Settings, key="few", single="scalar"):
+    """A setting that is no kind of coordinate."""
+
+    size = number(1.0, label="size")
+
+
 class Again(Settings, key="few"):
     """Another group of the same key."""
 
@@ -72,6 +78,7 @@ MISTAKES = [
     ("stage one has the name 'a/b'", FEW, [one(Output("a/b"))]),
     ("stage one has the name 'a/b'", FEW, [one(Output("x", ("a/b",)))]),
     ("setting slashed.size has the name 'a/b'", (Slashed,), []),
+    ("setting few.size has single='scalar', but must have one of 'dimension'", (Scalar,), []),
     ("stage one in group '../few' has the name '..'", FEW, [one(group="../few")]),
     ("stage one has a stream, but its function does not", FEW, [one(stream=Stream((Few.size,)))]),
     ("one takes valid, but gathers nothing", FEW, [one(function=lambda size, valid: size)]),
