@@ -28,6 +28,7 @@ from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
 Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
 
 AT_ONCE = 2**18  # cells whose keys are made together
+UNKNOWN = object()  # in place of the result of a plain stage that was not called yet
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class Plan:
         self._taken: dict[Bound, dict[Bound, Taken]] = {}
         self._keys: dict[Bound, tuple[Keys, NDArray[np.bool_]]] = {}
         self._fingerprints: dict[Bound, str] = {}
-        self._plain: dict[tuple[Bound, int], Value] = {}
+        self._plain: dict[Bound, NDArray[np.object_]] = {}  # by number of the cell
         for bound in self.bound.values():
             self._check_joint(bound)
             if bound.stage.at:
@@ -282,10 +283,13 @@ class Plan:
             given = self.choices[setting] if gathered else self.value(bound, setting.key, cell)
             return setting.in_si(given)
         assert source is not None
-        there = source, int(self.taken(bound)[source].first[cell])
-        if there not in self._plain:
-            self._plain[there] = self._plain_value(*there)
-        return self._plain[there]
+        there = int(self.taken(bound)[source].first[cell])
+        if source not in self._plain:
+            self._plain[source] = np.full(self.count(source), UNKNOWN, dtype=object)
+        known = self._plain[source]
+        if known[there] is UNKNOWN:
+            known[there] = self._plain_value(source, there)
+        return known[there]
 
     def _plain_value(self, bound: Bound, cell: int) -> Value:
         """Return the result of a plain stage in one of its cells."""
