@@ -15,7 +15,7 @@ from sweeps.stages.irar import Irar
 
 ENDS = (0.0, 30.0, 60.0, 90.0)
 WITHOUT_FLIGHTS = tuple(part for part in results.PARTS if part != "flights")
-TINY = (*("render.pixel=1", "render.samples=100", "classifier.mnn.epochs=50"),)
+TINY = (*("render.pixel=1", "render.samples=100", "classifier.mnn.epochs=5"),)
 
 
 def test_seeds_that_agree_are_no_certainty():
