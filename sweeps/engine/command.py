@@ -33,6 +33,7 @@ from sweeps.engine.process import environment, forgiving, say, show
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run
 from sweeps.engine.stage import Experiment
+from sweeps.engine.status import described, recorded
 from sweeps.engine.usage import listing, usage
 from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
 
@@ -90,6 +91,9 @@ class Command:
             except SweepIncomplete as error:
                 say(self.name, str(error))
                 return SOME_FAILED
+            except MemoryError as error:
+                say(self.name, f"out of memory ({error}); the same command resumes the sweep")
+                return SOME_FAILED
             except OSError as error:
                 where = f" {error.filename!r}" if error.filename else ""
                 verb = "read" if error.errno in SHORTAGES else "write"
@@ -107,6 +111,9 @@ class Command:
             return
         if "--cache" in given:
             self._cache([word for word in given if word != "--cache"])
+            return
+        if "--status" in given:
+            self._status([word for word in given if word != "--status"])
             return
         if not any(map(_is_for_hydra, given)):
             overrides = [word for word in given if word not in SEVERAL]
@@ -204,10 +211,15 @@ class Command:
             _cluster(choices),
             int(choices.one(Run.cache_limit) * 1e9),
             choices.one(Run.verify),
+            partial=bool(choices.one(Run.partial)),
             cache_shared=bool(choices.one(Run.cache_shared)),
         )
         with watching(self.name, log) as watch:
-            finished = sweep(self.experiment, choices, place, watch)
+            if place.partial:
+                sweep(self.experiment, choices, place, watch)
+                return []
+            with recorded(store, place.cache, watch) as seen:
+                finished = sweep(self.experiment, choices, place, seen)
         say(self.name, summary(finished.progress, finished.seconds))
         left = [_failed(finished.failures, log)] if finished.failures else []
         try:
@@ -218,6 +230,18 @@ class Command:
         except Exception as error:  # the store is complete without it
             say(self.name, f"the store is written, but not its report: {reason(error)}")
         return left
+
+    def _status(self, words: Sequence[str]) -> None:
+        """Print how far the latest sweep of a store is."""
+        given = dict(word.split("=", 1) for word in words if word.startswith(("store=", "cache=")))
+        if unknown := [word for word in words if word.partition("=")[0] not in given]:
+            raise ConfigurationError(
+                f"--status has {unknown[0]!r}, but takes store=PATH and cache=FOLDER"
+            )
+        cache = self._cache_place(given.get("cache"))
+        sentence, table = described(Path(given.get("store", STORE)), cache)
+        show(sentence)
+        show(table)
 
     def _cache(self, words: Sequence[str]) -> None:
         """Print the contents of the cache, or clear it."""

@@ -139,7 +139,7 @@ def locked(path: Path) -> Iterator[None]:
     process or thread holds it, or locking fails.
     """
     place = real_place(path)
-    file = place.with_name(f".{place.name}.lock")
+    file = _lock_of(place)
     try:
         make_folder(place.parent, OPEN)
         held = _acquire(file)
@@ -162,6 +162,22 @@ def locked(path: Path) -> Iterator[None]:
         # Removed while locked: the next process to acquire it notices that it is gone.
         file.unlink(missing_ok=True)
         os.close(held)
+
+
+def is_locked(path: Path) -> bool:
+    """Return whether a process holds the lock of a store."""
+    try:
+        with open(_lock_of(real_place(path)), "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False
+
+
+def _lock_of(place: Path) -> Path:
+    return place.with_name(f".{place.name}.lock")
 
 
 def _acquire(file: Path) -> int:

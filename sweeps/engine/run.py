@@ -5,9 +5,9 @@ from __future__ import annotations
 import errno
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
@@ -17,6 +17,7 @@ import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, Executor, executor, import_jobqueue
 from sweeps.engine.cube import Cube
+from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import (
     check_apart,
@@ -46,6 +47,9 @@ ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
+PARTIAL = "partial"
+"""Attribute of a store and its groups that says how many cells are missing."""
+
 Failures = list[tuple[str, str]]
 """Names of cells or tables that failed, and why."""
 
@@ -55,7 +59,8 @@ class Place:
     """Store, cache and cluster of a sweep, and the limit of the cache [byte].
 
     All who may write to the cache are trusted if it is `cache_shared`. A share `verify` of the
-    cells is computed twice and compared.
+    cells is computed twice and compared. A `partial` store has what is in the cache; nothing is
+    computed.
     """
 
     store: Path
@@ -64,6 +69,7 @@ class Place:
     cache_limit: int = 20 * 2**30
     verify: float = 0.0
     cache_shared: bool = False
+    partial: bool = False
 
     @property
     def packs(self) -> Objects:
@@ -117,6 +123,11 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         old = existing(experiment, place.store, plan)
         if old is not None and is_whole(plan, place.store, old, watch.say):
             finished = _unchanged(plan, index, watch)
+        elif place.partial and old is not None and PARTIAL not in old:
+            raise ConfigurationError(
+                f"store is {str(place.store)!r}, which is not partial, and would lose what the "
+                "cache has no longer; give another path for partial=true"
+            )
         else:
             finished = _until_undamaged(plan, place, index, watch)
         use.shrink(place.cache_limit)
@@ -133,7 +144,8 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
             schedule = Schedule(plan, costs, place.verify)
             try:
                 failures = _compute(schedule, place, index, watch, thread)
-                failures += _write(schedule, place, index, watch)
+                with _named(place.store):
+                    failures += _write(schedule, place, index, watch)
             except Damaged as error:
                 damaged = sorted(_damaged(schedule, index.cells).union(error.keys))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
@@ -143,6 +155,16 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
             else:
                 return Finished(schedule.progress, failures, written=True)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
+
+
+@contextmanager
+def _named(place: Path) -> Iterator[None]:
+    """Let an OSError name a folder if it names none, as where a disk is full."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(place)
+        raise
 
 
 def _compute(
@@ -162,12 +184,16 @@ def _compute(
             missing = schedule.missing_cells()
         cells = sum(number for _, number, _ in missing)
         total = sum(one.total for one in schedule.progress.values())
+        if place.partial:
+            watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
+            return []
         watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
         watch.step(schedule)
         if not missing:
             return []
         measured = all(bound.name in schedule.costs for bound, *_ in missing)
-        if choice.kind == "local" and measured and schedule.work_left() < QUICK:
+        left = sum(schedule.work_left().values())
+        if choice.kind == "local" and measured and left < QUICK:
             choice = ClusterChoice("inline")
         if choice.kind == "slurm":
             import_jobqueue()
@@ -303,19 +329,20 @@ def _write(schedule: Schedule, place: Place, index: CellIndex, watch: Watch) -> 
     found: list[Failure] = []
     with interruptible():
         groups = cube.groups()
-        if plan.experiment.tables:
+        if plan.experiment.tables and not place.partial:
             from sweeps.engine.tables import add_tables  # imports xarray, which takes long
 
             found = add_tables(plan, groups)
     lost = {failure.what: failure.why for failure in found}
     for failure in found:
         watch.failed(failure)
-    write_store(
-        place.store,
-        groups,
-        provenance(plan, failures | lost),
-        everywhere=EVERYWHERE,
-    )
+    attributes = provenance(plan, failures | lost)
+    everywhere: tuple[str, ...] = EVERYWHERE
+    if place.partial:
+        every = Progress.over(schedule.progress.values())
+        attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
+        everywhere = (*EVERYWHERE, PARTIAL)
+    write_store(place.store, groups, attributes, everywhere=everywhere)
     return list(lost.items())
 
 

@@ -383,12 +383,12 @@ class Schedule:
         self.progress[bound.name].failed += 1
         self._calls.release(np.array([node]))
 
-    def work_left(self) -> float:
-        """Return seconds that the missing cells take; the median stands in for an untimed stage."""
+    def work_left(self) -> dict[str, float]:
+        """Return seconds that the missing cells of stages take; of an untimed one, the median."""
         shown = {name: one for name, one in self.progress.items() if one.total}
         whole = {name: self.costs[name] * shown[name].total for name in shown if name in self.costs}
         usual = median(whole.values()) if whole else 0.0
-        return sum(whole.get(name, usual) * one.left / one.total for name, one in shown.items())
+        return {name: whole.get(name, usual) * one.left / one.total for name, one in shown.items()}
 
 
 @dataclass

@@ -213,6 +213,11 @@ class Run(Settings):
         fixed=NO_RESULT,
     )
     dry_run = switch(False, label="only print what would be computed", fixed=NO_RESULT)
+    partial = switch(
+        False,
+        label="compute nothing, and write a store of what is in the cache",
+        fixed=NO_RESULT,
+    )
     verify = number(
         0,
         0,

@@ -86,7 +86,7 @@ class _Shown:
         """Return the estimated time until all cells are done; empty while too little is known."""
         done = sum(one.seconds for one in schedule.progress.values())
         [every] = self.work.tasks
-        self.work.update(every.id, completed=done, total=done + schedule.work_left())
+        self.work.update(every.id, completed=done, total=done + sum(schedule.work_left().values()))
         known = done >= EARLIEST and every.time_remaining
         return f"about {timedelta(seconds=known)} left" if known else ""
 

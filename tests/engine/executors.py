@@ -1,17 +1,24 @@
 """What tests have executors do, and what they ask of the outcomes."""
 
+import json
 import os
+import subprocess
+import sys
 import threading
 import time
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed.security import Security
 from threadpoolctl import threadpool_info
 
-from sweeps.engine.cluster import executor
+from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.process import ONE_THREAD
 
+QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 IMPORTS = f"{Path(__file__).parent}:{Path(__file__).parents[2]}"
 
 
@@ -80,6 +87,53 @@ def written(security, folder):
         "cert": f"{folder}/cert.pem",
         "private_key": f"{folder}/key.pem",
     }
+
+
+@contextmanager
+def cluster_at(folder):
+    """Run a scheduler with two workers of two threads each; yield its choice and the processes."""
+    folder.mkdir(exist_ok=True)
+    files = written(Security.temporary(), folder)
+    tls = ("--tls-ca-file", files["ca_file"], "--tls-cert", files["cert"], "--tls-key")
+    shared = ("--scheduler-file", folder / "scheduler.json", *QUIET, *tls, files["private_key"])
+    commands = [("scheduler", *shared, "--protocol", "tls://", "--port", "0")] + [
+        ("worker", *shared, "--nthreads", "2", "--no-nanny")
+    ] * 2
+    processes = []
+    with ExitStack() as stack:
+        for name, *arguments in commands:
+            process = subprocess.Popen(
+                [sys.executable, "-m", f"distributed.cli.dask_{name}", *map(str, arguments)],
+                cwd=folder,
+                env=os.environ | dict.fromkeys(ONE_THREAD, "2") | {"PYTHONPATH": IMPORTS},
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            processes.append(process)
+        eventually((folder / "scheduler.json").exists)
+        address = json.loads((folder / "scheduler.json").read_text())["address"]
+        yield ClusterChoice(kind="address", address=address, **files), processes
+
+
+@contextmanager
+def meanwhile(function):
+    """Call a function in a thread, which ends without error."""
+    errors = []
+
+    def called():
+        try:
+            function()
+        except BaseException as error:
+            errors.append(error)
+            raise
+
+    thread = threading.Thread(target=called)
+    thread.start()
+    yield
+    thread.join()
+    assert not errors
 
 
 def fails_with(choice, sentence):

@@ -1,11 +1,7 @@
 """Executors of every kind: equal results, errors by number, one thread a process, the same code."""
 
-import json
-import os
 import re
-import subprocess
-import sys
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from itertools import pairwise
 
 import executors
@@ -20,10 +16,8 @@ from sweeps.engine import cluster
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.packs import cells_of
-from sweeps.engine.process import ONE_THREAD
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
-QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 
 
 @pytest.fixture
@@ -35,27 +29,7 @@ def inline():
 @pytest.fixture(scope="module")
 def running(tmp_path_factory):
     """Choice of a scheduler that runs on its own, with two workers of two threads each."""
-    folder = tmp_path_factory.mktemp("scheduler")
-    files = executors.written(Security.temporary(), folder)
-    tls = ("--tls-ca-file", files["ca_file"], "--tls-cert", files["cert"], "--tls-key")
-    shared = ("--scheduler-file", folder / "scheduler.json", *QUIET, *tls, files["private_key"])
-    commands = [("scheduler", *shared, "--protocol", "tls://", "--port", "0")] + [
-        ("worker", *shared, "--nthreads", "2", "--no-nanny")
-    ] * 2
-    with ExitStack() as stack:
-        for name, *arguments in commands:
-            process = subprocess.Popen(
-                [sys.executable, "-m", f"distributed.cli.dask_{name}", *map(str, arguments)],
-                cwd=folder,
-                env=os.environ | dict.fromkeys(ONE_THREAD, "2") | {"PYTHONPATH": executors.IMPORTS},
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-            stack.callback(process.wait)
-            stack.callback(process.kill)
-        executors.eventually((folder / "scheduler.json").exists)
-        address = json.loads((folder / "scheduler.json").read_text())["address"]
-        choice = ClusterChoice(kind="address", address=address, **files)
+    with executors.cluster_at(tmp_path_factory.mktemp("scheduler")) as (choice, _):
         with executor(choice, say=executors.silent) as run:
             executors.eventually(lambda: run.workers == 2)
         yield choice

@@ -4,13 +4,19 @@ import logging
 import os
 import signal
 import stat
-import threading
-from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
 import slurm
-from executors import IMPORTS, blas_threads, eventually, refuse_odd, result_of, started_with
+from executors import (
+    IMPORTS,
+    blas_threads,
+    eventually,
+    meanwhile,
+    refuse_odd,
+    result_of,
+    started_with,
+)
 from running import python
 from small_stores import files
 from toys import SPRINGS, go
@@ -52,25 +58,6 @@ def jobs(*states):
     """Numbers of the jobs in some states, or of all that have not ended, ascending."""
     chosen = ["-t", ",".join(states)] if states else []
     return sorted(map(int, slurm.asked("squeue", "-h", "-o", "%A", *chosen)))
-
-
-@contextmanager
-def meanwhile(function):
-    """Call a function in a thread, which ends without error."""
-    errors = []
-
-    def called():
-        try:
-            function()
-        except BaseException as error:
-            errors.append(error)
-            raise
-
-    thread = threading.Thread(target=called)
-    thread.start()
-    yield
-    thread.join()
-    assert not errors
 
 
 def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):

@@ -1,0 +1,130 @@
+"""How far a sweep is, seen from elsewhere: its state, and a store of what is there so far."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from executors import eventually, meanwhile
+from small_stores import files, opened
+from toys import SPRINGS, go
+
+from sweeps.engine import status
+from sweeps.engine.command import Command
+from sweeps.engine.store import read_attributes
+
+GIVEN = ["store=s.zarr", "cache=cache", "cluster=inline"]
+SEEN = ["--status", *GIVEN[:2]]
+
+
+@pytest.fixture
+def start(tmp_path, monkeypatch, capsys):
+    """Function that runs a command line in a folder of its own, and returns what it prints."""
+    monkeypatch.chdir(tmp_path)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def run(*arguments, status=0):
+        assert Command(SPRINGS).main(arguments) == status
+        said = capsys.readouterr()
+        return said.err if status else said.out
+
+    yield run
+    signal.signal(signal.SIGINT, before)
+
+
+def stopped(start):
+    """Stop a sweep when it has computed something."""
+
+    def stop():
+        eventually(lambda: list(Path("cache").rglob("*.pack")))
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with meanwhile(stop):
+        start(*GIVEN, "measured.pause=0.3", status=130)
+
+
+def rows(text):
+    """Words of the rows of a table, by the first."""
+    return {words[0]: words[1:] for words in map(str.split, text.splitlines()[2:])}
+
+
+def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start, monkeypatch):
+    monkeypatch.setattr(status, "EVERY", 0.0)
+    monkeypatch.setattr(status, "EARLIEST", 0.2)
+    seen = []
+
+    def look():
+        eventually(lambda: len(list(Path("cache").rglob("*.pack"))) > 2)
+        seen.append(status.described(Path("s.zarr"), Path("cache")))
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with meanwhile(look):
+        start(*GIVEN, "measured.pause=0.3", status=130)
+    ((sentence, table),) = seen
+    assert f"s.zarr: running as process {os.getpid()}; begun 20" in sentence
+    names, *counts, left = [[*column.cells] for column in table.columns]
+    assert set(names) == {"period", "energy", "noisy", "trace", "answers", "all"}
+    total, reused, done, failed, waiting = (int(column[-1]) for column in counts)
+    assert (total, reused, failed) == (74, 0, 0) and 0 < done == 74 - waiting < 74
+    assert left[-1].startswith("0:00:")
+    told = start(*SEEN)
+    assert told.startswith("s.zarr: stopped; begun ") and "time left" not in told
+    assert rows(told)["all"][0] == "74" and 0 < int(rows(told)["all"][2]) < 74
+    start(*GIVEN, "measured.pause=0.3")
+    told = start(*SEEN)
+    assert told.startswith("s.zarr: finished; begun ")
+    _, reused, done, failed, remaining = map(int, rows(told)["all"])
+    assert reused > 0 and reused + done == 74 and failed == remaining == 0
+
+
+def test_a_sweep_that_is_killed_is_stopped(start):
+    start(*GIVEN)
+    (file,) = Path("cache", "status").iterdir()
+    state = json.loads(file.read_text())
+    file.write_text(json.dumps(state | {"ended": "stopped"}))  # as while it runs
+    assert start(*SEEN).startswith("s.zarr: stopped; ")
+
+
+def test_a_status_that_cannot_be_shown_is_refused(start):
+    told = start("--status", "store=t.zarr", "cache=cache", status=2)
+    assert "store is 't.zarr', of which the cache 'cache' knows no sweep" in told
+    told = start(*SEEN, "spring.mass=1", status=2)
+    assert "--status has 'spring.mass=1', but takes store=PATH and cache=FOLDER" in told
+    start(*GIVEN)
+    (file,) = Path("cache", "status").iterdir()
+    for content in ("", "{}", "[1]", '{"stages": {"x": 1}}'):
+        file.write_text(content)
+        assert "whose state of the sweep of 's.zarr' cannot be read" in start(*SEEN, status=2)
+
+
+def test_what_is_there_so_far_is_a_store_that_the_command_completes(start, tmp_path):
+    stopped(start)
+    start(*GIVEN, "measured.pause=0.3", "partial=true")
+    store = tmp_path / "s.zarr"
+    attributes = read_attributes(store)
+    missing, _, total = attributes["partial"].split()[:3]
+    assert total == "74" and 0 < int(missing) < 74
+    assert xr.open_zarr(store, group="springs").partial == attributes["partial"]
+    springs, states = opened(store, "springs"), opened(store, "status_springs")
+    assert {*np.unique(states.to_array())} == {-1, 1}
+    go(tmp_path / "t.zarr", measured__pause=0.3)
+    whole = opened(tmp_path / "t.zarr", "springs")
+    for name in ("period", "energy"):
+        xr.testing.assert_equal(springs[name], whole[name].where(states[name] == 1))
+    start(*GIVEN, "measured.pause=0.3")
+    assert files(store) == files(tmp_path / "t.zarr")
+
+
+def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
+    start(*GIVEN, "partial=true")
+    assert read_attributes(tmp_path / "s.zarr")["partial"] == "74 of 74 cells are missing"
+    assert (opened(tmp_path / "s.zarr", "status_springs").period == -1).all()
+    start(*GIVEN)
+    whole = files(tmp_path / "s.zarr")
+    start(*GIVEN, "partial=true")  # has everything
+    told = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
+    assert "s.zarr', which is not partial, and would lose what the cache has no longer" in told
+    assert files(tmp_path / "s.zarr") == whole

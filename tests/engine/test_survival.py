@@ -1,0 +1,265 @@
+"""What happens to a sweep from outside: killed and stopped processes, full disks, jumping clocks.
+
+Each ends in the store of a run that nothing happened to: at once, or by the same command again.
+"""
+
+import os
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from executors import IMPORTS, cluster_at, eventually, meanwhile
+from running import python
+from small_stores import files, opened
+from toys import SPRINGS, Few, go, run_few
+
+from sweeps.engine import provenance, run, workers
+from sweeps.engine.command import Command
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.forking import running_server
+from sweeps.engine.stage import Group, Output, stage
+
+pytestmark = pytest.mark.usefixtures("at_a_terminal")
+SPRINGS_COMMAND = (
+    "import sys; from toys import SPRINGS; from sweeps.engine.command import Command; "
+    "sys.exit(Command(SPRINGS).main())"
+)
+SEARCH = f"{IMPORTS}:{Path(__file__).parents[1]}"
+MARKS = "SWEEP_TEST_MARKS"  # variable of the folder of a file for each death
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Files of a store to which nothing happened."""
+    path = tmp_path_factory.mktemp("whole") / "s.zarr"
+    go(path)
+    return files(path)
+
+
+# -- workers
+
+
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
+def mortal(size):
+    """What a worker dies of when it is computed for the first time, for some sizes."""
+    folder = Path(os.environ[MARKS])
+    if not (folder / f"spared {size}").exists():
+        (folder / f"spared {size}").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return size**0.5
+
+
+@pytest.mark.parametrize("deaths", [1, 3, 4], ids=["once", "three times", "all"])
+def test_workers_that_are_killed_are_replaced(deaths, tmp_path, monkeypatch):
+    monkeypatch.setenv(MARKS, str(tmp_path))
+    monkeypatch.setattr(workers, "CHECKED", 0.1)
+    sizes = range(1, 5)
+    for size in sizes[deaths:]:
+        (tmp_path / f"spared {size}").touch()
+    finished = run_few([mortal], tmp_path / "s.zarr", sizes=sizes, kind="local", workers=2)
+    assert finished.failures == [] and len(list(tmp_path.glob("spared *"))) == 4
+    assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in sizes]
+
+
+def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
+    tmp_path, monkeypatch
+):
+    """Stopped for longer than the scheduler waits for it (5 min outside of tests)."""
+    monkeypatch.setitem(workers.SETTINGS, "distributed.scheduler.worker-ttl", "1s")
+    monkeypatch.setattr(workers, "CHECKED", 0.1)
+
+    def cut_off():
+        eventually(lambda: list((tmp_path / "s.cache").rglob("*.pack")))
+        victim, *_ = running_server().children()
+        victim.suspend()
+        time.sleep(3)
+        victim.resume()
+
+    with meanwhile(cut_off):
+        go(tmp_path / "s.zarr", kind="local", workers=2, measured__pause=1)
+    go(tmp_path / "t.zarr", tmp_path / "s.cache", measured__pause=1)
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+
+
+def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(workers, "ANSWER", 1)
+    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    with cluster_at(tmp_path / "scheduler") as (choice, (scheduler, *_)):
+
+        def kill():
+            eventually(lambda: list(cache.rglob("*.pack")))
+            scheduler.kill()
+
+        names = ("address", "ca_file", "cert", "private_key")
+        given = [f"cluster.{name}={getattr(choice, name)}" for name in names]
+        given += ["cluster=address", f"store={store}", f"cache={cache}", "measured.pause=0.5"]
+        with meanwhile(kill):
+            assert Command(SPRINGS).main(given) == 1
+    said = capsys.readouterr().err.splitlines()
+    gone = "springs: the scheduler of the cluster is gone; the same command resumes the sweep"
+    assert said[-1] == gone and len(said) == 3
+    assert not store.exists()
+    resumed = go(store, cache, measured__pause=0.5)
+    assert sum(one.reused for one in resumed.progress.values()) > 0
+    go(tmp_path / "t.zarr", cache, measured__pause=0.5)
+    assert files(store) == files(tmp_path / "t.zarr")
+
+
+# -- disks
+
+
+@contextmanager
+def disk(folder, size):
+    """A disk of some bytes; yields a function that makes it larger."""
+
+    def mount(*options):
+        command = ["mount", "-t", "tmpfs", "-o", ",".join(options), "none", str(folder)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            pytest.skip(f"no disk can be mounted: {done.stderr.strip()}")
+
+    folder.mkdir()
+    mount(f"size={size}")
+    try:
+        yield lambda: mount("remount", "size=50m")
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("full", "kind"), [("store", "inline"), ("cache", "inline"), ("cache", "local")]
+)
+def test_a_full_disk_is_a_sentence_and_no_loss(full, kind, whole, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    given = [f"cluster={kind}", "store=s.zarr", "cache=cache", f"{full}=disk/here"]
+    with disk(tmp_path / "disk", "24k") as enlarge:
+        assert Command(SPRINGS).main(given) == 1
+        said = capsys.readouterr().err.splitlines()
+        assert said[-1].startswith("springs: cannot write '") and "disk/" in said[-1]
+        assert said[-1].endswith("': No space left on device")
+        assert "Traceback" not in "".join(said)
+        store = Path("disk/here" if full == "store" else "s.zarr")
+        assert not store.exists()
+        enlarge()
+        assert Command(SPRINGS).main(given) == 0
+        counted = capsys.readouterr().err.splitlines()[0]
+        assert counted.endswith("0 cells to compute, 74 reused from the cache") or full == "cache"
+        assert " 0 reused" not in counted
+        assert files(store) == whole
+
+
+def test_a_full_temporary_folder_is_not_used(whole, tmp_path):
+    given = ["-c", SPRINGS_COMMAND, "store=s.zarr", "cache=cache", "cluster.workers=2"]
+    with disk(tmp_path / "disk", "8k"):
+        (tmp_path / "disk" / "full").write_bytes(bytes(8192))
+        done = python(*given, cwd=tmp_path, PYTHONPATH=IMPORTS, TMPDIR=str(tmp_path / "disk"))
+    assert "No space" not in done.stderr
+    assert files(tmp_path / "s.zarr") == whole
+
+
+# -- memory
+
+
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
+def greedy(size):
+    """A sum that needs much memory for one size."""
+    return np.ones(2**33 if size == 2 else 1).sum()
+
+
+FEW_COMMAND = """
+import resource, sys
+import test_survival
+from toys import of
+from sweeps.engine.command import Command
+if __name__ == "__main__":
+    name, limit, *given = sys.argv[1:]
+    resource.setrlimit(resource.RLIMIT_AS, (int(limit), -1))
+    sys.exit(Command(of(getattr(test_survival, name))).main(given))
+"""
+
+
+def test_a_limit_of_memory_is_a_sentence_that_names_the_stage(tmp_path):
+    (tmp_path / "few.py").write_text(FEW_COMMAND)
+    given = [
+        "few.py",
+        "greedy",
+        2**35,
+        "few.size=[1,2,3]",
+        "store=s.zarr",
+        "cache=cache",
+        "cluster=local",
+    ]
+    done = python(*given, cwd=tmp_path, check=False, PYTHONPATH=SEARCH)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    failed = "few: 1 cell failed: greedy size=2 (MemoryError: Unable to allocate 64.0 GiB for"
+    assert done.stderr.splitlines()[-1].startswith(failed)
+    assert opened(tmp_path / "s.zarr", "all").x.isnull().values.tolist() == [False, True, False]
+
+
+def test_a_command_without_memory_is_a_sentence(monkeypatch, tmp_path, capsys):
+    def full(*given, **named):
+        raise MemoryError("Unable to allocate 64.0 GiB")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(run, "write_store", full)
+    given = ["cluster=inline", "store=s.zarr", "cache=cache"]
+    assert Command(SPRINGS).main(given) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "springs: out of memory (Unable to allocate 64.0 GiB); the same command resumes the sweep"
+    )
+
+
+# -- versions
+
+
+def test_a_store_of_another_version_is_a_sentence(monkeypatch, tmp_path):
+    go(tmp_path / "s.zarr")
+    before = files(tmp_path / "s.zarr")
+    monkeypatch.setattr(provenance, "versions", lambda plan: {"dask": "9.0"})
+    with pytest.raises(ConfigurationError, match="which was made by another version of dask; give"):
+        go(tmp_path / "s.zarr", spring__mass=[1, 2, 3])
+    assert files(tmp_path / "s.zarr") == before
+
+
+# -- clocks
+
+LIBRARY = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
+
+
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
+def jumping(size):
+    """A number; the clock jumps when that of one size is computed."""
+    folder = Path(os.environ[MARKS])
+    if size == 3 and not (folder / "jumped").exists():
+        before = time.time()
+        (folder / "clock").write_text(os.environ["JUMP"])
+        while abs(time.time() - before) < 3600:
+            pass
+        (folder / "jumped").touch()
+    return size**0.5
+
+
+@pytest.mark.skipif(LIBRARY is None, reason="no libfaketime here (apt install faketime)")
+@pytest.mark.parametrize(("kind", "days"), [("inline", 3), ("local", -3)])
+def test_a_clock_that_jumps_changes_nothing(kind, days, tmp_path):
+    """While cells are computed, after some were."""
+    (tmp_path / "clock").write_text("+0")
+    how = {"LD_PRELOAD": str(LIBRARY), "FAKETIME_TIMESTAMP_FILE": str(tmp_path / "clock")}
+    how |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
+    how |= {MARKS: str(tmp_path), "JUMP": f"{days:+}d"}
+    (tmp_path / "few.py").write_text(FEW_COMMAND)
+    given = ["few.py", "jumping", 2**40, "few.size=[1,2,3,4,5,6]", f"cluster={kind}"]
+    given += ["store=s.zarr", "cache=cache", "cluster.workers=2"][: 3 if kind == "local" else 2]
+    python(*given, cwd=tmp_path, PYTHONPATH=SEARCH, **how)
+    assert (tmp_path / "jumped").exists()
+    sizes = range(1, 7)
+    resumed = run_few([jumping], tmp_path / "t.zarr", tmp_path / "cache", sizes)
+    assert resumed.progress["jumping"].reused == 6
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in sizes]
