@@ -38,6 +38,7 @@ MISSING = -1  # instead of the number of a pack
 PACK = ".pack"
 NAME = re.compile(r"[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
 KEY, NUMBER = np.dtype(("<u8", 2)), np.dtype("<u4")
+LARGEST = 2**30  # bytes of a head, of more cells than a sweep may have
 CHECK = 8  # bytes of the digest of a record
 APART, TOGETHER = 2**18, 2**22  # bytes between cells that are not worth reading; read at once
 HEADS = 16  # of packs, that a process remembers
@@ -149,7 +150,7 @@ class Head(NamedTuple):
         cells, over = divmod(len(content) - begin, KEY.itemsize + NUMBER.itemsize + CHECK)
         if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
             raise ValueError("it is not a pack")
-        kinds, layouts, sizes = set(), [], []
+        layouts, sizes = [], []
         for one in described:
             layout, size = [], 0
             for name, code, shape in one:
@@ -160,7 +161,6 @@ class Head(NamedTuple):
                 size += _aligned(math.prod(sides) * dtype.itemsize)
             layouts.append(layout)
             sizes.append(size)
-            kinds.add(tuple((name, code, len(shape)) for name, code, shape in one))
         keys = np.frombuffer(content, KEY.base, 2 * cells, begin).reshape(cells, 2)
         numbers = np.frombuffer(content, NUMBER, cells, begin + keys.nbytes)
         taken = np.array(sizes, np.int64)[numbers]
@@ -169,7 +169,7 @@ class Head(NamedTuple):
             raise ValueError("its records are too large")
         checks = content[begin + keys.nbytes + numbers.nbytes :]
         of_cells = keys, numbers, ends - taken, ends, layouts, checks
-        return cls(stage, seconds, frozenset(kinds), *of_cells)
+        return cls(stage, seconds, _kinds(described), *of_cells)
 
     @property
     def size(self) -> int:
@@ -220,17 +220,20 @@ class Packing:
         step = TOGETHER * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
         cells.put(path, chain((head,), blocks))
-        kinds = frozenset(
-            tuple((name, code, len(shape)) for name, code, shape in layout)
-            for layout in self.layouts
-        )
-        return Pack(path, len(head) + size, len(keys), stage, seconds, kinds)
+        return Pack(path, len(head) + size, len(keys), stage, seconds, _kinds(self.layouts))
+
+
+def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
+    """Return the kinds of cells of some layouts, each the name, code and shape of every array."""
+    return frozenset(
+        tuple((name, code, len(shape)) for name, code, shape in layout) for layout in layouts
+    )
 
 
 def _named(path: str) -> tuple[str, int]:
     """Return digest and size of the head of a pack from its path; ValueError if it has none."""
     name = NAME.fullmatch(path)
-    if name is None:
+    if name is None or int(name[2], 16) > LARGEST:
         raise ValueError("it is not a pack")
     return name[1], int(name[2], 16)
 
@@ -258,7 +261,7 @@ def _code(dtype: np.dtype[Any]) -> str:
     return _plain(dtype).str
 
 
-@cache
+@lru_cache(maxsize=256)
 def _plain(code: str | np.dtype[Any]) -> np.dtype[Any]:
     """Return a dtype; TypeError unless the bytes of an array are its values: no pointers."""
     dtype = np.dtype(code)

@@ -12,11 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from packed import whole, write_pack, written
+from small_stores import files
+from toys import SPRINGS
 
 from sweeps.engine import sharing
+from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.index import CellIndex
 from sweeps.engine.packs import PACK, cells_of
 from sweeps.engine.places import Objects
+from sweeps.engine.run import Place, sweep
+from sweeps.engine.schedule import Watch
+from sweeps.engine.settings import read_choices
 from sweeps.engine.sharing import RUNNING, USED, Record, Use, using
 
 
@@ -249,3 +255,48 @@ def test_sweeps_that_share_a_small_cache_lose_nothing(place):
     cells = cells_of(place)
     assert not cells.sizes(RUNNING)
     assert len(packs_of(cells)) < 12 * 3, "something was deleted"
+
+
+SHARED = [
+    {"spring.stiffness": [1.0, 2.0]},
+    {"spring.stiffness": [1.0, 2.0, 3.0], "measured.length": [2, 3]},
+    {"spring.stiffness": [2.0, 3.0], "measured.length": [2, 3, 4]},
+]
+
+
+def swept(cache, folder, first, told):
+    """Sweep some springs after others, all into new stores."""
+    for turn in range(3):
+        given = SHARED[(first + turn) % 3]
+        choices = SPRINGS.check(read_choices(SPRINGS.declared, given))
+        sentences = []
+        place = Place(folder / f"{turn}.zarr", cache, ClusterChoice("inline"), cache_limit=10_000)
+        finished = sweep(SPRINGS, choices, place, Watch(sentences.append))
+        lost = [one for one in sentences if "damaged" in one or "cannot" in one]
+        told.put((first, turn, lost, len(finished.failures)))
+
+
+def test_two_commands_that_share_a_small_cache_lose_nothing(tmp_path):
+    """At the same time, with values in common; each store is that of a sweep alone."""
+    context = multiprocessing.get_context("spawn")
+    told, cache = context.Queue(), tmp_path / "cache"
+    for first in range(3):
+        (tmp_path / str(first)).mkdir()
+    swept(tmp_path / "alone", tmp_path / "0", 0, told)
+    clean = [files(tmp_path / "0" / f"{turn}.zarr") for turn in range(3)]
+    for turn in range(3):
+        assert told.get(timeout=60) == (0, turn, [], 0)
+    runs = [
+        context.Process(target=swept, args=(cache, tmp_path / str(first), first, told))
+        for first in (1, 2)
+    ]
+    for run in runs:
+        run.start()
+    ended = [told.get(timeout=120) for _ in range(6)]
+    for run in runs:
+        run.join(60)
+    assert sorted(ended) == [(first, turn, [], 0) for first in (1, 2) for turn in range(3)]
+    for first in (1, 2):
+        for turn in range(3):
+            assert files(tmp_path / str(first) / f"{turn}.zarr") == clean[(first + turn) % 3]
+    assert sum(cells_of(cache).sizes().values()) < 60_000, "something was deleted"
