@@ -1,7 +1,7 @@
 """The main claims of the README, at reduced size, by a seed that nobody has chosen.
 
 The seed is the date; `NCTI_TEST_SEED` repeats one. Noise, fresh aspects, grids of aspects, places
-on the detector and orders of presentation are drawn from it (`drawn`).
+on the detector and orders of presentation are drawn from it.
 
 A claim fails falsely with a probability of at most `LEVEL`, and all of them together with at most
 `RISK` (Bonferroni):
@@ -23,17 +23,9 @@ import math
 import os
 from dataclasses import dataclass
 
-import drawn
+import numpy as np
 import pytest
-from drawn import (
-    answers,
-    is_multiple,
-    named_by,
-    of_views,
-    rejection,
-    shares_of_both,
-    shares_of_profiles,
-)
+from commands import opened, swept
 from once import made_once
 from scipy import stats
 
@@ -44,6 +36,104 @@ RISK = 1e-4  # that a run fails though nothing is wrong
 CLAIMS = 40  # at most: bounds that the tests below hold figures against
 LEVEL = RISK / CLAIMS
 UNSURE = 0.05  # of a long-run share, from six seeds
+
+
+KNOWN = ("duncan", "horne", "spruance", "texas")
+UNKNOWN = ("connole", "roberts")
+
+
+PROFILES = (
+    "sensor=range",
+    "render.engine=lines",
+    "render.pixel=0.5",
+    f"grid.ship=[{','.join((*KNOWN, *UNKNOWN))}]",
+    f"classifier.unknown=[{','.join(UNKNOWN)}]",
+    "grid.aspect={start: 0, stop: 90, step: 1.5}",
+    "grid.random_aspects=8",
+    "classifier.template_spacing=[1.5,3]",
+    "grid.frame_count=16",
+    "grid.replicate=3",
+    "classifier.name=[acn,correlation,likelihood]",
+    "classifier.gain_sigma=[0,1]",
+)
+"""Four ships learned every 1.5 and every 3 degrees and two that are not, at learned and at random
+aspects, as the source's sensor sees them at 100 km."""
+
+BOTH = (
+    "sensor=both",
+    "render.engine=lines",
+    "render.pixel=0.5",
+    "grid.frame_count=16",
+    "grid.range=[25,50,100]",
+    "infrared.range=[25,50,100]",
+    "infrared.super_resolution=none",
+    "infrared.subpixel_offsets=6",
+    "grid.replicate=6",
+    "classifier.name=fusion",
+)
+"""Profiles and silhouettes at some places of the ship on the detector."""
+
+
+def answers(store, classifier, **place):
+    """Which answers of a classifier about ships that it has learned are right."""
+    found = opened(store, f"classification/{classifier}").correct
+    asked = found.sel({name: value for name, value in place.items() if name in found.dims})
+    known = asked.sel(ship=list(KNOWN)).squeeze(drop=True)
+    assert (known >= 0).all()
+    return known
+
+
+def is_multiple(aspect, spacing):
+    """Which aspects [deg] are learned with a spacing."""
+    return np.abs(aspect / spacing - np.round(aspect / spacing)) < 1e-6
+
+
+def of_views(right):
+    """(view,): share of right answers to each view, over all draws."""
+    share = right.mean([dim for dim in right.dims if dim not in ("ship", "aspect")])
+    return share.transpose("ship", "aspect").values.ravel()
+
+
+def named_by(store):
+    """Right answers of all classifiers of profiles, templates every 1.5 degrees."""
+    spaced = {"template_spacing": 1.5}
+    return {
+        "acn": answers(store, "acn", **spaced),
+        "correlation": answers(store, "correlation", **spaced),
+        "gain unknown": answers(store, "likelihood", gain_sigma=1, **spaced),
+        "gain known": answers(store, "likelihood", gain_sigma=0, **spaced),
+    }
+
+
+def shares_of_profiles(store):
+    """Right answers at learned aspects, of the source's protocol and of denser templates."""
+    network = answers(store, "acn", template_spacing=3.0)
+    network = network.sel(aspect=is_multiple(network.aspect, 3))
+    found = {
+        "acn, bow": network.sel(aspect=network.aspect < 30),
+        "acn, beam": network.sel(aspect=network.aspect >= 60),
+    }
+    named = named_by(store)
+    for name in ("acn", "gain known", "gain unknown"):
+        found[name] = named[name].sel(aspect=is_multiple(named[name].aspect, 1.5))
+    for name in ("gain known", "gain unknown"):
+        found[f"{name}, beam"] = found[name].sel(aspect=found[name].aspect >= 60)
+    return found
+
+
+def shares_of_both(store):
+    """Right answers by silhouettes, and by both sensors."""
+    wanted = [("infrared", 25), ("infrared", 100), ("both", 25), ("both", 50)]
+    return {
+        f"{channel}, {distance} km": answers(store, "fusion", channel=channel, range=distance)
+        for channel, distance in wanted
+    }
+
+
+def rejection(store):
+    """What the correlation classifier rejects of six ships, two of them unknown."""
+    table = opened(store, "tables/rejection_correlation").sel(aspects="learned")
+    return table.sel(template_spacing=1.5).squeeze()
 
 
 @dataclass(frozen=True)
@@ -82,10 +172,23 @@ def _seed():
 
 
 @pytest.fixture(scope="module")
-def profiles(tmp_path_factory):
+def made(tmp_path_factory):
+    """Function: the store of a sweep of the seed, with results of its own."""
+
+    def make(name, *overrides):
+        def sweep(folder):
+            given = (folder / f"{name}.zarr", folder / "cache", f"seed={SEED}", *overrides)
+            assert not swept(*given).failures
+
+        return made_once(tmp_path_factory, f"claims_{name}", sweep) / f"{name}.zarr"
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def profiles(made):
     """The store of range profiles."""
-    folder = made_once(tmp_path_factory, "claims", lambda here: drawn.profile_sweep(SEED, here))
-    return folder / "profiles.zarr"
+    return made("profiles", *PROFILES)
 
 
 @pytest.fixture(scope="module")
@@ -95,12 +198,10 @@ def named(profiles):
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory):
-    """The store of profiles and silhouettes."""
-    folder = made_once(
-        tmp_path_factory, "claims_both", lambda here: drawn.sweep_of_both(SEED, here)
-    )
-    return folder / "both.zarr"
+def both(made):
+    """The store of both sensors, at aspects 7.5 degrees apart from one drawn at random on."""
+    first = np.random.default_rng([SEED, *b"both"]).uniform(0, 7.5)
+    return made("both", f"grid.aspect={{start: {first:.3f}, stop: 90, step: 7.5}}", *BOTH)
 
 
 @pytest.fixture(scope="module")

@@ -114,10 +114,11 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
         stepped[1.0], frame_count=400, rng=np.random.default_rng(6), **parameters
     )
     assert parameters["target_free_ifovs"] >= GAUSSIAN_FROM
-    # 400 frames of some 30 independent bins: the mean variance is known to 1.3 %.
+    # 400 frames of some 10 independent bins without a ship: the mean variance is known to 2.3 %.
     _, covariance = ladar.frame_moments(stepped[1.0], **parameters)
-    variance = np.diagonal(covariance)
-    assert np.mean(shortcut.var(axis=0) / variance) == pytest.approx(1, abs=0.08)
+    empty = slice(0, 40)
+    found = shortcut[:, empty].var(axis=0) / np.diagonal(covariance)[empty]
+    assert found.mean() == pytest.approx(1, abs=0.1)
     for bin_index in (0, 60, 85, 100):
         assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
 

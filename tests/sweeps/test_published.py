@@ -4,15 +4,12 @@
 """
 
 import inspect
-import math
 
-import numpy as np
 import pytest
 from commands import chosen
 
 from ncti import infrared, ladar
 from ncti.classify import AdaptiveClusteringNetwork, GainAnnealedNetwork
-from ncti.render.flight import depression_angle
 from sweeps.experiment import EXPERIMENT
 from sweeps.report.beside import source_figures
 
@@ -61,23 +58,6 @@ def test_the_source_s_own_experiments_are_asked_for():
     views = len(values_of(paper, "grid.ship")) * len(values_of(paper, "grid.aspect"))
     assert views == SOURCE["experiment"]["views"]
     assert values_of(chosen("+experiment=table5"), "grid.vigilance") == (SILHOUETTES["vigilance"],)
-
-
-def test_what_the_source_does_not_print_follows_from_what_it_does():
-    """To half the last digit printed."""
-    flat = depression_angle(100e3, altitude=ALTITUDE, earth_radius=1e12)
-    assert round(flat, 2) == PUBLISHED["scene.depression"][0]
-    far = SOURCE["table1_sensor"]["ranges"][100]
-    ratios = float(far["contrast_k"]) * np.sqrt(16 / (float(far["snr"]) + np.array([0.05, -0.05])))
-    low, high = ratios * (1 + np.array([-1, 1]) * 0.005 / float(far["contrast_k"]))
-    assert low <= infrared.NEDT <= high
-    middle = SOURCE["table1_sensor"]["ranges"][50]
-    behind = infrared.NEDT / 4 * math.sqrt(float(middle["snr"]))
-    before = behind * 10 ** (float(middle["attenuation_db"]) / 20)
-    assert pytest.approx(before, rel=0.05 / 58 / 2 + 1e-3) == infrared.CONTRAST_AT_ZERO
-    for distance, row in SOURCE["table1_sensor"]["ranges"].items():
-        loss = infrared.EXTINCTION * distance * 1e3
-        assert loss == pytest.approx(float(row["attenuation_db"]), abs=0.05)
 
 
 def test_the_library_s_own_defaults_are_the_same():
