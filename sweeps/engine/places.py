@@ -154,6 +154,10 @@ class Objects:
 
     def part(self, name: str, begin: int, end: int) -> memoryview:
         """Return bytes of an object, as many as there are; FileNotFoundError if it is absent."""
+        if isinstance(self.place, Path):  # a sixth of obstore's time, which asks another thread
+            with open(f"{self.place}/{name}", "rb", buffering=0) as file:
+                size = os.fstat(file.fileno()).st_size
+                return memoryview(os.pread(file.fileno(), max(min(end, size) - begin, 0), begin))
         with told(self.place):
             found = self.store.get_range(name, start=begin, end=end) if begin < end else b""
         return memoryview(found)
@@ -208,9 +212,9 @@ class Objects:
         if self.shared or not isinstance(self.place, Path) or not hasattr(os, "geteuid"):
             return set()
         around = (self.place, self.place.parent)
-        if any(map(_is_foreign, around)):
+        if any(map(_is_foreign, map(str, around))):
             return given
-        return {name for name in given if _is_foreign(self.place / name)}
+        return {name for name in given if _is_foreign(f"{self.place}/{name}")}
 
 
 @lru_cache(maxsize=8)
@@ -218,10 +222,10 @@ def _received(*fields: Any) -> Objects:
     return Objects(*fields)
 
 
-def _is_foreign(path: Path) -> bool:
+def _is_foreign(path: str) -> bool:
     """Return whether others own or may write a file or folder, if it is there."""
     with suppress(FileNotFoundError):
-        status = path.stat()
+        status = os.stat(path)
         return status.st_uid != os.geteuid() or bool(status.st_mode & OTHERS_WRITE)
     return False
 
