@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from toys import SPRINGS, noisy
+from toys import SPRINGS, Measured, Spring, noisy
 
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Group, Stream
+from sweeps.engine.stage import Group, Output, Stream, stage
 
 RAISE = "streams draw other numbers: raise STREAM_VERSION of sweeps.engine.seeds, and pin these"
 
@@ -71,6 +71,19 @@ def test_the_names_of_streams_are_pinned():
     }
     for kind, one in stages.items():
         assert plan.stream(plan.bound[one.name], cell) == (3, expected[kind]), RAISE
+
+
+def test_a_setting_that_a_stream_alone_names_makes_cells():
+    """Two draws for each of two masses, though the function takes no number of a draw."""
+    stream = Stream((Spring.mass,), optional=(Measured.draw,))
+    drawn = stage(Output("drawn"), group=Group("drawn"), stream=stream, uses=(Spring,))(normal)
+    springs = replace(SPRINGS, stages=(drawn,), tables=())
+    plan = Plan(springs, read_choices(SPRINGS.declared, {}))
+    assert len({plan.key(plan.bound["normal"], cell) for cell in range(4)}) == 4
+
+
+def normal(mass, rng):
+    return mass * rng.normal()
 
 
 @pytest.mark.parametrize("version", ["STREAM_VERSION", "np.__version__"])
