@@ -27,7 +27,7 @@ from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.kinds import Value
 from sweeps.engine.overrides import STORE, Job, fused, job_of, read_jobs
 from sweeps.engine.packs import PACK, SHORTAGES, cells_of
-from sweeps.engine.places import Where, where
+from sweeps.engine.places import UNREACHED, Where, where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment, forgiving, say, show
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
@@ -97,6 +97,7 @@ class Command:
             except OSError as error:
                 where = f" {error.filename!r}" if error.filename else ""
                 verb = "read" if error.errno in SHORTAGES else "write"
+                verb = "reach" if error.errno == UNREACHED else verb
                 say(self.name, f"cannot {verb}{where}: {error.strerror or error}")
                 disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
                 return SOME_FAILED if error.errno in disk else WRONG

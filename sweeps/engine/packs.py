@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.keys import Keys
-from sweeps.engine.places import Objects, Where, below
+from sweeps.engine.places import UNREACHED, Objects, Where, below
 from sweeps.engine.stage import Output
 
 ROOM = "cells"
@@ -43,8 +43,10 @@ CHECK = 8  # bytes of the digest of a record
 APART, TOGETHER = 2**18, 2**22  # bytes between cells that are not worth reading; read at once
 HEADS = 16  # of packs, that a process remembers
 
-# Errors of this process or machine, not of a file: what they hide is not damaged.
-SHORTAGES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR})
+# Errors of this process, machine or network, not of a file: what they hide is not damaged.
+SHORTAGES = frozenset(
+    {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHED}
+)
 
 Buffer = Any
 """Bytes, or what shows bytes."""

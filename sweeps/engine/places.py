@@ -36,6 +36,7 @@ Where = Path | str
 SCHEMES = ("s3", "gs", "az")
 OPEN = 0o755  # mode of folders: others may read them
 OTHERS, OTHERS_WRITE = stat.S_IRWXG | stat.S_IRWXO, stat.S_IWGRP | stat.S_IWOTH
+UNREACHED = errno.ECONNABORTED  # of a server that cannot be asked, or fails
 RETRIES = 6  # of a request, with growing pauses: some seconds
 
 # A Path keeps one slash of a URL; several schemes may be chained.
@@ -97,8 +98,8 @@ def make_folder(path: Path, mode: int) -> None:
 def told(place: Where) -> Iterator[None]:
     """Raise what a place cannot do as OSError of one line, and FileNotFoundError as it is.
 
-    The number is that of the operating system, where one is known, and else EIO: a disk or a
-    network that failed. What a server says is left out beyond its status: it may repeat a key.
+    The number is that of the operating system, where one is known, and else EIO, or for a bucket
+    UNREACHED. What a server says is left out beyond its status: it may repeat a key.
     """
     try:
         yield
@@ -111,7 +112,8 @@ def told(place: Where) -> Iterator[None]:
             raise OSError(code, os.strerror(code), str(place)) from None
         denied = isinstance(error, PermissionDeniedError | UnauthenticatedError)
         words = re.sub(r"\?[^\s)]*|//[^/\s]*@", "", line.partition("<")[0]).strip(" :")
-        raise OSError(errno.EACCES if denied else errno.EIO, words, str(place)) from None
+        failed = errno.EIO if isinstance(place, Path) else UNREACHED
+        raise OSError(errno.EACCES if denied else failed, words, str(place)) from None
 
 
 @dataclass(frozen=True)

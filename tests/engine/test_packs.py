@@ -16,7 +16,7 @@ from packed import SMALL, keys, pack_files, same, small, spots, write_pack, writ
 from small_stores import files
 from toys import Told, go
 
-from sweeps.engine import packs
+from sweeps.engine import packs, places
 from sweeps.engine.index import CellIndex
 from sweeps.engine.packs import Pack, cells_of, described_pack, read_cells
 from sweeps.engine.places import Objects
@@ -352,3 +352,18 @@ def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, mo
     assert before.items() <= files(cache).items() and not (tmp_path / "t.zarr").exists()
     go(tmp_path / "t.zarr", cache)
     assert files(tmp_path / "t.zarr") == files(tmp_path / "s.zarr")
+
+
+def test_a_network_that_fails_is_not_damage(bucket, monkeypatch):
+    cells = cells_of(bucket)
+    pack = written(cells, 1)
+    monkeypatch.setattr(places, "RETRIES", 1)
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    for read in (
+        lambda there: read_cells(there, spots(pack.path, [0], [1])),
+        lambda there: described_pack(there, pack.path, pack.size),
+        lambda there: CellIndex(there, print),
+    ):
+        with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
+            read(cells_of(bucket))
+        assert failed.value.errno == places.UNREACHED and failed.value.filename == f"{bucket}/cells"
