@@ -382,12 +382,16 @@ def nearest_of(active: Active, count: int, now: float) -> int:
 @inlined
 def write(
     pieces: Pieces, number: int, own: Any, began: Any, slope: float, since: float, until: float
-) -> None:
-    """Write the piece of a line along which the surface is seen that began at a crossing."""
+) -> int:
+    """Write the piece of a line along which the surface is seen that began at a crossing.
+
+    Returns the number of pieces.
+    """
     pieces.line[number], pieces.seen[number] = own, began.begins
     pieces.piece[number, 0], pieces.piece[number, 1] = since, until
     pieces.piece[number, 2] = began.depth + slope * (since - began.t)
     pieces.piece[number, 3] = began.depth + slope * (until - began.t)
+    return number + 1
 
 
 @inlined
@@ -438,8 +442,7 @@ def sweep_line(
             if when > since:
                 if number == len(pieces.line):
                     return -1
-                write(pieces, number, own, some[shown], slope[shown], since, when)
-                number += 1
+                number = write(pieces, number, own, some[shown], slope[shown], since, when)
             front, shown, since = nearer, active.crossing[nearer], when
         old = shown
         if slot >= 0 and fresh:  # one surface takes the place of another
@@ -466,8 +469,7 @@ def sweep_line(
             if old >= 0 and now > since:
                 if number == len(pieces.line):
                     return -1
-                write(pieces, number, own, some[old], slope[old], since, now)
-                number += 1
+                number = write(pieces, number, own, some[old], slope[old], since, now)
             since = now
     return number
 

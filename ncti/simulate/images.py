@@ -17,6 +17,7 @@ from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
     SPACING,
     Ship,
+    attributes_of,
     check_frames,
     check_known,
     check_sight,
@@ -24,7 +25,6 @@ from ncti.simulate.subject import (
     generator,
     mesh_of,
     roll_at,
-    seed_of,
 )
 
 if TYPE_CHECKING:
@@ -145,17 +145,14 @@ def infrared_image(
         **scene,
     )
     left, bottom = silhouette(lines, footprint=footprint, phase=phase, margin=MARGIN).origin
+    sight: Any = {"slant_range": slant_range, "depression": depression, "ifov": ifov}
     air = {key: scene[key] for key in ("contrast_at_zero", "extinction") if key in scene}
     attrs = {
         "units": "K",
         "long_name": "temperature above the sea",
-        "slant_range_km": slant_range / 1e3,
-        "depression_deg": float(depression),
-        "frame_count": frames,
+        **attributes_of(rng, frames=frames, **sight),
         "super_resolution": super_resolution,
-        "ifov_urad": round(ifov * 1e6, 9),
         "contrast_K": contrast(float(slant_range), **air),
-        **seed_of(rng),
     }
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr

@@ -21,13 +21,13 @@ from ncti.render.flight import DEPRESSION
 from ncti.simulate.subject import (
     SPACING,
     Ship,
+    attributes_of,
     check_frames,
     check_sight,
     coordinates,
     generator,
     mesh_of,
     roll_at,
-    seed_of,
 )
 
 if TYPE_CHECKING:
@@ -155,17 +155,16 @@ def range_profile(
         "cnr": ratio,
         "target_free_ifovs": target_free_ifovs,
     }
+    sight: dict[str, Any] = {"slant_range": slant_range, "depression": depression, "ifov": ifov}
     extents, expected, averaged = [], [], []
     for each in aspects:
         extent = extent_within(
             mesh,
+            **sight,
             aspect=each,
-            depression=depression,
-            slant_range=slant_range,
             tolerance=accuracy,
             pulse_width=pulse_width,
             roll=roll_at(each),
-            ifov=ifov,
             bin_width=bin_width,
             window=window,
             spacing=SPACING,
@@ -175,14 +174,10 @@ def range_profile(
         expected.append(mean)
         averaged.append(average)
     attributes = {
-        "slant_range_km": slant_range / 1e3,
-        "depression_deg": float(depression),
+        **attributes_of(rng, frames=frames, **sight),
         "pulse_width_ns": round(pulse_width * 1e9, 9),
-        "frame_count": frames,
         "cnr_db": 10 * math.log10(ratio),
         "target_free_ifovs": int(target_free_ifovs),
-        "ifov_urad": round(ifov * 1e6, 9),
-        **seed_of(rng),
         **_achieved(extents, pulse_width, accuracy),
     }
     profiles = (extents[0].down_range, averaged, expected)

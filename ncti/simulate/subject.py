@@ -147,3 +147,21 @@ def generator(rng: int | np.random.Generator, *, aspect: float) -> np.random.Gen
 def seed_of(rng: int | np.random.Generator) -> dict[str, int]:
     """Return the seed as an attribute; nothing of a generator, which has none to repeat."""
     return {} if isinstance(rng, np.random.Generator) else {"seed": int(rng)}
+
+
+def attributes_of(
+    rng: int | np.random.Generator,
+    *,
+    slant_range: float,
+    depression: float,
+    frames: int,
+    ifov: float,
+) -> dict[str, Any]:
+    """Return what all simulated images and profiles say of their view, and their seed if any."""
+    return {
+        "slant_range_km": slant_range / 1e3,
+        "depression_deg": float(depression),
+        "frame_count": frames,
+        "ifov_urad": round(ifov * 1e6, 9),
+        **seed_of(rng),
+    }
