@@ -77,7 +77,9 @@ def _stamp(kept: Any, function: Callable[..., Any]) -> None:
     Numba compiles them in, but compares the time of the function's own file alone.
     """
     given = sorted(function.__globals__.items())
-    constants = tuple((name, repr(one)) for name, one in given if isinstance(one, int | float))
+    constants = tuple(
+        (name, repr(value)) for name, value in given if isinstance(value, int | float)
+    )
     index = kept._cache_file
     index._source_stamp = (index._source_stamp, constants)
 

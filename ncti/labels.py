@@ -20,7 +20,7 @@ def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
     """Return a table of arrays, each with its label and perhaps its unit."""
     import xarray as xr
 
-    found = xr.Dataset({name: array for name, (array, *_) in columns.items()})
+    dataset = xr.Dataset({name: array for name, (array, *_) in columns.items()})
     for name, (_, label, *unit) in columns.items():
-        found[name].attrs |= {"units": unit[0] if unit else "1", "long_name": label}
-    return found
+        dataset[name].attrs |= {"units": unit[0] if unit else "1", "long_name": label}
+    return dataset

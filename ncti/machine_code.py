@@ -38,12 +38,12 @@ def _is_private(place: Path) -> bool:
         for part in reversed((place, *place.parents)):
             if not part.is_dir():
                 part.mkdir(mode=0o700, exist_ok=True)
-        found = place.stat()
+        status = place.stat()
     except OSError:
         return False
     # numba runs what it loads from there, so no other user may write to it.
     alone = not hasattr(os, "geteuid") or (
-        found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )
     return alone and os.access(place, os.W_OK | os.X_OK)
 

@@ -170,10 +170,10 @@ def whiten(factor: Floats, columns: Floats) -> Floats:
 
 def coloured(factor: Floats, white: Floats) -> Floats:
     """Return L times a (bin,) vector, with L a lower band."""
-    found = np.zeros_like(white)
+    product = np.zeros_like(white)
     for lag, band in enumerate(factor):
-        found[lag:] += band[: len(white) - lag] * white[: len(white) - lag]
-    return found
+        product[lag:] += band[: len(white) - lag] * white[: len(white) - lag]
+    return product
 
 
 def densities(
@@ -211,11 +211,11 @@ def densities(
     size = 2 * np.log(factor[0]).sum() + len(white) * np.log(2 * math.pi / frames)
     gram, along = unit.T @ unit, (unit.T @ white).T
     deviations = np.asarray(priors)
-    found: Floats = np.empty((len(deviations), len(off)))
+    density: Floats = np.empty((len(deviations), len(off)))
     for k, prior in enumerate(deviations):
         scale = np.append(prior, np.ones(len(gram) - len(prior)))
         inner = np.eye(len(gram)) + frames[:, None, None] * (gram * np.outer(scale, scale))
         overlap = frames[:, None] * (along * scale)
         known = np.sum(overlap * np.linalg.solve(inner, overlap[..., None])[..., 0], axis=1)
-        found[k] = -(alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
-    return found
+        density[k] = -(alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
+    return density

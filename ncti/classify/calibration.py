@@ -112,9 +112,9 @@ def fit_outlier_fraction(
     apart = np.minimum(apart, CIRCLE - apart)
     weight = ANYWHERE + np.exp(-((apart / NEARBY) ** 2) / 2)
     labels = len(templates.classes_)
-    for g, one in enumerate(answers):
-        found = likely_outlier_fraction(one, labels, weight, added=weight.mean(axis=1))
-        fresh = -np.expm1(FRESH * np.log1p(-np.minimum(found, CERTAIN)))
+    for g, answer in enumerate(answers):
+        fraction = likely_outlier_fraction(answer, labels, weight, added=weight.mean(axis=1))
+        fresh = -np.expm1(FRESH * np.log1p(-np.minimum(fraction, CERTAIN)))
         outlier_fraction.reshape(-1, len(place))[g] = fresh[place]
     return outlier_fraction
 
@@ -247,8 +247,8 @@ def fit_temperature_and_outliers(
         mixed = (1 - outlier_fraction) * answers + outlier_fraction / len(classes)
         return outlier_fraction, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
 
-    found = least_at(lambda log_inverse_temperature: fitted(log_inverse_temperature)[1], spread)
-    return math.exp(found), fitted(found)[0]
+    logarithm = least_at(lambda log_inverse_temperature: fitted(log_inverse_temperature)[1], spread)
+    return math.exp(logarithm), fitted(logarithm)[0]
 
 
 def least_at(loss: Callable[[float], float], spread: float) -> float:

@@ -199,8 +199,8 @@ def fuse(*scores: ArrayLike, inverse_temperature: Sequence[float]) -> Floats:
             "must be as many of one shape (sample, template)"
         )
     total = np.zeros(values[0].shape)
-    for one, step in zip(values, factors, strict=True):
-        total += step * (one - one.max(axis=1, keepdims=True, initial=-np.inf))
+    for term, step in zip(values, factors, strict=True):
+        total += step * (term - term.max(axis=1, keepdims=True, initial=-np.inf))
     return total
 
 

@@ -413,7 +413,7 @@ def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> 
         return -float(np.logaddexp.reduce(logs, axis=1).mean())
 
     bounds = tuple(map(math.log, WITHIN))
-    found = minimize_scalar(
+    least = minimize_scalar(
         negative_log_likelihood, bounds=bounds, method="bounded", options={"xatol": 0.05}
     )
-    return math.exp(float(found.x))
+    return math.exp(float(least.x))

@@ -70,8 +70,8 @@ class Similarities:
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
         none = np.zeros((0, len(learned)))
-        found = cls(directions, lengths, directions @ directions.T, none, np.zeros(0, dtype=bool))
-        return found if tests is None else found.to(tests)
+        own = cls(directions, lengths, directions @ directions.T, none, np.zeros(0, dtype=bool))
+        return own if tests is None else own.to(tests)
 
     def to(self, tests: ArrayLike) -> Similarities:
         """Return the similarities of the same training vectors to other (test, feature) vectors.
@@ -132,9 +132,9 @@ class Clustering:
         """Return the most frequent class in each category, (category,), from (sample,) classes."""
         named = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(np.intp)
         require_shape("classes", named, (len(self.labels),))
-        there = self.labels != NO_CATEGORY
+        matched = self.labels != NO_CATEGORY
         votes = np.zeros((len(self.weights), int(named.max()) + 1), dtype=np.intp)
-        np.add.at(votes, (self.labels[there], named[there]), 1)
+        np.add.at(votes, (self.labels[matched], named[matched]), 1)
         return votes.argmax(axis=1)
 
     def first_names(self, classes: Indices, order: Indices) -> Indices:

@@ -112,7 +112,8 @@ def scored(
         spread = xr.DataArray(of_draws, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
         said = f"standard deviation of that fraction over {' and '.join(draws)}"
         figures["spread"] = spread.values, said
-    return by_bin(answers, score.labels, {prefix + name: one for name, one in figures.items()})
+    named = {prefix + name: figure for name, figure in figures.items()}
+    return by_bin(answers, score.labels, named)
 
 
 def by_bin(

@@ -121,8 +121,8 @@ def replicated_accuracy(
     of_cells, asked_of_cells = right.reshape(number, *inner), asked.reshape(number, *inner)
     for first in range(0, len(whole[0]), some):
         cells = slice(first, first + some)
-        found = _accuracy(of_cells[cells], asked_of_cells[cells], member, draws)
-        for values, of_some in zip(whole, found, strict=True):
+        accuracy = _accuracy(of_cells[cells], asked_of_cells[cells], member, draws)
+        for values, of_some in zip(whole, accuracy, strict=True):
             values[cells] = of_some
     fraction, low, high, n = (values.reshape(*lead, len(labels) + 1) for values in whole)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
@@ -232,7 +232,7 @@ def paired_difference(
     require("draws", draws, whole=True, minimum=0)
     both = [checked_answers(right, len(index), draws) for right in (first, second)]
     require_shape("second", both[1], both[0].shape)
-    one, other = (
+    former, other = (
         replicated_accuracy(right, aspects, draws=draws, answered=answered) for right in both
     )
     count = np.broadcast_to(np.asarray(answered), both[0].shape).astype(float)
@@ -240,7 +240,7 @@ def paired_difference(
     answers = max(np.prod([count.shape[kind] for kind in kinds]), 1)  # to a view
     seen = count.sum(axis=kinds)
     means = [(right * count).sum(axis=kinds) / np.maximum(seen, 1.0) for right in both]
-    phi = np.zeros(one.fraction.shape)
+    phi = np.zeros(former.fraction.shape)
     for k in range(len(labels) + 1):
         inside = (seen > 0) & ((index == k) | (k == len(labels)))
         some = np.maximum(inside.sum(axis=(-2, -1), keepdims=True), 1)
@@ -256,10 +256,10 @@ def paired_difference(
     def reach(up: Floats, down: Floats) -> Floats:
         return np.sqrt(np.maximum(up**2 - 2.0 * phi * up * down + down**2, 0.0))
 
-    difference = other.fraction - one.fraction
-    low = difference - reach(other.fraction - other.ci_low, one.ci_high - one.fraction)
-    high = difference + reach(other.ci_high - other.fraction, one.fraction - one.ci_low)
-    return AspectAccuracy(one.labels, difference, low, high, one.n)
+    difference = other.fraction - former.fraction
+    low = difference - reach(other.fraction - other.ci_low, former.ci_high - former.fraction)
+    high = difference + reach(other.ci_high - other.fraction, former.fraction - former.ci_low)
+    return AspectAccuracy(former.labels, difference, low, high, former.n)
 
 
 def _views(values: Floats, member: Floats) -> Floats:

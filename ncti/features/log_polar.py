@@ -272,9 +272,9 @@ def _bilinear(
     """Return bilinear samples of each image, relative to `corner`; zero outside the image."""
     images, rows, columns = stack.shape
     # Most samples of a long ship lie outside the image and need no interpolation.
-    there = (row > -1 - corner[0]) & (row < rows - corner[0])
-    there &= (column > -1 - corner[1]) & (column < columns - corner[1])
-    inside = np.flatnonzero(there)
+    near = (row > -1 - corner[0]) & (row < rows - corner[0])
+    near &= (column > -1 - corner[1]) & (column < columns - corner[1])
+    inside = np.flatnonzero(near)
     image = inside // (row.size // images)
     # Integer part, fraction, and position in the bordered stack.
     y, x = row.reshape(-1)[inside], column.reshape(-1)[inside]

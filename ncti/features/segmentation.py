@@ -142,12 +142,12 @@ def _threshold(method: str) -> Callable[[Floats], float]:
     # Imported here because scikit-image and scipy take half a second.
     from skimage import filters
 
-    found: dict[str, Callable[[Floats], float]] = {
+    thresholds: dict[str, Callable[[Floats], float]] = {
         "otsu": filters.threshold_otsu,
         "li": filters.threshold_li,
         "isodata": filters.threshold_isodata,
     }
-    return found[method]
+    return thresholds[method]
 
 
 def _above(threshold: Callable[[Floats], float], image: Floats) -> Mask:
@@ -187,8 +187,8 @@ def _matched(stack: Floats, *, contrast: Floats, target_sigma: Floats, sea_sigma
     target &= (contrast > 0) & (span > 0)
     if not target.any():
         return target
-    found = target.any(axis=(1, 2), keepdims=True)
-    return _whole(_conditional_modes(target, np.where(found, ratio, -np.inf)), weights=ratio)
+    seen = target.any(axis=(1, 2), keepdims=True)
+    return _whole(_conditional_modes(target, np.where(seen, ratio, -np.inf)), weights=ratio)
 
 
 def _log_likelihood_ratio(
@@ -262,9 +262,9 @@ def _whole(target: Mask, *, weights: Floats | None) -> Mask:
     image[flat[ships] - 1] = ships // target[0].size
     # The heaviest region of each image; of equals the one with the lowest number, first in rows.
     order = np.lexsort((-weight, image))
-    there, first = np.unique(image[order], return_index=True)
+    shown, first = np.unique(image[order], return_index=True)
     chosen = np.full((len(target), 1, 1), -1)
-    chosen[there, 0, 0] = order[first] + 1
+    chosen[shown, 0, 0] = order[first] + 1
     region: Mask = regions == chosen
     # Sea that is not 4-connected to the outside is a hole.
     sea = np.ones((len(target), target.shape[1] + 2, target.shape[2] + 2), dtype=bool)

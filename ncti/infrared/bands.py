@@ -226,10 +226,10 @@ def _reduced(temperature: ArrayLike, band: tuple[float, float]) -> tuple[Floats,
 def _tail(x: Floats) -> Floats:
     """Return the integral of t^3 / (exp(t) - 1) from x to infinity, for x above 0."""
     far = np.maximum(x, _NEAR_ZERO)
-    found = np.zeros_like(far)
+    series = np.zeros_like(far)
     for n in range(1, _TERMS + 1):
-        found += np.exp(-n * far) * (((far / n + 3 / n**2) * far + 6 / n**3) * far + 6 / n**4)
+        series += np.exp(-n * far) * (((far / n + 3 / n**2) * far + 6 / n**3) * far + 6 / n**4)
     near = np.minimum(x, _NEAR_ZERO)
     return np.where(
-        x < _NEAR_ZERO, math.pi**4 / 15 - sum(part * near**power for power, part in _POWERS), found
+        x < _NEAR_ZERO, math.pi**4 / 15 - sum(part * near**power for power, part in _POWERS), series
     )

@@ -86,7 +86,7 @@ def places_of_bits(
     horizontal, vertical = np.empty(many), np.empty(many)
     cos, sin = turn
     # Place of each set bit: row and column, then the lattice's roll.
-    found, row, ended = 0, 0, columns
+    number, row, ended = 0, 0, columns
     for i in range(bits.size):
         if bits[i]:
             for k in range(8):
@@ -96,9 +96,9 @@ def places_of_bits(
                         row, ended = row + 1, ended + columns
                     along = corner[0] + pixel * (place - ended + columns)
                     up = corner[1] + pixel * row
-                    horizontal[found] = along * cos - up * sin
-                    vertical[found] = along * sin + up * cos
-                    found += 1
+                    horizontal[number] = along * cos - up * sin
+                    vertical[number] = along * sin + up * cos
+                    number += 1
     return horizontal, vertical
 
 

@@ -71,13 +71,13 @@ class LargestWindow:
     def axes(self, super_resolution: str) -> dict[str, Floats]:
         """Return `vertical` (row,) and `horizontal` (col,), places of its pixels [m]."""
         whole = self.half_pixels()
-        found = {}
+        places = {}
         for axis, name in enumerate(("vertical", "horizontal")):
             halves = whole.origin[1 - axis] + whole.footprint * np.arange(
                 whole.coverage.shape[axis]
             )
-            found[name] = halves.reshape(-1, HALVES[super_resolution]).mean(axis=1)
-        return found
+            places[name] = halves.reshape(-1, HALVES[super_resolution]).mean(axis=1)
+        return places
 
 
 @lru_cache(maxsize=8)

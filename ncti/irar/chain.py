@@ -98,15 +98,15 @@ def nearest_ship_range(scan: Scan) -> Floats:
     depth. The range of a sample of sea beside the ship is noise: the sample must move as the ship's
     edge does, or it would cover part of it.
     """
-    there = scan.intensity > STANDS_OUT * np.median(scan.intensity)
-    if not there.any():
+    ship = scan.intensity > STANDS_OUT * np.median(scan.intensity)
+    if not ship.any():
         return scan.range
     # Imported here because scipy takes a tenth of a second or more.
     from scipy.ndimage import distance_transform_edt
 
-    nearest = distance_transform_edt(~there, return_distances=False, return_indices=True)
-    found: Floats = scan.range[tuple(nearest)]
-    return found
+    nearest = distance_transform_edt(~ship, return_distances=False, return_indices=True)
+    ranges: Floats = scan.range[tuple(nearest)]
+    return ranges
 
 
 def places(
@@ -223,16 +223,16 @@ def correct(
     index = gather_looks(row, column - window.left, rows=rows, columns=window.columns)
     # One range from the looks of a pixel, some of them false.
     if how.range_filter == "cluster":
-        found = histogram_cluster_average(looks_of(ranges, index), window=cluster_width(flight))
+        combined = histogram_cluster_average(looks_of(ranges, index), window=cluster_width(flight))
     else:
-        found = (median if how.range_filter == "median" else average)(ranges, index)
+        combined = (median if how.range_filter == "median" else average)(ranges, index)
     infrared = time_delay_integrate(scan.infrared)
     return Snapshot(
         window,
         rows,
         centres(window.left, window.columns, 1),
         average(scan.intensity, index),
-        found,
+        combined,
         average(infrared, index),
         np.count_nonzero(index >= 0, axis=-1),
     )
@@ -259,9 +259,9 @@ def sea_level(looks: NDArray[np.intp], flight: Flight) -> Floats:
     pulse to pulse at any line rate. Overscanned rows share looks: neighbours exceed the level
     together, each as rarely as any.
     """
-    levels, there = np.zeros(looks.shape), looks > 0
-    levels[there] = noise_threshold(
-        looks[there],
+    levels, seen = np.zeros(looks.shape), looks > 0
+    levels[seen] = noise_threshold(
+        looks[seen],
         depth=flight.range_gate,
         pulse_length=flight.pulse_length,
         dropout=flight.threshold,

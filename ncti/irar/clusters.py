@@ -69,10 +69,10 @@ def histogram_cluster_average(ranges: ArrayLike, *, window: float) -> NDArray[np
     if not looks.size:
         return np.full(looks.shape[:-1], np.nan)
     ordered = np.sort(looks, axis=-1).reshape(-1, looks.shape[-1])  # NaN last
-    found = np.empty(len(ordered))
+    average = np.empty(len(ordered))
     for block in range(0, len(ordered), _BLOCK):
-        found[block : block + _BLOCK] = _densest(ordered[block : block + _BLOCK].T, window)
-    return found.reshape(looks.shape[:-1])
+        average[block : block + _BLOCK] = _densest(ordered[block : block + _BLOCK].T, window)
+    return average.reshape(looks.shape[:-1])
 
 
 def _densest(looks: NDArray[np.float64], window: float) -> NDArray[np.float64]:

@@ -37,9 +37,9 @@ def sea_places(flight: Flight, time: Floats, along: Floats, across: Floats) -> F
     origin, ways = flight.position(time), flight.directions(along, across)
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.where(ways[..., 2] < 0, -origin[..., 2] / ways[..., 2], np.nan)
-    found = origin[..., :2] + reach[..., None] * ways[..., :2]
-    found[..., 0] += flight.ship_speed * time
-    return found
+    place = origin[..., :2] + reach[..., None] * ways[..., :2]
+    place[..., 0] += flight.ship_speed * time
+    return place
 
 
 def clutter(
@@ -104,6 +104,6 @@ def clutter(
     total = np.zeros(x.size)
     for (k, m), phase in zip(vectors, phases, strict=True):
         total += np.cos(k * x + m * y + phase)
-    found = np.zeros(seen.shape)
-    found[seen] = deviation * math.sqrt(2 / WAVES) * total
-    return found
+    temperature = np.zeros(seen.shape)
+    temperature[seen] = deviation * math.sqrt(2 / WAVES) * total
+    return temperature

@@ -233,9 +233,11 @@ def measure_tilts(
         "infrared_": tilt(scan, images[1], truths[1]),
         "noiseless_": tilt(clean, noiseless, truths[1]),
     }
-    found = {f"{name}mast_tilt": np.array(one.mast) for name, one in several.items()}
-    found |= {f"{name}waterline_tilt": np.array(one.waterline) for name, one in several.items()}
-    return found | {
+    degrees = {f"{name}mast_tilt": np.array(tilted.mast) for name, tilted in several.items()}
+    degrees |= {
+        f"{name}waterline_tilt": np.array(tilted.waterline) for name, tilted in several.items()
+    }
+    return degrees | {
         "mast_tilt_error": np.array(lean.mast_error),
         "waterline_tilt_error": np.array(lean.waterline_error),
     }

@@ -208,8 +208,8 @@ def landmarks(
         """Return the highest peak in a window past the hangar."""
         near, far = _window(name, window)
         offsets = centres[tops] - spike
-        found = tops[(offsets >= near) & (offsets <= far)]
-        return peak(int(found[values[found].argmax()])) if found.size else Peak(math.nan, 0.0, 0.0)
+        peaks = tops[(offsets >= near) & (offsets <= far)]
+        return peak(int(peaks[values[peaks].argmax()])) if peaks.size else Peak(math.nan, 0.0, 0.0)
 
     # Ends of the ship, the transom at its stern and the spikes of the deck before the hangar.
     stern, last = _ends(values, centres, width, end)

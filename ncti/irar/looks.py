@@ -175,9 +175,9 @@ def average(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
     array([[5., 1.]])
     """
     looks = looks_of(values, index)
-    there = ~np.isnan(looks)
-    count = there.sum(axis=-1)
-    total = np.where(there, looks, 0.0).sum(axis=-1)
+    valid = ~np.isnan(looks)
+    count = valid.sum(axis=-1)
+    total = np.where(valid, looks, 0.0).sum(axis=-1)
     return np.where(count > 0, total / np.maximum(count, 1), math.nan)
 
 

@@ -28,14 +28,14 @@ def transom(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     """Return the mask (facet,) of the transom: at the stern's end and facing aft."""
     centre, normal = mesh.triangles_center, mesh.face_normals
     stern = centre[:, 0] < mesh.bounds[0, 0] + TRANSOM_DEPTH
-    found: NDArray[np.bool_] = stern & (normal[:, 0] < -LOOKS_AFT)
-    return found
+    transom_facets: NDArray[np.bool_] = stern & (normal[:, 0] < -LOOKS_AFT)
+    return transom_facets
 
 
 def masts(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     """Return the mask (facet,) of masts, yards and antennas: above half the ship's height."""
-    found: NDArray[np.bool_] = mesh.triangles_center[:, 2] > MAST_HEIGHT * mesh.bounds[1, 2]
-    return found
+    high: NDArray[np.bool_] = mesh.triangles_center[:, 2] > MAST_HEIGHT * mesh.bounds[1, 2]
+    return high
 
 
 def reflectivity(

@@ -91,12 +91,12 @@ def noise_peak(
     """
     levels = np.concatenate([np.geomspace(1e-9, 0.01, 100)[:-1], np.linspace(0.01, 40.0, 4000)])
     uniform, depth = np.broadcast_arrays(uniform, depth)
-    found = np.empty(uniform.shape)
+    level = np.empty(uniform.shape)
     for length in np.unique(depth):  # few: the gate, and the gate without a waveform
         same = depth == length
         below = noise_below(levels, depth=length, pulse_length=pulse_length)
-        found[same] = np.interp(uniform[same], below, levels)
-    return found
+        level[same] = np.interp(uniform[same], below, levels)
+    return level
 
 
 def peaks(

@@ -151,8 +151,8 @@ def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Float
     point = now + reach[..., None] * _beams(flight, time.shape)
     seen = point - flight.position(np.zeros(()))
     row, column = _image(flight, seen)
-    there = np.linalg.norm(seen, axis=-1)
-    return row, column, np.where(np.isnan(ranges), np.nan, there)
+    distance = np.linalg.norm(seen, axis=-1)
+    return row, column, np.where(np.isnan(ranges), np.nan, distance)
 
 
 def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Floats]:
@@ -354,10 +354,10 @@ def motion_displacement(
         row, column = _image(flight, -now)
         nominal = np.linalg.norm(now, axis=-1)
         return -row, -column, flight.slant_range - nominal
-    row, column, there = snapshot_places(flight, time, ranges)
+    row, column, distance = snapshot_places(flight, time, ranges)
     row_now, column_now = _image(flight, _beams(flight, time.shape))
     nominal = np.linalg.norm(now, axis=-1)
-    closer = np.where(np.isnan(ranges), np.linalg.norm(then) - nominal, there - ranges)
+    closer = np.where(np.isnan(ranges), np.linalg.norm(then) - nominal, distance - ranges)
     return row - row_now, column - column_now, closer
 
 

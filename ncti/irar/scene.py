@@ -210,16 +210,16 @@ def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, F
 def _aimed(flight: Flight, corners: Floats) -> Flight:
     """Return the flight whose scan is centred where the middle of the ship passes."""
     pointing = [flight.offset, flight.offset + 0.1]
-    found: list[float] = []
+    middles: list[float] = []
     for _ in range(8):
-        aimed = replace(flight, pointing=pointing[len(found)])
+        aimed = replace(flight, pointing=pointing[len(middles)])
         _, along, _ = _crossings(aimed, corners, name="offset")
-        found.append(float(along.min() + along.max()) / 2)
-        if abs(found[-1]) < flight.ifov / 10:
+        middles.append(float(along.min() + along.max()) / 2)
+        if abs(middles[-1]) < flight.ifov / 10:
             break
-        if len(found) > 1:  # secant method, on a nearly straight line
-            slope = (pointing[-1] - pointing[-2]) / (found[-1] - found[-2])
-            pointing.append(pointing[-1] - found[-1] * slope)
+        if len(middles) > 1:  # secant method, on a nearly straight line
+            slope = (pointing[-1] - pointing[-2]) / (middles[-1] - middles[-2])
+            pointing.append(pointing[-1] - middles[-1] * slope)
     return aimed
 
 
@@ -292,7 +292,7 @@ def scan_scene(
     columns = np.arange(-leading, flight.samples)
     part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS * flight.ifov
     time = plan.time(columns)
-    found = []
+    blocks = []
     errors = np.zeros((plan.lines, 2)) if attitude is None else attitude
     radius = float(np.linalg.norm(mesh.extents)) / 2
     for start in range(0, plan.lines, LINES_AT_ONCE):
@@ -318,7 +318,7 @@ def scan_scene(
         hits = cast_rays(mesh, starts, ways)
         which, ray = np.divmod(hits.ray, RAYS**2)
         place = (near[0][which] + start) * len(columns) + near[1][which]
-        found.append((place, ray, hits.distance, brightness(hits)))
+        blocks.append((place, ray, hits.distance, brightness(hits)))
     nothing = [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0))]
-    place, ray, distance, power = map(np.concatenate, zip(*(found or nothing), strict=True))
+    place, ray, distance, power = map(np.concatenate, zip(*(blocks or nothing), strict=True))
     return Returns((plan.lines, len(columns)), place, ray, distance, power / RAYS**2, RAYS**2)

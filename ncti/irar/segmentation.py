@@ -145,19 +145,19 @@ def noise_threshold(
     width = 2 * float(spread[-1] + jump) / step
     size = fft.next_fast_len(max(math.ceil(width), len(share)), real=True)
     # Distribution of the sum for each number of looks, in ascending order.
-    one = fft.rfft(share, size)
-    sums = np.ones_like(one)
-    found = np.empty(len(numbers))
+    single = fft.rfft(share, size)
+    sums = np.ones_like(single)
+    thresholds = np.empty(len(numbers))
     for i, further in enumerate(np.diff(numbers, prepend=0).astype(int).tolist()):
-        sums *= one if further == 1 else one**further
+        sums *= single if further == 1 else single**further
         total = np.roll(fft.irfft(sums, size), -(low[i] % size))
         # above[k] is the probability of the last k + 1 values; interpolate it in its logarithm.
         above = np.cumsum(total[::-1])
         at = int(np.searchsorted(above, false_alarm, side="right"))
         more, less = above[at], max(above[at - 1], _NEVER)
         inside = math.log(more / false_alarm) / math.log(more / less)
-        found[i] = (low[i] + size - 1.5 - at + inside) * step
-    return (np.maximum(found, dropout) / numbers)[place].reshape(counts.shape)
+        thresholds[i] = (low[i] + size - 1.5 - at + inside) * step
+    return (np.maximum(thresholds, dropout) / numbers)[place].reshape(counts.shape)
 
 
 def _noise_look(

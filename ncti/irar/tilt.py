@@ -185,11 +185,11 @@ def tilts(
     fit = fit_place(seen[:, *box], known[:, *box], view, looks.within(*box), place, least)
     if fit is None:
         return _NONE
-    found = _tilt(*fit)
+    tilt = _tilt(*fit)
     return replace(
-        found,
-        mast_error=math.hypot(found.mast_error, math.degrees(lean / view.rows)),
-        waterline_error=math.hypot(found.waterline_error, math.degrees(lean / view.columns)),
+        tilt,
+        mast_error=math.hypot(tilt.mast_error, math.degrees(lean / view.rows)),
+        waterline_error=math.hypot(tilt.waterline_error, math.degrees(lean / view.columns)),
     )
 
 
@@ -215,15 +215,15 @@ def _checked(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArra
 
 def _tilt(place: Floats, covariance: Floats) -> Tilt:
     """Return the image's tilt, which is opposite to that of the truth as looks see it."""
-    found = []
+    leans = []
     # Mast from columns a row, waterline from rows a column; errors by linear propagation.
     for lean, scale in ((2, 5), (3, 4)):
         slope = -place[lean] / place[scale]
         change = np.zeros(6)
         change[lean], change[scale] = 1.0, slope
         error = math.sqrt(change @ covariance @ change) / abs(place[scale]) / (1.0 + slope**2)
-        found.append((math.degrees(math.atan(slope)), math.degrees(error)))
-    (mast, mast_error), (waterline, waterline_error) = found
+        leans.append((math.degrees(math.atan(slope)), math.degrees(error)))
+    (mast, mast_error), (waterline, waterline_error) = leans
     # The displacement is that of the inverse map.
     matrix = np.array([[place[4], place[3]], [place[2], place[5]]])
     up, right = -np.linalg.solve(matrix, place[:2])
@@ -287,11 +287,11 @@ def _levels(seen: Floats, truth: Floats) -> tuple[float, float]:
     """
     count = (truth > (truth**2).sum() / truth.sum() / 2).sum(axis=1)
     rows = np.flatnonzero(count >= min(4, count.max()))
-    found = []
+    medians = []
     for intensity in (seen, truth):
         ordered = -np.sort(-intensity[rows], axis=1)
-        found.append(float(np.median(ordered[np.arange(rows.size), count[rows] // 2])))
-    return found[0], found[1]
+        medians.append(float(np.median(ordered[np.arange(rows.size), count[rows] // 2])))
+    return medians[0], medians[1]
 
 
 def _refined(cells: Floats, factor: int) -> Floats:

@@ -134,13 +134,13 @@ def reference_range_extent(
         seen = seen + outline
 
     # added[0] lies in front of the first edge: it obscures what is behind but is in no bin.
-    found = sorted({cell for areas in added[1:] for cell, _ in areas})
-    row = {cell: k for k, cell in enumerate(found)}
-    area = np.zeros((len(found), len(bin_edges) - 1))
+    cells = sorted({cell for areas in added[1:] for cell, _ in areas})
+    row = {cell: k for k, cell in enumerate(cells)}
+    area = np.zeros((len(cells), len(bin_edges) - 1))
     for number, areas in enumerate(added[1:]):
         for cell, value in areas:
             area[row[cell], number] = value
-    return ReferenceExtent(area, np.array(found, dtype=np.int64).reshape(-1, 2))
+    return ReferenceExtent(area, np.array(cells, dtype=np.int64).reshape(-1, 2))
 
 
 def _project(mesh: trimesh.Trimesh, aspect: float, depression: float, curvature: float) -> Floats:

@@ -233,11 +233,11 @@ def _within(
     first = first_spacing(mesh, View.checked(**view), tolerance=goal, resolution=resolution)
     lines = line_image(mesh, spacing=min(first, spacing), **view)
     while True:
-        found = binned(lines)
-        error = sampling_error(found.strands, lines.count, pulse_width, bin_width=bin_width)
+        extent = binned(lines)
+        error = sampling_error(extent.strands, lines.count, pulse_width, bin_width=bin_width)
         factor = _factor(lines, error, goal)
         if not factor:
-            return lines, found
+            return lines, extent
         lines = refined(mesh, lines, factor)
 
 

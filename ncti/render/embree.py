@@ -120,10 +120,10 @@ def _twin(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
 
     Which of two coincident facets Embree returns is chance.
     """
-    found = np.full(len(facet), -1, dtype=np.intp)
-    for one in np.unique(facet):
-        normal = solid.normals[one]
-        level = solid.vertices @ normal - solid.vertices[solid.faces[one, 0]] @ normal
+    twin = np.full(len(facet), -1, dtype=np.intp)
+    for number in np.unique(facet):
+        normal = solid.normals[number]
+        level = solid.vertices @ normal - solid.vertices[solid.faces[number, 0]] @ normal
         flat = (np.abs(level) <= step)[solid.faces].all(axis=1)
         others = np.flatnonzero(flat & (solid.normals @ normal < 0))
         if not others.size:
@@ -133,8 +133,8 @@ def _twin(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
         # Inside a triangle a place is left of all its edges: inwards from each corner's edge.
         inwards = np.cross(solid.normals[others, None], edges)
         least = np.einsum("fek,fek->fe", inwards, corners)
-        for ray in np.flatnonzero(facet == one):
+        for ray in np.flatnonzero(facet == number):
             inside = (inwards @ place[ray] >= least).all(axis=1)
             if inside.any():
-                found[ray] = others[inside.argmax()]
-    return found
+                twin[ray] = others[inside.argmax()]
+    return twin

@@ -97,13 +97,13 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 
 @compiled
 def by_lines(
-    found: NDArray[np.void], of: Places, strip: Places, strips: Places, start: NDArray[np.int64]
+    unsorted: NDArray[np.void], of: Places, strip: Places, strips: Places, start: NDArray[np.int64]
 ) -> NDArray[np.void]:
     """Return crossings line by line, and of a line strip by strip.
 
     Parameters
     ----------
-    found : (crossing,) CROSSING ndarray
+    unsorted : (crossing,) CROSSING ndarray
         Crossings in any order.
     of, strip : (crossing,) uint32 ndarray
         Line and strip of each.
@@ -117,8 +117,8 @@ def by_lines(
         count = strips[s]
         strips[s] = first
         first += count
-    by_strip = np.empty(len(found), np.uint32)
-    for n in range(len(found)):
+    by_strip = np.empty(len(unsorted), np.uint32)
+    for n in range(len(unsorted)):
         by_strip[strips[strip[n]]] = n
         strips[strip[n]] += 1
     before, crossings = np.int64(0), np.int64(0)
@@ -126,9 +126,9 @@ def by_lines(
         crossings += start[k]
         start[k] = before
         before += crossings
-    crossing, free = np.empty(len(found), CROSSING), start.copy()
+    crossing, free = np.empty(len(unsorted), CROSSING), start.copy()
     for c in by_strip:
-        crossing[free[of[c]]] = found[c]
+        crossing[free[of[c]]] = unsorted[c]
         free[of[c]] += 1
     return crossing
 
@@ -183,7 +183,7 @@ def cross(
         total += counts * apart
 
     # They are found edge by edge.
-    found, of = np.empty(total, CROSSING), np.empty(total, np.uint32)
+    unsorted, of = np.empty(total, CROSSING), np.empty(total, np.uint32)
     strip, strips = np.empty(total, np.uint32), np.zeros(STRIPS, np.uint32)
     left_end = bounds[0, 0]
     narrow = STRIPS / max(bounds[0, 1] - left_end, 1e-300)
@@ -203,14 +203,14 @@ def cross(
             place = (number_of(lowest + k, every, kept) + phase) * spacing
             share = min(max((place - y) * per_rise, 0.0), 1.0)
             t = x + run * share
-            c = found[n]
+            c = unsorted[n]
             c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right
             of[n] = k
             strip[n] = np.uint32(min(max((t - left_end) * narrow, 0.0), STRIPS - 1.0))
             strips[strip[n]] += 1
             n += 1
 
-    return lowest, start, by_lines(found, of, strip, strips, start)
+    return lowest, start, by_lines(unsorted, of, strip, strips, start)
 
 
 @inlined

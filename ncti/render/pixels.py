@@ -73,7 +73,7 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     The loops of `_in_front` and `_covering` hold arithmetic alone, so that they are compiled to
     vector instructions; facets are chosen and looked up between them.
     """
-    found = np.empty(len(faces) + 1, np.int32)
+    chosen = np.empty(len(faces) + 1, np.int32)
     # Typed, for a plain 0 would have what takes it as an argument compiled once more.
     number, begin = np.int64(0), np.int64(0)
     batch, candidate = np.empty((6, BATCH)), np.empty((6, BATCH + 1))
@@ -102,9 +102,9 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
             while state[e] == MORE:
                 _covering(candidate, e, e + 1, tried, margin, state)
                 tried += ROWS
-            found[number] = facet[e]
+            chosen[number] = facet[e]
             number += state[e] & COVERS
-    return found[:number]
+    return chosen[:number]
 
 
 @compiled
@@ -322,8 +322,8 @@ def surface(
             a = max(-(n_r + curvature * s), STEEPEST)
             r = (s - offsets[f]) / a
             if a < STEEP:
-                one, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
-                r = min(max(r, min(one, two, three)), max(one, two, three))
+                first, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
+                r = min(max(r, min(first, two, three)), max(first, two, three))
             if curvature == 0.0:  # w and t are 1, in a fifth less time
                 down_range[row, column] = r
                 slope = 1.0 / a

@@ -45,13 +45,13 @@ def spans(
             _widen(reach, ax, ay, bx, by, margin)
             _widen(reach, bx, by, cx, cy, margin)
             _widen(reach, cx, cy, ax, ay, margin)
-    found = np.zeros((rows, 2), np.int64)
+    span = np.zeros((rows, 2), np.int64)
     for row in range(rows):
         left, right = reach[row // STRIP]
         if left <= right:
-            found[row, 0] = max(math.ceil(left), 0)
-            found[row, 1] = max(min(math.floor(right) + 1, columns), found[row, 0])
-    return found
+            span[row, 0] = max(math.ceil(left), 0)
+            span[row, 1] = max(min(math.floor(right) + 1, columns), span[row, 0])
+    return span
 
 
 @compiled

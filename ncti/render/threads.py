@@ -68,7 +68,7 @@ def swept(
     if parts == 1:
         return part(0)
     each = zip(*_pool(parts, os.getpid()).map(part, range(parts)), strict=True)
-    line, piece, surface = (np.concatenate(found) for found in each)
+    line, piece, surface = (np.concatenate(parts_of) for parts_of in each)
     return line, piece, surface
 
 

@@ -326,8 +326,8 @@ def detect(
     links = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(len(hot), len(hot)))
     count, label = connected_components(links, directed=False)
     parts = (hot[label == number] for number in range(count))
-    found = [Detection(box=_box(pixel), pixel=pixel) for pixel in parts]
-    return tuple(sorted(found, key=lambda one: one.box))
+    detections = [Detection(box=_box(pixel), pixel=pixel) for pixel in parts]
+    return tuple(sorted(detections, key=lambda detection: detection.box))
 
 
 def _box(pixel: Pixels) -> Box:

@@ -123,13 +123,13 @@ def _single(sheet: Sheet, component: Component) -> Manifold:
 
 def piece(sheet: Sheet, component: Component) -> Piece:
     """Return the solid of one component with all its copies."""
-    one = _single(sheet, component)
-    if one.status() != Error.NoError or one.volume() <= 0:
+    single = _single(sheet, component)
+    if single.status() != Error.NoError or single.volume() <= 0:
         raise ShipError(
             f"{sheet.name}: component {shown(component.name)} is not a solid with these sizes, "
             "but must enclose a volume."
         )
-    copies = [one.translate(np.add(component.at, (*shift, 0.0))) for shift in component.offsets]
+    copies = [single.translate(np.add(component.at, (*shift, 0.0))) for shift in component.offsets]
     if component.mirror:
         copies += [copy.mirror((0, 1, 0)) for copy in copies]
     return Piece(component.name, union(copies), component.cuts)

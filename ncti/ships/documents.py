@@ -33,10 +33,10 @@ class _Loader(LOADER):  # type: ignore[valid-type, misc]
         seen = set()
         for key in own:
             if isinstance(key, yaml.ScalarNode):
-                found = self.construct_object(key)
-                if found in seen:
-                    raise _Twice(f"{shown(found)} is given twice (line {key.start_mark.line + 1})")
-                seen.add(found)
+                name = self.construct_object(key)
+                if name in seen:
+                    raise _Twice(f"{shown(name)} is given twice (line {key.start_mark.line + 1})")
+                seen.add(name)
         return super().construct_mapping(node, deep)
 
 
@@ -97,10 +97,10 @@ def _check_size(where: str, text: str) -> None:
             case yaml.CollectionEndEvent():
                 anchor, before = opened.pop()
                 size_of[anchor] = values - before
-        found = f"has {values} values or more, with those that its aliases stand for"
-        _check(where, found, values, MOST_VALUES)
+        excess = f"has {values} values or more, with those that its aliases stand for"
+        _check(where, excess, values, MOST_VALUES)
 
 
-def _check(where: str, found: str, size: int, most: int) -> None:
+def _check(where: str, excess: str, size: int, most: int) -> None:
     if size > most:
-        raise ShipError(f"{where}: {found}, but may be at most {most}.")
+        raise ShipError(f"{where}: {excess}, but may be at most {most}.")

@@ -104,9 +104,9 @@ def _placed(parts: list[trimesh.Trimesh], transform: Transform, where: str) -> P
     diagnosis = diagnose(np.asarray(whole.vertices), np.asarray(whole.faces))
     if whole.vertices[:, 2].max() <= 0:
         mend = diagnosis.mend and transform.then(diagnosis.mend)
-        found = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
+        findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
         advice = f" ({{{mend}}} would correct that)" if mend else ""
-        raise ShipError(f"{where} {found}, but only z > 0 m counts{advice}.")
+        raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")
     for part in parts if unite else [whole]:
         check_closed(part, where)
     if not unite and whole.vertices[:, 2].min() >= 0:

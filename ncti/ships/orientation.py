@@ -204,22 +204,22 @@ def section_areas(
         places = (np.arange(SECTIONS) + 0.5) / SECTIONS
     corners = vertices[faces]
     edges = corners[:, 1:] - corners[:, :1]
-    one, other = (k for k in range(3) if k != axis)
-    normal = (edges[:, 0, one] * edges[:, 1, other] - edges[:, 0, other] * edges[:, 1, one]) / 2
+    first, other = (k for k in range(3) if k != axis)
+    normal = (edges[:, 0, first] * edges[:, 1, other] - edges[:, 0, other] * edges[:, 1, first]) / 2
     normal *= -1.0 if axis == 1 else 1.0  # y, z, x turn the other way than x, y, z without y
     along = corners[:, :, axis]
     low, high = along.min(axis=1), along.max(axis=1)
     start, extent = float(vertices[:, axis].min()), float(np.ptp(vertices[:, axis]))
     cuts = start + extent * places
     level = high - low <= 1e-6 * extent
-    found = _sum_beyond(high[level], normal[level], cuts)
+    area = _sum_beyond(high[level], normal[level], cuts)
     # Shares beyond a cut are ramps from `low` to `high`: differences of two ramps without end.
     slope = normal[~level] / (high - low)[~level]
     for ends, sign in ((high, 1.0), (low, -1.0)):
         place = ends[~level] - start
-        found += sign * _sum_beyond(ends[~level], slope * place, cuts)
-        found -= sign * _sum_beyond(ends[~level], slope, cuts) * (cuts - start)
-    return np.maximum(found, 0.0)
+        area += sign * _sum_beyond(ends[~level], slope * place, cuts)
+        area -= sign * _sum_beyond(ends[~level], slope, cuts) * (cuts - start)
+    return np.maximum(area, 0.0)
 
 
 def _sum_beyond(places: Floats, weights: Floats, cuts: Floats) -> Floats:

@@ -86,11 +86,11 @@ def _mapping(where: str, value: Any, needs: frozenset[str]) -> dict[str, Any]:
 
 def _known(where: str, value: Any, keys: tuple[frozenset[str], frozenset[str]]) -> dict[str, Any]:
     """Return a mapping with all keys of the first set, and no others but of the second."""
-    found = _mapping(where, value, keys[0])
-    for key in sorted(found.keys() - keys[0] - keys[1], key=str):
+    mapping = _mapping(where, value, keys[0])
+    for key in sorted(mapping.keys() - keys[0] - keys[1], key=str):
         allowed = ", ".join(sorted(keys[0] | keys[1]))
         raise ShipError(f"{where}: {shown(key)} is not a key here; allowed are {allowed}.")
-    return found
+    return mapping
 
 
 def _sizes(where: str, prim: str, given: Mapping[str, Any]) -> dict[str, Any]:

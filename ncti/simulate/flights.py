@@ -121,9 +121,9 @@ def flight(
 
 def _raw(scan: Scan) -> xr.Dataset:
     """Return the raw images, those of the passive detectors as one, with short labels."""
-    found = scan.to_xarray()
-    infrared = ("line", "sample"), time_delay_integrate(scan.infrared), found.infrared.attrs
-    found = found.drop_dims("detector").assign(infrared=infrared)
+    images = scan.to_xarray()
+    infrared = ("line", "sample"), time_delay_integrate(scan.infrared), images.infrared.attrs
+    images = images.drop_dims("detector").assign(infrared=infrared)
     labels = {
         "intensity": INTENSITY,
         "infrared": TEMPERATURE,
@@ -132,8 +132,8 @@ def _raw(scan: Scan) -> xr.Dataset:
         "sample": "sample",
     }
     for name, label in labels.items():
-        found[name].attrs["long_name"] = label
-    return found
+        images[name].attrs["long_name"] = label
+    return images
 
 
 def _corrected(snapshot: Snapshot, flight: Flight) -> xr.Dataset:

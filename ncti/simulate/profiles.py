@@ -215,8 +215,8 @@ def _labelled(
     import xarray as xr
 
     down_range, *both = profiles
-    one = coords["aspect"][1].ndim == 0
-    averaged, expected = (each[0] if one else np.stack(each) for each in both)
+    single = coords["aspect"][1].ndim == 0
+    averaged, expected = (each[0] if single else np.stack(each) for each in both)
     dims = ("aspect", "down_range")[-averaged.ndim :]
     label = {"units": "1", "long_name": "amplitude above the noise floor"}
     coords["down_range"] = labelled("down_range", down_range, "m", "down-range")

@@ -84,7 +84,7 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
         defaults = _defaults(part, attributes)
         if defaults is None:
             continue
-        printed = [one for one in article() if one[0] == part.display.source]
+        printed = [row for row in article() if row[0] == part.display.source]
         for label in frame.rows.index[frame.rows["part"] == number]:
             values = frame.records[label]
             row = {axis: values[name] for axis, name in axes.items() if not missing(values[name])}
@@ -93,7 +93,7 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
             row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
             row["bin"] = _bin_start(str(row.get("aspect_bin")))
             for _, figure, at, value in printed:
-                if figure in theirs and all(row.get(name) == one for name, one in at.items()):
+                if figure in theirs and all(row.get(name) == value for name, value in at.items()):
                     theirs[figure][label] = value
     for name, values in theirs.items():
         if values:
@@ -120,7 +120,7 @@ def _defaults(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] 
         return {}
     if source not in GROUPS or not _has_source_views(part, attributes):
         return None
-    settings = {one.key: one for group in GROUPS[source] for one in group.declared}
+    settings = {setting.key: setting for group in GROUPS[source] for setting in group.declared}
     defaults = {}
     for key, written in flatten(settings.values(), attributes.get("configuration", {})).items():
         setting = settings[key]
@@ -156,7 +156,7 @@ def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:
 @lru_cache
 def _packaged() -> tuple[str, ...]:
     """Return the digests of the article's ships."""
-    return tuple(ships.digest(str(one)) for one in Grid.ship.values(Grid.ship.default))
+    return tuple(ships.digest(str(ship)) for ship in Grid.ship.values(Grid.ship.default))
 
 
 def _with_column(frame: Frame, figure: str, name: str, role: str, values: pd.Series) -> Frame:

@@ -115,7 +115,7 @@ def _subtracted(first: Frame, second: Frame, stores: str) -> Frame:
     shared = [name for name in axes if name in first.several and name in second.several]
     own = [name for name in axes if name not in first.several]
     names = [*dict.fromkeys([*shared, *own]), *figures]
-    rows, others = (one.rows.assign(**{PART: 0}) for one in (second, first))
+    rows, others = (table.rows.assign(**{PART: 0}) for table in (second, first))
     others = others[[PART, *shared, *figures]]
     rows = rows[[PART, *names]].merge(others, on=[PART, *shared], suffixes=("", "_first"))
     columns = {name: second.columns[name] for name in names}
@@ -157,7 +157,7 @@ def _answers(path: Path, part: Part) -> xr.DataArray:
     store = opened(path)
     group = part.group.replace("tables/", "classification/", 1)
     answers = read(store, group)[ANSWERS[part.display.figures[0].variable]].load()
-    given, marked = attributes(store), [one for one in MARKED if one in groups(store)]
+    given, marked = attributes(store), [group for group in MARKED if group in groups(store)]
     if not marked:
         return answers
     learned = read(store, marked[0])["learned"].load().reset_coords(drop=True)
@@ -174,14 +174,18 @@ def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None
     """Return the differences by aspect bin of the answers in common; None without any."""
     first, second = _with_dims(first, second.dims), _with_dims(second, first.dims)
     common = xr.align(first, second, join="inner")
-    one, other = xr.broadcast(*(answers.reset_coords(drop=True) for answers in common))
-    draws = [dim for dim in DRAWS if dim in one.dims]
-    if 0 in one.shape or not {*VIEW} <= {*one.dims}:
+    former, other = xr.broadcast(*(answers.reset_coords(drop=True) for answers in common))
+    draws = [dim for dim in DRAWS if dim in former.dims]
+    if 0 in former.shape or not {*VIEW} <= {*former.dims}:
         return None
-    one, other = (answers.transpose(..., *draws, *VIEW) for answers in (one, other))
-    asked = (one.values >= 0) & (other.values >= 0)
+    former, other = (answers.transpose(..., *draws, *VIEW) for answers in (former, other))
+    asked = (former.values >= 0) & (other.values >= 0)
     difference = paired_difference(
-        one.values == 1, other.values == 1, one.aspect.values, draws=len(draws), answered=asked
+        former.values == 1,
+        other.values == 1,
+        former.aspect.values,
+        draws=len(draws),
+        answered=asked,
     )
     figures = {
         "difference": (difference.fraction, "fraction of ships identified, second less first"),
@@ -189,7 +193,7 @@ def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None
         "ci_high": (difference.ci_high, "upper end of its 95 % interval"),
         "n": (difference.n, "number of pairs of answers"),
     }
-    return by_bin(one, difference.labels, figures)
+    return by_bin(former, difference.labels, figures)
 
 
 def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:

@@ -65,19 +65,19 @@ def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
 
     Its first draw, at the preferred value of all other axes.
     """
-    there = np.isfinite(flights.looks)
-    flown = np.atleast_1d(there.any([dim for dim in there.dims if dim != "ship"]).values)
+    seen = np.isfinite(flights.looks)
+    flown = np.atleast_1d(seen.any([dim for dim in seen.dims if dim != "ship"]).values)
     others = set(map(str, flights.looks.dims)) - {"ship", "aspect", "range", "replicate"}
     draws, titled = flights.sizes.get("replicate", 1), {}
     places = (np.atleast_1d(flights[name].values) for name in ("range", "aspect"))
     for ship, *at in product(np.atleast_1d(flights.ship.values)[flown], *places):
         here = flights.sel(ship=ship, range=at[0], aspect=at[1])
-        one = nominal(here, keep=("source", "kind", "pulse_width"))
+        flight = nominal(here, keep=("source", "kind", "pulse_width"))
         title = f"{ship} at {at[0]:g} km, aspect {at[1]:g}°, simulated"
         for axis in sorted(others):
-            if flights.sizes[axis] > 1 and axis in one.looks.coords:
-                title += f", {axis.replace('_', ' ')} {one[axis].item()}"
-        titled[title + f", first of {draws} draws" * (draws > 1)] = one
+            if flights.sizes[axis] > 1 and axis in flight.looks.coords:
+                title += f", {axis.replace('_', ' ')} {flight[axis].item()}"
+        titled[title + f", first of {draws} draws" * (draws > 1)] = flight
     return titled
 
 
@@ -238,7 +238,7 @@ def draw_stages(every: Sequence[Stage], title: str) -> Figure:
 def brightest(images: Sequence[NDArray[np.floating]]) -> float:
     """Return the upper end of a common scale of images; 1 if all are dark."""
     lit = (image[np.nan_to_num(image) > 0] for image in images)
-    return max((float(np.percentile(one, BRIGHTEST)) for one in lit if one.size), default=1.0)
+    return max((float(np.percentile(part, BRIGHTEST)) for part in lit if part.size), default=1.0)
 
 
 def _show(

@@ -115,7 +115,9 @@ class Frame:
 
     def of_axes(self, names: Sequence[str]) -> Frame:
         """Return the frame with some of its axes alone."""
-        kept = {n: one for n, one in self.columns.items() if one.role != "axis" or n in names}
+        kept = {
+            n: column for n, column in self.columns.items() if column.role != "axis" or n in names
+        }
         return replace(self, columns=kept)
 
     def at(self, place: Mapping[str, Any]) -> Frame:
@@ -150,8 +152,8 @@ def frame(path: str | Path, name: str) -> pd.DataFrame:
     table = chosen(read_frames(Path(path)), name)
     rows = table.rows.drop(columns=PART, errors="ignore")
     rows.attrs["columns"] = {
-        key: {"label": one.meaning or one.words, "unit": one.unit}
-        for key, one in table.columns.items()
+        key: {"label": column.meaning or column.words, "unit": column.unit}
+        for key, column in table.columns.items()
     }
     return rows
 
@@ -184,14 +186,14 @@ def read_frames(path: Path) -> dict[str, Frame]:
     if not frames:
         raise refusal(path)
     order = {name: number for number, name in enumerate(FIRST)}
-    return {name: frames[name] for name in sorted(frames, key=lambda one: order.get(one, 99))}
+    return {name: frames[name] for name in sorted(frames, key=lambda frame: order.get(frame, 99))}
 
 
 def displays_of(table: xr.Dataset, name: str) -> list[Display]:
     """Return the displays of a group: those it was stored with, or one of all its variables."""
     written = attributes(table).get(ATTRIBUTE)
     if written:
-        return [read_display(one) for one in written]
+        return [read_display(display) for display in written]
     return [Display(name, str(table.attrs.get("title", name.replace("_", " ").capitalize())))]
 
 
@@ -228,7 +230,7 @@ def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     named = {column.axis: name for name, column in columns.items() if column.role == "axis"}
     views = {"views": int(table.view_count.max())} if "view_count" in table else {}
     variables = {name: variable for name, (variable, _) in wanted.items()}
-    dims = {name: tuple(map(str, table[one].dims)) for name, one in variables.items()}
+    dims = {name: tuple(map(str, table[variable].dims)) for name, variable in variables.items()}
     return Frame(
         display.name,
         display.title,
@@ -247,26 +249,26 @@ def _columns_of_figures(
     """Return the variable and the column of each figure, and of what belongs to it, by name."""
     bounded = sum(bool(figure.low) for figure in figures)
     columns: dict[str, tuple[str, Column]] = {}
-    for one in figures:
-        prefix = "" if bounded == 1 else f"{one.column}_"
-        variables = {one.column: ("figure", one.variable)}
-        variables |= {f"{prefix}ci_low": ("low", one.low), f"{prefix}ci_high": ("high", one.high)}
-        variables |= {name: ("beside", variable) for name, variable in one.beside.items()}
+    for main in figures:
+        prefix = "" if bounded == 1 else f"{main.column}_"
+        variables = {main.column: ("figure", main.variable)}
+        variables |= {f"{prefix}ci_low": ("low", main.low), f"{prefix}ci_high": ("high", main.high)}
+        variables |= {name: ("beside", variable) for name, variable in main.beside.items()}
         for name, (role, variable) in variables.items():
             if variable not in table:
                 continue
             about = table[variable].attrs
-            is_percent = one.percent and (role != "beside" or name == "spread")
+            is_percent = main.percent and (role != "beside" or name == "spread")
             column = Column(
                 name,
-                one.column,
+                main.column,
                 printable(name.replace("_", " ")),
                 "%" if is_percent else unit_of(str(about.get("units", "1"))),
                 printable(str(about.get("long_name", ""))),
                 role,
-                one.format,
-                one.listed,
-                TENTHS if is_percent else one.digits,
+                main.format,
+                main.listed,
+                TENTHS if is_percent else main.digits,
                 100 if is_percent else 1,
             )
             columns[name] = variable, column
@@ -322,16 +324,16 @@ def stacked(parts: Sequence[Frame]) -> Frame:
     columns = {name: column for part in parts for name, column in part.columns.items()}
     across = next((part.across for part in parts if part.across), "")
     labels = [name for part in parts for name in part.parts[0].display.labels]
-    axes = [name for name, one in columns.items() if one.role == "axis" and name != across]
-    figures = [name for name, one in columns.items() if one.role != "axis"]
+    axes = [name for name, column in columns.items() if column.role == "axis" and name != across]
+    figures = [name for name, column in columns.items() if column.role != "axis"]
     names = [*dict.fromkeys([*labels, *axes]), *[across] * bool(across), *figures]
-    numbered = [one.rows.assign(**{PART: number}) for number, one in enumerate(parts)]
+    numbered = [part.rows.assign(**{PART: number}) for number, part in enumerate(parts)]
     rows = pd.concat(numbered, ignore_index=True) if len(numbered) > 1 else numbered[0]
     return replace(
         parts[0],
         rows=rows[[*names, PART]],
         columns={name: columns[name] for name in names},
-        parts=tuple(part for one in parts for part in one.parts),
+        parts=tuple(part for table in parts for part in table.parts),
         down=tuple(dict.fromkeys(name for part in parts for name in part.down)),
         across=across,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),

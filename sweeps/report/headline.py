@@ -88,8 +88,8 @@ def _ends(frame: Frame, axis: str) -> str:
     rows = frame.rows.sort_values(axis) if axis else frame.rows[:1]
     figure, ends = frame.columns[frame.figures[0]], []
     for label in dict.fromkeys([rows.index[0], rows.index[-1]]):
-        one = cell(frame, label, figure.name)
-        words = [one.text, figure.unit, f"[{one.interval}]" * bool(one.interval)]
+        percent = cell(frame, label, figure.name)
+        words = [percent.text, figure.unit, f"[{percent.interval}]" * bool(percent.interval)]
         words += [f"at {frame.columns[axis].in_words(rows.at[label, axis])}"] if axis else []
         ends.append(" ".join(word for word in words if word))
     return " and ".join(ends)

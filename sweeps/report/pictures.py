@@ -66,11 +66,11 @@ def draw_profiles(store: Path) -> Figure:
 def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str) -> None:
     """Draw profiles above one another, each above its noise floor and relative to its peak."""
     for place, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
-        one = profiles.sel({over: value}) if profiles[over].ndim else profiles
-        floor = one.quantile(0.2).item()
-        height = (one.values - floor) / ((one.max().item() - floor) or 1.0) - STEP * place
-        axes.plot(one.down_range, height, lw=1.1)
-        at = one.down_range[-1].item(), 0.15 - STEP * place
+        profile = profiles.sel({over: value}) if profiles[over].ndim else profiles
+        floor = profile.quantile(0.2).item()
+        height = (profile.values - floor) / ((profile.max().item() - floor) or 1.0) - STEP * place
+        axes.plot(profile.down_range, height, lw=1.1)
+        at = profile.down_range[-1].item(), 0.15 - STEP * place
         axes.annotate(printable(label.format(value)), at, ha="right", fontsize=SMALL)
     axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
     axes.spines[["left", "right", "top"]].set_visible(False)
@@ -87,16 +87,16 @@ def draw_silhouettes(store: Path) -> Figure:
     figure = Figure(figsize=(9.0, 1.5 * len(places) + 0.6), dpi=130, layout="constrained")
     panels = figure.subplots(len(places), 2, squeeze=False, width_ratios=(3, 1))
     for (left, right), (slant_range, way) in zip(panels, places, strict=True):
-        one = view.sel(range=slant_range, super_resolution=way)
-        image = one.image.transpose("row", "col").values
+        shot = view.sel(range=slant_range, super_resolution=way)
+        image = shot.image.transpose("row", "col").values
         rows, columns = (np.isfinite(image).any(axis=axis) for axis in (1, 0))
-        across, up = one.horizontal.values[columns], one.vertical.values[rows]
+        across, up = shot.horizontal.values[columns], shot.vertical.values[rows]
         extent = (across[0], across[-1], up[0], up[-1])
         shown: Any = {"origin": "lower", "extent": extent, "cmap": "inferno"}
         drawn = left.imshow(image[np.ix_(rows, columns)], **shown)
         figure.colorbar(drawn, ax=left, label="K")
         left.set_ylabel(f"{slant_range:g} km\n{way}")
-        cells = one.log_polar.transpose("radius", "angle").values
+        cells = shot.log_polar.transpose("radius", "angle").values
         right.imshow(cells, origin="lower", extent=(0, 360, 0, 1), aspect="auto", cmap="Blues")
     aspect, frames = float(view.aspect), int(view.frame_count)
     panels[0, 0].set_title(f"{printable(str(ship))}, aspect {aspect:g}°, {frames} frames [m]")
@@ -124,15 +124,15 @@ def draw_flights(
     flights = flights_of(read(whole, "validation"))
     meshes = {label: load(label) for label in {flight.ship.item() for flight in flights.values()}}
 
-    def drawn(title: str, one: xr.Dataset) -> Figure:
-        mesh = meshes[one.ship.item()]
-        return draw_stages(stages(mesh, **scan_of(given, one, mesh)), title)
+    def drawn(title: str, flight: xr.Dataset) -> Figure:
+        mesh = meshes[flight.ship.item()]
+        return draw_stages(stages(mesh, **scan_of(given, flight, mesh)), title)
 
     return {
         "flight_{}_{:g}km_{:g}deg.png".format(
-            re.sub(r"[^\w.-]", "_", one.ship.item()), one.range.item(), one.aspect.item()
-        ): partial(drawn, title, one)
-        for title, one in flights.items()
+            re.sub(r"[^\w.-]", "_", flight.ship.item()), flight.range.item(), flight.aspect.item()
+        ): partial(drawn, title, flight)
+        for title, flight in flights.items()
     }
 
 
@@ -155,9 +155,9 @@ def write_pictures(
         raise ConfigurationError(f"pictures are not drawn: {error}") from error
     names = list(drawn)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    with page(console) as there:
+    with page(console) as paged:
         folder = printable(str(files.folder))
-        line(f"pictures  {folder}: {', '.join(names[:NAMED])}{more}", there)
+        line(f"pictures  {folder}: {', '.join(names[:NAMED])}{more}", paged)
     return files.kept
 
 
@@ -175,7 +175,7 @@ def pictures_of(path: Path, store: Any) -> dict[str, tuple[str, str]]:
     As PNG in base64; a picture that fails is empty, and does not prevent the page.
     """
     pictures = {}
-    for group in (one for one in DRAWN if one in groups(store)):
+    for group in (name for name in DRAWN if name in groups(store)):
         content, why = io.BytesIO(), ""
         try:
             with warnings.catch_warnings():

@@ -225,8 +225,8 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
         # What tells parts apart, such as tests from training, is not for them to keep.
         for part in (k for k in rest if name not in frame.parts[k].display.labels):
             own = frame.rows[frame.rows[PART] == part]
-            there = values_of(own, name)
-            own = own[own[name] == preferred(axis, there)]
+            shown = values_of(own, name)
+            own = own[own[name] == preferred(axis, shown)]
             kept = kept.append(own.index)
         frame = frame.where(frame.rows.index.isin(kept))
     return frame

@@ -78,8 +78,8 @@ def report(
         with page(console) as aside:
             if table is None:
                 _print_main(path, frames, aside)
-            for one in shown:
-                _print(one, _swept(path), aside, whole=table is not None)
+            for table_frame in shown:
+                _print(table_frame, _swept(path), aside, whole=table is not None)
             _print_places(path, frames, aside)
 
 

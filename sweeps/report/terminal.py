@@ -52,7 +52,7 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
         if number:
             note("(further columns of the same table)", console)
         columns = [*shown, *(figures[k] for k in share)]
-        _print_row(columns, [one.head for one in columns], console, style="bold", low=True)
+        _print_row(columns, [column.head for column in columns], console, style="bold", low=True)
         note("─" * _sum(columns), console)
         before: tuple[str, ...] = ()
         for line, row in zip(lines, texts, strict=True):
@@ -79,7 +79,7 @@ def text_of(cell: Cell) -> str:
 
 def _column(head: str, texts: Sequence[str], widest: int) -> _Column:
     """Return a column as wide as its texts, and as the words of its heading, which fold."""
-    words = [*head.split(), *(one for text in texts for one in text.split("\n"))]
+    words = [*head.split(), *(word_line for text in texts for word_line in text.split("\n"))]
     width = max(map(cell_len, words), default=1)
     if cell_len(head) <= max(width, 10):
         width = max(width, cell_len(head))
@@ -116,7 +116,9 @@ def _print_row(
     low: bool = False,
 ) -> None:
     """Print cells beside each other, folded at blanks; of headings the last lines are level."""
-    cells = [_folded(text, one.width, console) for one, text in zip(columns, texts, strict=True)]
+    cells = [
+        _folded(text, column.width, console) for column, text in zip(columns, texts, strict=True)
+    ]
     tall = max(map(len, cells), default=0)
     cells = [[""] * (tall - len(c)) + c if low else c + [""] * (tall - len(c)) for c in cells]
     for parts in zip(*cells, strict=True):
@@ -132,7 +134,9 @@ def _folded(text: str, width: int, console: Console) -> list[str]:
     lines = []
     for line in map(printable, text.split("\n")):
         fits = cell_len(line) <= width
-        lines += [line] if fits else [one.plain.strip() for one in Text(line).wrap(console, width)]
+        lines += (
+            [line] if fits else [part.plain.strip() for part in Text(line).wrap(console, width)]
+        )
     return lines
 
 
@@ -148,7 +152,7 @@ def _shares(figures: Sequence[_Column], width: int) -> Iterator[list[int]]:
     """Yield numbers of the figures of each printed table."""
     share: list[int] = []
     for k in range(len(figures)):
-        if share and _sum([figures[one] for one in (*share, k)]) > width:
+        if share and _sum([figures[place] for place in (*share, k)]) > width:
             yield share
             share = []
         share.append(k)

@@ -40,7 +40,7 @@ def printable(text: str) -> str:
     """Return a text with its control and other invisible characters escaped."""
     if text.isprintable():
         return text
-    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def file_name(name: str, units: str) -> str:
@@ -83,9 +83,12 @@ def format_number(value: float, format: str) -> str:
 def preferred(name: str, values: Sequence[Any]) -> Any:
     """Return the value of an axis that is shown first: of numbers the nearest, else the first."""
     wanted = MAIN.get(name)
-    for one in wanted if isinstance(wanted, tuple) else (wanted,):
-        if one in values:
-            return one
-    if all(isinstance(one, int | float) and not isinstance(one, bool) for one in (wanted, *values)):
+    for choice in wanted if isinstance(wanted, tuple) else (wanted,):
+        if choice in values:
+            return choice
+    if all(
+        isinstance(value, int | float) and not isinstance(value, bool)
+        for value in (wanted, *values)
+    ):
         return min(values, key=lambda value: (abs(value - wanted), value))
     return values[0]

@@ -29,7 +29,9 @@ def write_work(store: Path, stages: Mapping[str, Progress]) -> list[Path]:
 
     Returns the paths at which other files are in the way. Raises OSError if it cannot.
     """
-    rows = [(name, one.done, one.reused, one.failed, one.seconds) for name, one in stages.items()]
+    rows = [
+        (name, work.done, work.reused, work.failed, work.seconds) for name, work in stages.items()
+    ]
     files = OwnFiles(tables_folder(store))
     files.put(f"{NAME}.csv", csv_of(_frame(pd.DataFrame(rows, columns=list(COLUMNS)))))
     return files.kept

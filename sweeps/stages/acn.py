@@ -151,7 +151,7 @@ def form_categories(
     turn = presentation_order(known.size, *presentation)
     views = training_set.views
     order = training_set.places(turn[known.reshape(-1)[turn]])
-    found = cluster(
+    clustering = cluster(
         training_set.similarities,
         vigilance=vigilance,
         learning_rate=learning_rate,
@@ -159,19 +159,19 @@ def form_categories(
         order=order,
     )
     labels = np.full(known.size, NO_CATEGORY)
-    labels[views] = found.labels
+    labels[views] = clustering.labels
     formed = category_formation(labels, ship, aspect)
-    count, own = len(found.weights), ship[views]
+    count, own = len(clustering.weights), ship[views]
     names, weights = np.full(views.size, NONE), np.zeros((views.size, views.size))
     by_first = label_rule == "first"
-    names[:count] = found.first_names(own, order) if by_first else found.names(own)
-    weights[:count] = found.weights
+    names[:count] = clustering.first_names(own, order) if by_first else clustering.names(own)
+    weights[:count] = clustering.weights
     right = ships_named(names, formed.category) == ship.reshape(known.shape)
     return {
         "training_category": formed.category,
         "training_confused": np.where(known, formed.confused, NONE),
         "training_correct": np.where(known, right, NONE),
-        "passes": np.array(found.passes if found.converged else -found.passes),
+        "passes": np.array(clustering.passes if clustering.converged else -clustering.passes),
         "names": names,
         "weights": weights,
         "turn": turn,

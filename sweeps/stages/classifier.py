@@ -55,12 +55,12 @@ def drawn_aspects(low: float, high: float, number: int, seed: int) -> tuple[floa
 
     The first aspects of a bin are the same for any number, and independent of other bins.
     """
-    found: list[float] = []
+    drawn: list[float] = []
     for start in np.arange(BIN_WIDTH * (low // BIN_WIDTH), high, BIN_WIDTH):
         share = cell_rng(seed, stage="fresh_aspects", start=float(start)).random(number)
         first, last = max(low, start), min(high, start + BIN_WIDTH)
-        found += np.round(first + share * (last - first), DIGITS).tolist()
-    return tuple(found)
+        drawn += np.round(first + share * (last - first), DIGITS).tolist()
+    return tuple(drawn)
 
 
 def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[float, ...]:
@@ -208,8 +208,8 @@ def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
     learned = learned_of(choices).any("ship")
     aspects = choices[Grid.aspect]
     drawn = xr.DataArray(np.isin(aspects, random_test_aspects(choices, aspects)), dims="aspect")
-    found = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
-    return {name: where for name, where in found.items() if where.any()}
+    kinds = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
+    return {name: where for name, where in kinds.items() if where.any()}
 
 
 def check(choices: Choices) -> Choices:
@@ -314,8 +314,8 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROF
     """
     table = tabulate_scores(known_ships(classified, choices), aspects_of(choices), shown)
     receivers = choices.values.get(Ladar.receiver.key, ())
-    one = len(receivers) == 1 and shown == PROFILES
-    return table.assign_attrs({"receiver": receivers[0]} if one else {})
+    alike = len(receivers) == 1 and shown == PROFILES
+    return table.assign_attrs({"receiver": receivers[0]} if alike else {})
 
 
 @dataclass(frozen=True, eq=False)

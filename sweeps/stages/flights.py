@@ -38,13 +38,13 @@ SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the source's chain
 
 
-receivers = plain(reads={one.name: one for one in RECORDED[1:]}, name="receivers")(views.keywords)
+receivers = plain(reads=views.by_name(RECORDED[1:]), name="receivers")(views.keywords)
 flight_place = plain(
     reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
 )(views.keywords)
 
 
-@plain(uses=(Irar, Grid), reads={one.name: one for one in FLOWN})
+@plain(uses=(Irar, Grid), reads=views.by_name(FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
     """Return what a pass depends on; None for a ship that is not flown past."""
     return None if flown is not None and ship not in flown else views.keywords(**values)
@@ -58,7 +58,7 @@ def if_flown(function: Callable[..., Result]) -> Callable[..., Result | None]:
 
     @wraps(function)
     def called(*given: Any, **named: Any) -> Result | None:
-        absent = any(one is None for one in (*given, *named.values()))
+        absent = any(argument is None for argument in (*given, *named.values()))
         return None if absent else function(*given, **named)
 
     return called
@@ -317,7 +317,7 @@ def flown(choices: Choices) -> tuple[Value, ...]:
 def combinations(choices: Choices, settings: tuple[Setting, ...]) -> Iterator[dict[str, Value]]:
     """Yield values of some settings, by dimension, for all places of a sweep's axes."""
     for point in choices.points([setting.key for setting in settings]):
-        yield {one.name: value for one, value in zip(settings, point, strict=True)}
+        yield {setting.name: value for setting, value in zip(settings, point, strict=True)}
 
 
 def _check_estimate(flight: Flight, error: Error) -> None:
@@ -352,12 +352,12 @@ def tabulate(flights: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the mean of every figure of flights over draws of the noise, and its spread."""
     figures = flights[[*OF_FLIGHTS, *OF_PROFILES]].load()
     draws = figures.sizes.get(DRAW, 1)
-    found = figures.mean(DRAW, keep_attrs=True) if DRAW in figures.dims else figures
+    table = figures.mean(DRAW, keep_attrs=True) if DRAW in figures.dims else figures
     if draws > 1:
         for name, array in figures.std(DRAW, ddof=1, keep_attrs=True).items():
             label = f"standard deviation over draws of the {array.attrs['long_name']}"
-            found[f"{name}_spread"] = array.assign_attrs(long_name=label)
-    return found.assign(draws=((), draws, {"units": "1", "long_name": "draws of the noise"}))
+            table[f"{name}_spread"] = array.assign_attrs(long_name=label)
+    return table.assign(draws=((), draws, {"units": "1", "long_name": "draws of the noise"}))
 
 
 def _flight_figures(names: tuple[str, ...]) -> tuple[Figure, ...]:
@@ -370,7 +370,7 @@ def _flight_figures(names: tuple[str, ...]) -> tuple[Figure, ...]:
 
 
 DRAW = "replicate"
-OF_FLIGHTS = tuple(one.name for one in corrected.outputs if one.stored and not one.dims)
+OF_FLIGHTS = tuple(output.name for output in corrected.outputs if output.stored and not output.dims)
 OF_PROFILES = tuple(LANDMARKS)
 LISTED = {
     "profile_correlation": ".3f",

@@ -56,18 +56,18 @@ def silhouette_scores(
     `ncti.classify.fusion.similarity_between_phases`.
     """
     views = valid.all(axis=0).reshape(-1)
-    there, learned = views.nonzero()[0], (views & training_views.reshape(-1)).nonzero()[0]
+    present, learned = views.nonzero()[0], (views & training_views.reshape(-1)).nonzero()[0]
     # Compared with all views, as rounding of single precision depends on their number.
-    templates = classifier.map_vectors(template_log_polar)[:, there]
-    columns = np.searchsorted(there, learned)
+    templates = classifier.map_vectors(template_log_polar)[:, present]
+    columns = np.searchsorted(present, learned)
     shape = len(log_polar), len(valid), views.size, learned.size
     scores = np.full(shape, np.nan, np.float32)
     for of_count, maps in zip(scores, log_polar, strict=True):
         seen = maps.reshape(len(maps), 1, -1, *maps.shape[-2:])
-        for rows in row_blocks(len(there)):
-            vectors = classifier.map_vectors(seen[:, :, there[rows]])
+        for rows in row_blocks(len(present)):
+            vectors = classifier.map_vectors(seen[:, :, present[rows]])
             cosines = similarity_between_phases(vectors, templates)
-            of_count[:, there[rows]] = cosines[..., columns]
+            of_count[:, present[rows]] = cosines[..., columns]
     return scores
 
 
@@ -108,12 +108,12 @@ def profile_outlier_fraction(
 
     templates, known = profile_templates
     seed = int(rng.integers(2**63))
-    found = np.full((len(frame_count), known.size), np.nan)
-    for of_count, count in zip(found, frame_count, strict=True):
+    outlier_fraction = np.full((len(frame_count), known.size), np.nan)
+    for of_count, count in zip(outlier_fraction, frame_count, strict=True):
         drawn = np.random.default_rng(seed)
         fraction = fit_outlier_fraction(templates, count, drawn, gain_sigma=gain_sigma)
         of_count[known.reshape(-1)] = fraction
-    return found
+    return outlier_fraction
 
 
 ANSWERS = classifier.ClassifierGroup.of(

@@ -410,12 +410,12 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     """
     import xarray as xr
 
-    found = _measured(images, "detection_probability")
+    probability = _measured(images, "detection_probability")
     labels, index = aspect_bins(images.aspect.values)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
     name = xr.Variable("aspect_bin", [*labels, "overall"])
     mean, least = (
-        xr.concat([reduce(found.isel(aspect=pooled), OVER) for pooled in bins], name)
+        xr.concat([reduce(probability.isel(aspect=pooled), OVER) for pooled in bins], name)
         for reduce in (xr.DataArray.mean, xr.DataArray.min)
     )
     columns = {
@@ -446,11 +446,11 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     axes = {
         name: images[name].drop_vars(set(images.coords) - {name}, errors="ignore") for name in SEEN
     }
-    for one in (Infrared.extinction, Infrared.contrast_at_zero, Infrared.nedt):
-        swept = one.name in images.dims
-        axes[one.name] = images[one.name] if swept else xr.DataArray(choices.one(one))
+    for setting in (Infrared.extinction, Infrared.contrast_at_zero, Infrared.nedt):
+        swept = setting.name in images.dims
+        axes[setting.name] = images[setting.name] if swept else xr.DataArray(choices.one(setting))
     whole = dict(zip(axes, xr.broadcast(*axes.values()), strict=True))
-    given: dict[str, Any] = {name: one.values for name, one in whole.items()}
+    given: dict[str, Any] = {name: array.values for name, array in whole.items()}
     metres = given.pop("range") * 1e3
     air = {"extinction": given.pop("extinction") * 1e-3}
     seen = air | {"contrast_at_zero": given.pop("contrast_at_zero")}
@@ -469,9 +469,9 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 def _measured(images: xr.Dataset, name: str) -> xr.DataArray:
     """Return one variable, without the coordinates of how silhouettes are cut out and mapped."""
-    found = images[name].load()
-    single = [key for key, coord in found.coords.items() if not coord.dims]
-    return found.drop_vars([key for key in single if key != "coverage_rule"])
+    variable = images[name].load()
+    single = [key for key, coord in variable.coords.items() if not coord.dims]
+    return variable.drop_vars([key for key in single if key != "coverage_rule"])
 
 
 def _table(name: str, tabulate: Any, title: str, figures: tuple[Figure, ...], **how: Any) -> Table:

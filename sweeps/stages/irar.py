@@ -61,7 +61,7 @@ class Errors(Kind):
         if not isinstance(given, Mapping):
             value = "null" if given is None else repr(given)
             raise ConfigurationError(f"{key} is {value}, but must be {self.allowed}")
-        found: set[Error] = set()
+        pairs: set[Error] = set()
         for parameter, errors in given.items():
             if parameter not in MOST_WRONG:
                 raise ConfigurationError(
@@ -71,8 +71,8 @@ class Errors(Kind):
             if errors is not None:
                 most = MOST_WRONG[parameter]
                 listed = Number(-most, most).values(f"{key}.{parameter}", errors)
-                found.update((parameter, error) for error in listed if error)
-        return (NO_ERROR, *sorted(found))
+                pairs.update((parameter, error) for error in listed if error)
+        return (NO_ERROR, *sorted(pairs))
 
     def written(self, values: tuple[Value, ...]) -> dict[str, list[float]]:
         """Return what a user writes to get some values."""
@@ -256,8 +256,8 @@ CORRECTED: tuple[Setting, ...] = (
 """Settings on which corrected images depend as well."""
 
 FLIGHT: tuple[str, ...] = tuple(  # dimensions of a flight in the store, in their order
-    one.name
-    for one in (
+    setting.name
+    for setting in (
         *FLOWN[:-1],
         *(Irar.cnr, Irar.pulse_width, *Receivers.declared[1:], *Passive.declared),
         *(*CORRECTED, Grid.replicate),
@@ -279,12 +279,12 @@ FLIGHTS = Group(
 def parameters(values: Values) -> dict[str, Any]:
     """Return parameters of a `Flight`, in SI, of values of `FLOWN` and `RECORDED`."""
     units = {setting.name: SI.get(setting.unit) for setting in (*FLOWN, *RECORDED)}
-    found = {
+    given = {
         LIBRARY.get(name, name): value if units[name] is None else value * units[name]
         for name, value in values.items()
         if name not in OF_NO_FLIGHT
     }
-    return found | ({"cnr": power_ratio(found["cnr"])} if "cnr" in found else {})
+    return given | ({"cnr": power_ratio(given["cnr"])} if "cnr" in given else {})
 
 
 def flight_of(aspect: float, values: Values) -> Flight:
@@ -350,6 +350,7 @@ def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **pla
     Values are of all of `FLOWN` and `RECORDED`, None where null was given; others are left alone.
     The place is the sweep's seed, the name of the ship, and its aspect [deg].
     """
-    course, receivers = ({one.name: values[one.name] for one in on} for on in (FLOWN, RECORDED))
+    names = ([setting.name for setting in on] for on in (FLOWN, RECORDED))
+    course, receivers = ({name: values[name] for name in own} for own in names)
     draw = {"replicate": receivers["replicate"], "reflectance": reflectance}
     return recorded(fly_past(mesh, course, **draw, **place), course, receivers, **place)

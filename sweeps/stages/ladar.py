@@ -257,7 +257,7 @@ profile_bins = PROFILE.stage(
     name="profile_bins",
 )(library.bin_centres)
 
-_SIGHT = {one.name: one for one in (Grid.range, Ladar.cnr, Ladar.cnr_range, Ladar.extinction)}
+_SIGHT = views.by_name((Grid.range, Ladar.cnr, Ladar.cnr_range, Ladar.extinction))
 
 
 @MOMENTS.stage(

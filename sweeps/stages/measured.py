@@ -163,8 +163,8 @@ def namer(
     if name == "acn":
         see = classifier.profile_vectors
         training_set = TrainingSet.of(learned_signature, valid, training_views, see)
-        learning = {one: settings[one] for one in LEARNING}
-        rules = {one: settings[one] for one in ("score_rule", "learn_in_test")}
+        learning = {key: settings[key] for key in LEARNING}
+        rules = {key: settings[key] for key in ("score_rule", "learn_in_test")}
         formed = acn.form_categories(training_set, training_views, **learning)
         return lambda tests, valid: acn.answer_tests(training_set, formed, tests, valid, **rules)
     if name == "mnn":
@@ -199,8 +199,10 @@ def measured(namer: Namer, signature: Profiles, valid: Views) -> Arrays:
     """
     seen = np.moveaxis(signature, 2, 0)
     absent = np.asarray(np.isnan(seen).any(axis=-1))
-    found = namer(np.where(absent[..., None], seen[KINDS.index("learned")], seen), valid)
-    predicted, correct = (np.where(absent, NONE, found[name]) for name in ("predicted", "correct"))
+    answers = namer(np.where(absent[..., None], seen[KINDS.index("learned")], seen), valid)
+    predicted, correct = (
+        np.where(absent, NONE, answers[name]) for name in ("predicted", "correct")
+    )
     true = np.arange(len(valid))[:, None]
     return {
         "predicted": predicted,

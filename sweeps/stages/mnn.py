@@ -146,12 +146,12 @@ def mnn(
     for of_count, profiles in zip(named, averaged, strict=True):
         of_count[valid] = predicted(network, profiles[valid], inputs)
     bins = len(aspect_bins(aspect)[0])
-    found = classifier.judged(named // bins, valid)
+    answers = classifier.judged(named // bins, valid)
     right = np.where(valid, named == classes_of(valid.shape, aspect), NONE)
-    return found | {
+    return answers | {
         "correct": right,
         "predicted_bin": np.where(valid, named % bins, NONE),
-        "ship_correct": found["correct"],
+        "ship_correct": answers["correct"],
         "cell": classifier.state(right, valid),
     }
 
@@ -166,10 +166,10 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
 
 def predicted(network: GainAnnealedNetwork, profiles: Profiles, inputs: str) -> NDArray[np.intp]:
     """Return the classes of (view, bin) profiles, some of which are inputs at a time."""
-    found = np.empty(len(profiles), dtype=np.intp)
+    classes = np.empty(len(profiles), dtype=np.intp)
     for rows in row_blocks(len(profiles)):
-        found[rows] = network.predict(seen(profiles[rows], inputs))
-    return found
+        classes[rows] = network.predict(seen(profiles[rows], inputs))
+    return classes
 
 
 def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:

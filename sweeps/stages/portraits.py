@@ -58,8 +58,8 @@ def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
     """Return a ship's measures, its picture, and what looks wrong with its mesh."""
     measures = dict(zip(MEASURES, mesh.extents, strict=True))
     words = warning(mesh.metadata["findings"], mesh.metadata["mend"])
-    found = {"facets": len(mesh.faces), "warning": words[:LONGEST_WARNING]}
-    return measures | found | dict(zip(("pixel", "picture"), drawn(mesh), strict=True))
+    counted = {"facets": len(mesh.faces), "warning": words[:LONGEST_WARNING]}
+    return measures | counted | dict(zip(("pixel", "picture"), drawn(mesh), strict=True))
 
 
 def drawn(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:
@@ -114,12 +114,12 @@ def about(choices: Choices) -> list[str]:
     """Return a line for each ship of a sweep, some at most, and one for each that looks wrong."""
     ships = [(ship, description(hull.function(ship))) for ship in choices[Grid.ship]]
     width = max(len(ship) for ship, _ in ships[:MOST_LINES])
-    lines = [f"{ship:<{width}}  {one.measures}" for ship, one in ships[:MOST_LINES]]
-    if left := [one.length for _, one in ships[MOST_LINES:]]:
+    lines = [f"{ship:<{width}}  {about.measures}" for ship, about in ships[:MOST_LINES]]
+    if left := [about.length for _, about in ships[MOST_LINES:]]:
         lines.append(f"and {len(left)} more ships, {min(left):.1f} to {max(left):.1f} m long")
     lines += [
-        f"warning: {ship} {warning(one.findings, one.mend, ship)}"
-        for ship, one in ships
-        if one.findings
+        f"warning: {ship} {warning(about.findings, about.mend, ship)}"
+        for ship, about in ships
+        if about.findings
     ]
     return [printable(line) for line in lines]

@@ -168,7 +168,7 @@ def timed(
     ]
     taken = call_apart(engine, _times, mesh, several, repeats, timed_view, timed_beam)
     shape = len(pixel), len(roll), len(spread)
-    run_time, ratio = (np.median(one, axis=0).reshape(shape) for one in taken)
+    run_time, ratio = (np.median(times, axis=0).reshape(shape) for times in taken)
     return {"run_time": run_time, "ratio": ratio}
 
 
@@ -219,10 +219,10 @@ def changed(
     def named(signature: Floats) -> NDArray[np.integer]:
         noisy = np.moveaxis(signature[..., None, :] + profile_noise, -2, 0)  # draws lead
         vectors, templates = map(profile_vectors, (noisy, signature))
-        found = (
+        answers = (
             match_views(templates[None], vector, valid, valid, left_out=False) for vector in vectors
         )
-        return np.array([one["predicted"] for one in found])
+        return np.array([answer["predicted"] for answer in answers])
 
     differ = named(sampled["signature"]) != named(exact_signature)
     return np.where(valid, differ.mean(axis=0), np.nan)

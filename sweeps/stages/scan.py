@@ -150,7 +150,7 @@ def targets(survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Tar
     several = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
     if scan_decoy["fraction"].any():
         several.append(scan_decoy)
-    return [survey.restored(one) for one in several]
+    return [survey.restored(arrays) for arrays in several]
 
 
 # Detections of the imager
@@ -374,9 +374,9 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
             f"share_{name}_high": (hits.copy(data=high), "high end of its 95 % Wilson interval"),
             f"share_{name}_of": (trials, "number of trials of the share"),
         }
-    for name, one in MEANS.items():
-        mean = scan[one].mean(DRAW)
-        arrays[name] = (mean, f"{scan[one].long_name}, mean of draws", scan[one].units)
+    for name, figure in MEANS.items():
+        mean = scan[figure].mean(DRAW)
+        arrays[name] = (mean, f"{scan[figure].long_name}, mean of draws", scan[figure].units)
     ratio = arrays["exhaustive"][0] / arrays["total"][0]
     arrays["gain"] = (ratio, "time of the laser radar over the whole field over the search's")
     return data_set(arrays)

@@ -74,7 +74,7 @@ def rejection_displays(labels: Mapping[str, str]) -> tuple[Display, Display]:
 
     def share(variable: str, name: str, *beside: str) -> Figure:
         low, high = (variable + end for end in ENDS)
-        return _percent(variable, name, low, high, {one: one for one in beside})
+        return _percent(variable, name, low, high, {column: column for column in beside})
 
     curve = Display(
         "rejection_curve",

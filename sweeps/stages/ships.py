@@ -91,19 +91,19 @@ class Ships(Text):
         listed = [given] if isinstance(given, str | Mapping) else given
         if not isinstance(listed, Sequence) or not all(map(self._is_ship, listed)):
             raise ConfigurationError(f"{key} is {shown(given)}, but must be {self.allowed}")
-        words = [one for one in listed if isinstance(one, str)]
+        words = [value for value in listed if isinstance(value, str)]
         if words or not listed:
             ascending(key, words)
-        found: set[ShipName] = set()
-        for one in listed:
-            ship = ship_name(one) if isinstance(one, str) else self._read_file(key, one)
-            if ship in found:
+        ships: set[ShipName] = set()
+        for value in listed:
+            ship = ship_name(value) if isinstance(value, str) else self._read_file(key, value)
+            if ship in ships:
                 raise ConfigurationError(
-                    f"{key} has {shown(one)}, but {str(ship)!r} is the name of another ship of the "
-                    "grid"
+                    f"{key} has {shown(value)}, but {str(ship)!r} is the name of another ship of "
+                    "the grid"
                 )
-            found.add(ship)
-        return tuple(sorted(found))
+            ships.add(ship)
+        return tuple(sorted(ships))
 
     def _is_ship(self, given: Any) -> bool:
         if isinstance(given, str):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -305,6 +305,11 @@ def keywords(**values: Any) -> Keywords:
     return tuple(values.items())
 
 
+def by_name(settings: Iterable[Setting]) -> dict[str, Setting]:
+    """Return settings by the names of their dimensions."""
+    return {setting.name: setting for setting in settings}
+
+
 def by_key(settings: type[Settings]) -> dict[str, Setting]:
     """Return the settings of a group by the last words of their keys."""
     return {setting.key.rpartition(".")[2]: setting for setting in settings.declared}
@@ -316,7 +321,7 @@ def restored(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
     This is how dataclasses cross the cache, whatever they hold.
     """
     given = {name: np.asarray(array) for name, array in arrays.items()}
-    return kind(**{name: one if one.ndim else one.item() for name, one in given.items()})
+    return kind(**{name: array if array.ndim else array.item() for name, array in given.items()})
 
 
 def cache_folder() -> Path:
@@ -328,10 +333,10 @@ def cache_folder() -> Path:
 @lru_cache(maxsize=16)
 def read_mesh(hull: Hull) -> trimesh.Trimesh:
     """Return a ship's mesh, kept for this process; ValueError if it changed, or is not fit."""
-    found = ncti.ships.load(hull.source, cache=_built(), **asdict(hull.transform))
-    if found.metadata["digest"] != hull.digest:
+    mesh = ncti.ships.load(hull.source, cache=_built(), **asdict(hull.transform))
+    if mesh.metadata["digest"] != hull.digest:
         raise ValueError(f"{hull.source} was changed while the sweep ran")
-    return found
+    return mesh
 
 
 @lru_cache(maxsize=16)
@@ -352,11 +357,11 @@ def description(hull: Hull) -> ncti.ships.Description:
 
 def hint(ship: ShipName) -> str:
     """Return, for the end of a message, what looks wrong with a ship; empty where nothing does."""
-    found = description(hull.function(ship))
-    if found.mend is None:
+    ship_description = description(hull.function(ship))
+    if ship_description.mend is None:
         return ""
-    mend = f"{{{found.mend}}}" if str(found.mend) else "no transform"
-    return f"; {ship} {found.findings[0]}: if so, use {mend}"
+    mend = f"{{{ship_description.mend}}}" if str(ship_description.mend) else "no transform"
+    return f"; {ship} {ship_description.findings[0]}: if so, use {mend}"
 
 
 def _built() -> Path:
@@ -383,7 +388,7 @@ def check(choices: Choices) -> Choices:
 
 def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
     """Refuse (`ConfigurationError`) slant ranges beyond the scene, or as `check_beam`."""
-    scenes = (choices[one] for one in (Scene.geometry, Scene.altitude, Scene.earth_radius))
+    scenes = (choices[setting] for setting in (Scene.geometry, Scene.altitude, Scene.earth_radius))
     for slant_range, (geometry, *earth) in product(choices[setting], [*product(*scenes)]):
         try:
             depression(setting.in_si(slant_range), geometry, 0.0, *earth)

@@ -31,7 +31,7 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
     store = opened(path)
     about = attributes(store)
     work, matrix = frames.get(WORK), confusion_of(store)
-    tables = {name: one for name, one in frames.items() if name != WORK}
+    tables = {name: frame for name, frame in frames.items() if name != WORK}
     sentences = headline(tables, about)
     tables |= {CONFUSION: matrix} if matrix is not None else {}
     axes, first = list(about.get("swept", ())), next(iter(tables.values()))
@@ -55,9 +55,11 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
         "work": None if work is None else laid_out(work),
         "data": {
             "store": path.name,
-            "tables": {name: data_of(one) for name, one in tables.items()},
+            "tables": {name: data_of(table) for name, table in tables.items()},
             # Their places give classifiers a colour, the same in every chart.
-            "colours": list(dict.fromkeys(one for of in tables.values() for one in colours_of(of))),
+            "colours": list(
+                dict.fromkeys(colour for of in tables.values() for colour in colours_of(of))
+            ),
         },
     }
 

@@ -110,7 +110,7 @@ def _policy(styles: list[str], scripts: list[str]) -> str:
 
     def digests(texts: list[str]) -> str:
         hashes = (hashlib.sha256(text.encode()).digest() for text in texts)
-        return " ".join(f"'sha256-{base64.b64encode(one).decode()}'" for one in hashes)
+        return " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in hashes)
 
     allowed = (f"style-src {digests(styles)}", f"script-src {digests(scripts)}")
     rest = ("img-src data:", "base-uri 'none'", "form-action 'none'")
