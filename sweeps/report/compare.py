@@ -180,13 +180,8 @@ def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None
         return None
     former, other = (answers.transpose(..., *draws, *VIEW) for answers in (former, other))
     asked = (former.values >= 0) & (other.values >= 0)
-    difference = paired_difference(
-        former.values == 1,
-        other.values == 1,
-        former.aspect.values,
-        draws=len(draws),
-        answered=asked,
-    )
+    right, aspects = (former.values == 1, other.values == 1), former.aspect.values
+    difference = paired_difference(*right, aspects, draws=len(draws), answered=asked)
     figures = {
         "difference": (difference.fraction, "fraction of ships identified, second less first"),
         "ci_low": (difference.ci_low, "lower end of its 95 % interval"),
