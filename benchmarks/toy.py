@@ -45,8 +45,8 @@ def profile(aspect: float) -> NDArray[np.float32]:
     return np.full(LENGTH, aspect, dtype=np.float32)
 
 
-NOTHING = Experiment("toy", "Nothing", (Grid,), (nothing,), code=("benchmarks",))
-PROFILES = Experiment("toy", "Profiles", (Grid,), (profile,), code=("benchmarks",))
+NOTHING = Experiment("toy", "Nothing", (Grid, nothing), code=("benchmarks",))
+PROFILES = Experiment("toy", "Profiles", (Grid, profile), code=("benchmarks",))
 
 
 def choices(experiment: Experiment, lengths: Sequence[int]) -> Choices:

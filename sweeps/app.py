@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,13 +66,13 @@ def command(*modules: Any) -> Command:
     from sweeps.engine.command import Command
 
     heed()
-    from sweeps.experiment import EXPERIMENT, MODULES, assemble
+    from sweeps.experiment import EXPERIMENT, MODULES, about, assemble
     from sweeps.report.places import beside
 
     heed()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, report, beside)
+    return Command(experiment, report, beside, partial(about, (*MODULES, *modules)))
 
 
 def report(store: Path, choices: Choices, finished: Finished) -> None:

@@ -7,7 +7,7 @@ SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses incons
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -64,7 +64,6 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         Sweep.sensor.key: replace(sensors, kind=named("SENSOR")),
         Classifier.name.key: named("NAME"),
     }
-    stages = stages_of(modules)
     settings = tuple(
         replace(one, kind=kinds[one.key]) if one.key in kinds else one
         for module in modules
@@ -80,14 +79,6 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             # A store records the engine that rendered, not the choice "auto".
             return choices.having(Render.engine, views.drawing_engines(choices))
 
-    def about(choices: Choices) -> list[str]:
-        # Flights, run times and scans have classifiers of their own.
-        own = {views.IRAR, views.RUN_TIME, views.SCAN} & set(choices.one(Sweep.sensor))
-        return [
-            f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
-            for name in (() if own else idle(stages, choices))
-        ] + [line for one in modules if hasattr(one, "about") for line in one.about(choices)]
-
     def attributes(choices: Choices) -> dict[str, Any]:
         digests = {str(ship): views.hull.function(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
@@ -101,16 +92,23 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     return Experiment(
         "ncti-sweep",
         TITLE,
-        settings,
-        stages,
-        tables=declared("TABLES"),
+        (*settings, *stages_of(modules), *declared("TABLES")),
         check=check,
-        about=about,
         prepare=compile_loops,
         attributes=attributes,
         conf=conf_folder(),
         code=("ncti", "sweeps", *code),
     )
+
+
+def about(modules: Sequence[Any], choices: Choices) -> list[str]:
+    """Return lines on what is swept, of some modules and of classifiers without any use."""
+    # Flights, run times and scans have classifiers of their own.
+    own = {views.IRAR, views.RUN_TIME, views.SCAN} & set(choices.one(Sweep.sensor))
+    return [
+        f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
+        for name in (() if own else idle(stages_of(modules), choices))
+    ] + [line for one in modules if hasattr(one, "about") for line in one.about(choices)]
 
 
 def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:

@@ -20,7 +20,7 @@ def page() -> str:
         axis = f"one value: {one.fixed}" if one.fixed else ""
         null = "null or " if one.fallback is not None else ""
         allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
-        rows.append((f"`{one.key}`", spelt(one.default), unit, allowed, about))
+        rows.append((f"`{one.key}`", spelt(one.written), unit, allowed, about))
     lines = (f"| {' | '.join(row)} |" for row in rows)
     return "\n".join(("# Settings", "", *lines, ""))
 

@@ -52,12 +52,14 @@ Sweep = tuple[Plan, Path]  # what is swept, and its store
 class Command:
     """The command line of an experiment; `report` is called with the store, choices and outcome.
 
-    `beside` returns the paths that the report of a store writes to.
+    `beside` returns the paths that the report of a store writes to, and `about` lines on what is
+    swept, printed before it starts.
     """
 
     experiment: Experiment
     report: Report = lambda path, choices, finished: None
     beside: Callable[[Path], Iterable[Path]] = lambda store: ()
+    about: Callable[[Choices], Iterable[str]] = lambda choices: ()
 
     @property
     def name(self) -> str:
@@ -189,7 +191,7 @@ class Command:
             with environment(choices.variables):
                 unread = plan.unread({key.lstrip("+~") for key in keys})
                 remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
-                for sentence in (*remarks, *self.experiment.about(choices)):
+                for sentence in (*remarks, *self.about(choices)):
                     say(self.name, sentence)
                 if choices.one(Run.dry_run):
                     cache = self._cache_place(choices.one(Run.cache))

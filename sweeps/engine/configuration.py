@@ -54,7 +54,7 @@ def register(experiment: Experiment) -> None:
 def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the defaults of a group; values are of any type, since settings check their own."""
     return {
-        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "default", None)
+        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "written", None)
         for key, entry in tree.items()
     }
 
@@ -192,7 +192,7 @@ def unknown(
 def _joint(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
     keys = [setting.key for setting in settings]
-    listed = [_as_written(setting, given.get(setting.key, setting.default)) for setting in settings]
+    listed = [_as_written(setting, given.get(setting.key, setting.written)) for setting in settings]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
         raise ConfigurationError(

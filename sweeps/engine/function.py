@@ -87,7 +87,7 @@ def sweep(
         raise ConfigurationError(f"values lacks {lacking[0]!r}, which {name} takes")
     package = function.__module__.partition(".")[0]
     try:
-        experiment = Experiment(name, name, tuple(settings.values()), (stage,), code=(package,))
+        experiment = Experiment(name, name, (*settings.values(), stage), code=(package,))
     except DeclarationError as error:
         raise ConfigurationError(str(error)) from None
     choices = read_choices(experiment.declared, {Run.seed.key: seed})

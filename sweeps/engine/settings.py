@@ -56,7 +56,10 @@ class Unit(str):
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """One setting: its default is as a user would write it; `label` describes it."""
+    """One setting; `label` describes it.
+
+    Its default is as a user would write it, or another setting, whose values null stands for.
+    """
 
     kind: Kind
     default: Any
@@ -67,7 +70,6 @@ class Setting:
     fixed: str = ""  # why it takes one value only; empty if several make it an axis
     # In stores, with one value: a DIMENSION, a scalar COORDINATE, or nothing; None: as its class.
     single: str | None = None
-    fallback: Setting | None = None  # whose values null stands for
     key: str = ""  # in the configuration, given by `Settings`
 
     @property
@@ -80,6 +82,16 @@ class Setting:
         """CF attributes of its coordinate."""
         worded = isinstance(self.kind, Word | Text)
         return ({} if worded else {"units": self.unit}) | {"long_name": self.label}
+
+    @property
+    def fallback(self) -> Setting | None:
+        """The setting whose values null stands for, if any."""
+        return self.default if isinstance(self.default, Setting) else None
+
+    @property
+    def written(self) -> Any:
+        """Its default as a user would write it."""
+        return None if isinstance(self.default, Setting) else self.default
 
     @property
     def identity(self) -> bool:
@@ -127,7 +139,7 @@ class Settings:
                 of = single if value.single is None else value.single
                 setting = replace(value, key=f"{key}.{name}".lstrip("."), single=of)
                 if value.fallback in found:  # of the same group, whose key is set only now
-                    setting = replace(setting, fallback=found[value.fallback])
+                    setting = replace(setting, default=found[value.fallback])
                 setattr(cls, name, setting)
                 found[value] = setting
         cls.key = key
@@ -144,14 +156,12 @@ def number(
     **about: Any,
 ) -> Setting:
     """Return a setting that is a finite number; other arguments as of `Setting`."""
-    nullable = null or (default is None and about.get("fallback") is None)
-    return Setting(Number(low, high, below, null=nullable), default, **about)
+    return Setting(Number(low, high, below, null=null or default is None), default, **about)
 
 
 def count(default: Any, low: int = 1, high: float = math.inf, **about: Any) -> Setting:
     """Return a setting that is a whole number; other arguments as of `Setting`."""
-    nullable = default is None and about.get("fallback") is None
-    return Setting(Count(low, high, null=nullable), default, **about)
+    return Setting(Count(low, high, null=default is None), default, **about)
 
 
 def draws(default: int, high: int = 1000, **about: Any) -> Setting:
@@ -323,7 +333,7 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
     values: dict[str, tuple[Value, ...]] = {}
     standing_for: dict[str, str] = {}
     for setting in settings:
-        written = given.get(setting.key, setting.default)
+        written = given.get(setting.key, setting.written)
         if written is None and setting.fallback is not None:
             standing_for[setting.key] = setting.fallback.key
         else:

@@ -289,20 +289,18 @@ def nothing_to_check(choices: Choices) -> Choices:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Declaration of an experiment; stages in the order in which progress lists them.
+    """Declaration of an experiment: settings, or groups of them, stages and tables.
 
-    Raises `DeclarationError` if declarations do not fit each other.
+    Progress lists stages, and tables are computed, in the order in which they stand here. Raises
+    `DeclarationError` if declarations do not fit each other.
     """
 
     name: str  # of the command, and of its distribution
     title: str  # of its stores
-    settings: tuple[type[Settings] | Setting, ...]
-    stages: tuple[Stage, ...]
-    tables: tuple[Table, ...] = ()  # computed in this order
+    parts: tuple[type[Settings] | Setting | Stage | Table, ...]  # each kind in its order
     # Refuses inconsistent choices (`ConfigurationError`), and drops values that
     # nothing uses.
     check: Callable[[Choices], Choices] = nothing_to_check
-    about: Callable[[Choices], list[str]] = lambda choices: []  # lines on what is swept
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # of its stores
     # Called before stages run on this machine, with a function that prints a sentence: for work
     # that one process does for all.
@@ -323,10 +321,21 @@ class Experiment:
     def own(self) -> tuple[Setting, ...]:
         """Every setting of the experiment."""
         groups = (
-            (setting,) if isinstance(setting, Setting) else setting.declared
-            for setting in self.settings
+            (one,) if isinstance(one, Setting) else one.declared
+            for one in self.parts
+            if not isinstance(one, Stage | Table)
         )
         return tuple(setting for group in groups for setting in group)
+
+    @cached_property
+    def stages(self) -> tuple[Stage, ...]:
+        """Every stage."""
+        return tuple(one for one in self.parts if isinstance(one, Stage))
+
+    @cached_property
+    def tables(self) -> tuple[Table, ...]:
+        """Every table."""
+        return tuple(one for one in self.parts if isinstance(one, Table))
 
     @cached_property
     def by_key(self) -> dict[str, Setting]:

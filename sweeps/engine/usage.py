@@ -91,7 +91,7 @@ def _header(conf: Path | None) -> list[str]:
 def _about(setting: Setting) -> str:
     """Return the label of a setting, with its unit and default."""
     unit = f" [{setting.unit}]" if setting.unit != "1" else ""
-    return f"{setting.label}{unit}; default {spelt(setting.default)}"
+    return f"{setting.label}{unit}; default {spelt(setting.written)}"
 
 
 def _listed(entries: Sequence[tuple[str, str]]) -> list[str]:
@@ -128,7 +128,7 @@ def listing(experiment: Experiment, words: Sequence[str] = ()) -> str:
             unit = f" [{setting.unit}]" if setting.unit != "1" else ""
             null = "null or " if setting.fallback is not None else ""
             axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
-            lines += _wrapped(f"{setting.key}={spelt(setting.default)}{unit}", "")
+            lines += _wrapped(f"{setting.key}={spelt(setting.written)}{unit}", "")
             for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrapped(about, 2 * INDENT)
     if not lines:

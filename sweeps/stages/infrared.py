@@ -72,7 +72,7 @@ MOST_COVERAGE = 0.95
 
 def _as(grid: Setting) -> dict[str, Any]:
     """Return what is said of an axis whose values are the grid's unless others are given."""
-    return {"fallback": grid, "help": f"null: that of {grid.key}", "single": "dimension"}
+    return {"help": f"null: that of {grid.key}", "single": "dimension"}
 
 
 class Infrared(Settings, key="infrared"):
@@ -107,9 +107,11 @@ class Infrared(Settings, key="infrared"):
     window_height = quantity(
         50, 1, 500, "m", "height of the highest ship in images", fixed=views.SHAPES
     )
-    range = quantity(None, 1, 1000, "km", "slant range", **_as(Grid.range))
+    range = quantity(Grid.range, 1, 1000, "km", "slant range", **_as(Grid.range))
     frame_count = count(
-        None, 1, views.MOST_FRAMES, label="infrared frames averaged", **_as(Grid.frame_count)
+        *(Grid.frame_count, 1, views.MOST_FRAMES),
+        label="infrared frames averaged",
+        **_as(Grid.frame_count),
     )
     super_resolution = word(
         list(library.SUPER_RESOLUTIONS),
@@ -151,7 +153,7 @@ class Infrared(Settings, key="infrared"):
     training_range = quantity(
         25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
     )
-    vigilance = number(None, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
+    vigilance = number(Grid.vigilance, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
     subpixel_offsets = draws(
         4,
         MOST_OFFSETS,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small_stores import files, opened
-from toys import CALLS, SPRINGS, go, run
+from toys import CALLS, SPRINGS, go, having, run
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.settings import Joint, Settings, count, read_choices, text
@@ -110,8 +110,8 @@ def hashed(piece):
 
 
 def test_ragged_arrays_come_back_as_they_were(tmp_path):
-    alone = Experiment("cut", "Cut", (Cut,), (piece,))
-    both = Experiment("cut", "Cut", (Cut,), (piece, hashed))
+    alone = Experiment("cut", "Cut", (Cut, piece))
+    both = Experiment("cut", "Cut", (Cut, piece, hashed))
     choices = read_choices(alone.declared, {})
     run(alone, choices, tmp_path / "s.zarr", tmp_path / "a")
     CALLS.clear()
@@ -145,7 +145,7 @@ def reading(content, size):
 
 
 def test_a_file_that_has_changed_is_read_again(tmp_path):
-    files_read = Experiment("files", "Files", (Named,), (content, reading))
+    files_read = Experiment("files", "Files", (Named, content, reading))
     choices = read_choices(files_read.declared, {})
     run(files_read, choices, tmp_path / "s.zarr", tmp_path / "a")
     CONTENT["digest"] = "two"
@@ -179,7 +179,7 @@ def test_another_configuration_is_refused_by_its_keys(grown, given, asked, store
 def test_other_code_is_refused(grown):
     store = grown()
     changed = replace(SPRINGS.by_name["period"], function=SPRINGS.by_name["energy"].function)
-    other = replace(SPRINGS, stages=(*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
+    other = having(SPRINGS, (*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
     with pytest.raises(ConfigurationError, match="was made by another code of period; give"):
         run(other, read_choices(SPRINGS.declared, {}), store)
 
@@ -195,7 +195,7 @@ def joined(points, labels=None):
     )
 
 
-NOT_GATHERED = replace(SPRINGS, stages=SPRINGS.stages[:4], tables=())
+NOT_GATHERED = having(SPRINGS, SPRINGS.stages[:4], ())
 
 
 def test_settings_that_run_together_grow_by_whole_points(tmp_path):

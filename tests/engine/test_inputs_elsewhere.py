@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 from small_stores import opened
-from toys import SPRINGS, run, without
+from toys import SPRINGS, having, run, without
 
 from sweeps.engine.settings import Joint, read_choices
 
 # Nothing gathers the springs, which then may run together with other settings.
-FEWER = replace(without(SPRINGS, "answers"), tables=())
+FEWER = having(without(SPRINGS, "answers"), tables=())
 REFERENCES = {"spring.reference": [1.0, 2.0, 4.0], "spring.mass": 1.0}
 DESCENDING = ((70.0, 4.0), (80.0, 2.0), (90.0, 1.0))  # places differ from those of the values
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from small_stores import files
-from toys import SPRINGS, go
+from toys import SPRINGS, go, having
 
 from sweeps.engine import run, store
 from sweeps.engine.command import Command
@@ -79,7 +79,7 @@ WHERE = {  # what happens meanwhile
         SPRINGS, check=lambda choices: swallowing() or SPRINGS.check(choices)
     ),
     "computing": lambda patch: patch.setattr(run, "execute", arriving(run.execute)),
-    "a table": lambda patch: replace(
+    "a table": lambda patch: having(
         SPRINGS, tables=(Table("tables/best", ("answers",), swallowing),)
     ),
     "the store": lambda patch: patch.setattr(store, "encode", encoding(store.encode)),

@@ -91,7 +91,7 @@ MISTAKES = [
 @pytest.mark.parametrize(("words", "settings", "stages"), MISTAKES)
 def test_mistakes_are_named_when_an_experiment_is_assembled(words, settings, stages):
     with pytest.raises(DeclarationError) as refused:
-        Experiment("few", "Few", settings, tuple(stages))
+        Experiment("few", "Few", (*settings, *stages))
     assert words in str(refused.value) and "\n" not in str(refused.value)
 
 
@@ -104,4 +104,4 @@ TABLES = [
 @pytest.mark.parametrize(("words", "tables"), TABLES)
 def test_a_table_of_a_group_that_nobody_makes_is_named(words, tables):
     with pytest.raises(DeclarationError, match=words):
-        Experiment("few", "Few", FEW, (GOOD,), tuple(Table(*one, print) for one in tables))
+        Experiment("few", "Few", (*FEW, GOOD, *(Table(*one, print) for one in tables)))

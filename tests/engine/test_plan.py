@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toys import SPRINGS, period
+from toys import SPRINGS, having, period
 
 from sweeps.engine.plan import Plan
 from sweeps.engine.settings import Settings, number, read_choices
@@ -69,7 +69,7 @@ def test_how_an_output_is_kept_counts(change):
     (output,) = period.outputs
     other = replace(period, outputs=(replace(output, **change),))
     stages = tuple(other if one is period else one for one in SPRINGS.stages)
-    after = Plan(replace(SPRINGS, stages=stages), read_choices(SPRINGS.declared, {}))
+    after = Plan(having(SPRINGS, stages), read_choices(SPRINGS.declared, {}))
     assert not set(keys(after, "period")) & set(keys(planned(), "period"))
 
 
@@ -82,7 +82,7 @@ def test_the_keyword_by_which_a_function_gets_an_input_counts():
     def key(name):
         how = {"reads": {name: "period"}, "name": "told", "group": Group("told")}
         told = stage(Output("told", label="told"), **how)(summed)
-        springs = replace(SPRINGS, stages=(*SPRINGS.stages[:3], told), tables=())
+        springs = having(SPRINGS, (*SPRINGS.stages[:3], told), ())
         plan = Plan(springs, read_choices(SPRINGS.declared, {}))
         return plan.key(plan.bound["told"], 0)
 
@@ -105,7 +105,7 @@ def test_the_order_of_axes_given_to_a_function_counts():
         def first(height):
             return height.mean(axis=0)[0]
 
-        sea = Experiment("sea", "Sea", (Sea,), (height, first))
+        sea = Experiment("sea", "Sea", (Sea, height, first))
         plan = Plan(sea, read_choices(sea.declared, {}))
         return plan.key(plan.bound["first"], 0)
 

@@ -34,7 +34,7 @@ def times(made, size):
     return made * size
 
 if __name__ == "__main__":
-    sys.exit(Command(Experiment("few", "Few", (Few,), (made, times))).main())
+    sys.exit(Command(Experiment("few", "Few", (Few, made, times))).main())
 """
 
 

@@ -117,7 +117,7 @@ class Apart(Settings, key="apart"):
     """Settings that stand for each other, and one that takes one value."""
 
     far = number([1.0, 2.0], label="far")
-    near = number(None, label="near", fallback=far)
+    near = number(far, label="near")
     only = count(1, label="only", fixed="it shapes arrays")
     many = set_of(word(["x"], ("x", "y"), label="many"))
     name = text(None, label="name", dimension="called")

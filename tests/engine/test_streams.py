@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from toys import SPRINGS, Measured, Spring, noisy
+from toys import SPRINGS, Measured, Spring, having, noisy
 
 from sweeps.engine.plan import Plan
 from sweeps.engine.seeds import cell_rng
@@ -51,7 +51,7 @@ def test_the_names_of_streams_are_pinned():
             stream=Stream(stream.settings[:2], optional=stream.settings[2:]),
         ),
     }
-    experiment = replace(SPRINGS, stages=(*SPRINGS.stages[:3], *stages.values()), tables=())
+    experiment = having(SPRINGS, (*SPRINGS.stages[:3], *stages.values()), ())
     plan = Plan(experiment, read_choices(SPRINGS.declared, {"seed": 3}))
     cell = 20  # the first length and draw of the last of 3 stiffnesses and 2 masses
     values = {"stiffness": 4.0, "mass": 2.0}

@@ -1,12 +1,10 @@
 """A table that fails costs itself, and no store."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import xarray as xr
 from small_stores import files, opened
-from toys import SPRINGS, run
+from toys import SPRINGS, having, run
 
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Table
@@ -40,7 +38,7 @@ def experiment(make):
         Table("tables/after", ("tables/spoilt",), after),
         *SPRINGS.tables,
     )
-    return replace(SPRINGS, tables=tables)
+    return having(SPRINGS, tables=tables)
 
 
 @pytest.mark.parametrize("make", [spoilt, unstorable, bare])

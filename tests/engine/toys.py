@@ -31,6 +31,7 @@ from sweeps.engine.stage import (
     Experiment,
     Group,
     Output,
+    Stage,
     Status,
     Stream,
     Table,
@@ -192,9 +193,10 @@ def checked(choices):
 SPRINGS = Experiment(
     "springs",
     "Springs",
-    (Spring, Measured),
-    (rate, solver, period, energy, noisy, trace, answers, compared),
-    tables=(Table("tables/best", ("answers",), tabulated),),
+    (
+        *(Spring, Measured, rate, solver, period, energy, noisy, trace, answers, compared),
+        Table("tables/best", ("answers",), tabulated),
+    ),
     check=checked,
     code=("toys",),
 )
@@ -229,12 +231,20 @@ class Told:
         return Watch(self.sentences.append, failed=lambda one: self.failures.append(one[:2]))
 
 
+def having(experiment, stages=None, tables=None):
+    """An experiment with other stages or tables."""
+    settings = (one for one in experiment.parts if not isinstance(one, Stage | Table))
+    stages = experiment.stages if stages is None else stages
+    tables = experiment.tables if tables is None else tables
+    return replace(experiment, parts=(*settings, *stages, *tables))
+
+
 def without(experiment, name):
     """An experiment without one of its stages, and without the tables of its group."""
     stages = tuple(one for one in experiment.stages if one.name != name)
     groups = {one.group.path for one in stages}
     tables = tuple(one for one in experiment.tables if groups.issuperset(one.of))
-    return replace(experiment, stages=stages, tables=tables)
+    return having(experiment, stages, tables)
 
 
 class Few(Settings, key="few"):
@@ -245,7 +255,7 @@ class Few(Settings, key="few"):
 
 def of(*stages):
     """An experiment of stages that take a size."""
-    return Experiment("few", "Few", (Few,), stages)
+    return Experiment("few", "Few", (Few, *stages))
 
 
 def run_few(stages, store, cache=None, sizes=(1, 2, 3), **how):

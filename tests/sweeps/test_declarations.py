@@ -22,7 +22,7 @@ each = partial(pytest.mark.parametrize, "setting", ids=lambda setting: setting.k
 
 @each(DECLARED)
 def test_the_default_is_allowed_and_written_as_it_is_read(setting):
-    if setting.default is None and setting.fallback is not None:
+    if setting.fallback is not None:
         assert setting.fallback in DECLARED
         return
     values = setting.values(setting.default)

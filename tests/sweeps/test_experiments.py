@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import yaml
-from commands import FAST, chosen, groups_of, ran
+from commands import COMMAND, FAST, chosen, groups_of, ran
 from matplotlib import pyplot as plt
 from matplotlib.image import imread
 from rich.cells import cell_len
@@ -55,7 +55,7 @@ def test_every_experiment_composes_whole(name):
     choices = chosen(f"+experiment={name}")
     assert choices[Grid.ship]
     missing = len(engines()) - len(available_engines())
-    skipped = [line for line in EXPERIMENT.about(choices) if "without" in line]
+    skipped = [line for line in COMMAND.about(choices) if "without" in line]
     assert len(skipped) == (missing if name == "runtime_vs_error" else 0)
 
 
