@@ -77,7 +77,7 @@ def test_a_setting_that_a_stream_alone_names_makes_cells():
     """Two draws for each of two masses, though the function takes no number of a draw."""
     stream = Stream((Spring.mass,), optional=(Measured.draw,))
     drawn = stage(Output("drawn"), group=Group("drawn"), stream=stream, uses=(Spring,))(normal)
-    springs = replace(SPRINGS, stages=(drawn,), tables=())
+    springs = having(SPRINGS, (drawn,), ())
     plan = Plan(springs, read_choices(SPRINGS.declared, {}))
     assert len({plan.key(plan.bound["normal"], cell) for cell in range(4)}) == 4
 
