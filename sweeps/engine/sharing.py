@@ -74,8 +74,12 @@ class Use:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def renew(self) -> None:
-        """Write the record again."""
-        with self._lock, suppress(OSError):
+        """Write the record again, if that can be done."""
+        with suppress(OSError):
+            self._write()
+
+    def _write(self) -> None:
+        with self._lock:
             document = {
                 "holder": f"process {os.getpid()} on {socket.gethostname()}",
                 "since": self.since,
@@ -107,11 +111,11 @@ class Use:
             self.say(f"Finished results in {self.cells.place} cannot be deleted ({error}).")
 
     def _shrink(self, limit_bytes: int) -> None:
-        self.renew()
-        self.cells.tidy(time.time() - FORGOTTEN)
+        self._write()
         listed = self.cells.listed()
         if self.since is None or self.name not in listed:
             return
+        self.cells.tidy(_time(listed[self.name]) - FORGOTTEN)
         packs = {name: one for name, one in listed.items() if name.endswith(PACK)}
         own = packs.keys() & (self.packs or set())
         last = self._last_used(listed, packs, own)
@@ -124,7 +128,7 @@ class Use:
                 break
             self._deleting.append(name)
             excess -= packs[name]["size"]
-        self.renew()  # from here on, others see what is to go
+        self._write()  # from here on, others see what is to go
         stay = self._used_by_others(packs)
         self.cells.delete(name for name in self._deleting if name not in stay)
 

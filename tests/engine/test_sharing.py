@@ -1,5 +1,6 @@
 """Who uses a cache, and what may be deleted of it."""
 
+import errno
 import json
 import multiprocessing
 import os
@@ -200,6 +201,26 @@ def test_damaged_records_of_use_are_dropped(tmp_path, said):
         use.leaving()
         use.shrink(2**40)
     assert len(cells.sizes(USED)) == 1 and packs_of(cells) == {pack.path} and said == []
+
+
+class Full(Objects):
+    """Packs of a cache on a disk that takes no record of what is to be deleted."""
+
+    def put(self, name, content):
+        if name.startswith(RUNNING) and json.loads(content)["deleting"]:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.place))
+        super().put(name, content)
+
+
+def test_what_others_cannot_be_told_is_not_deleted(tmp_path, said):
+    cells = Full(tmp_path, make=True)
+    pack = written(cells, 1)
+    os.utime(tmp_path / pack.path, (1, 1))
+    with using(cells, said.append) as use:
+        use.leaving()
+        use.shrink(0)
+    assert packs_of(cells) == {pack.path}
+    assert len(said) == 1 and "cannot be deleted" in said[0]
 
 
 def test_a_place_that_takes_no_records_stops_nothing(tmp_path, said):
