@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import repeat
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from sweeps.engine.places import Objects
 from sweeps.engine.sharing import Use
 from sweeps.engine.stage import Output
 
+READERS = 16  # packs whose heads are read at once
 RECENT = 10  # packs of a stage, whose costs count
 AT_ONCE = 2**20  # keys that are looked up together
 
@@ -44,9 +47,11 @@ class CellIndex:
         listed = cells.listed()
         names = sorted(name for name in listed if name.endswith(PACK))  # in the order of their time
         foreign = cells.foreign(names)
-        for name in names:
-            if name not in leaving | foreign:
-                self.add(*described_pack(cells, name, listed[name]["size"]))
+        names = [name for name in names if name not in leaving | foreign]
+        with ThreadPoolExecutor(READERS) as pool:  # each waits for a bucket's answer
+            sizes = (listed[name]["size"] for name in names)
+            for pack, keys in pool.map(described_pack, repeat(cells), names, sizes):
+                self.add(pack, keys)
         trusting = "cache_shared=true trusts all who can write there"
         if foreign:
             say(
