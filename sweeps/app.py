@@ -18,6 +18,7 @@ from sweeps.engine.interrupts import Stopped, heed, stopping
 
 if TYPE_CHECKING:
     from sweeps.engine.command import Command
+    from sweeps.engine.places import Where
     from sweeps.engine.run import Finished
     from sweeps.engine.settings import Choices
 
@@ -75,7 +76,7 @@ def command(*modules: Any) -> Command:
     return Command(experiment, report, beside, partial(about, (*MODULES, *modules)))
 
 
-def report(store: Path, choices: Choices, finished: Finished) -> None:
+def report(store: Where, choices: Choices, finished: Finished) -> None:
     """Write the report of a finished store and its tables, print a page, and draw pictures.
 
     Raises SweepIncomplete if another file is in the place of one of these; all others are written.

@@ -7,6 +7,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import buckets
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from documentation import DOCS, PAGES, ROOT, commands, fences, text_of
 from once import sharing_ships
 
 import ncti.ships
+from sweeps.engine.places import Objects
 from sweeps.experiment import EXPERIMENT
 
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
@@ -61,13 +63,30 @@ def stored(arguments):
     return arguments if own else [*arguments, "store=other.zarr"]
 
 
+@pytest.fixture
+def bucket(smoke_store, monkeypatch):
+    """Put the store into a bucket, `s3://bucket/sweep.zarr`."""
+    if buckets.ABSENT:
+        pytest.skip(buckets.ABSENT)
+    with buckets.serving() as environment:
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        there, here = Objects(f"s3://{buckets.BUCKET}/sweep.zarr"), Objects(smoke_store)
+        there.each(lambda name: there.put(name, here.get(name)), here.sizes())
+        yield
+
+
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
-def test_what_is_on_the_page_runs(page, smoke_store, results, tmp_path, monkeypatch, capsys):
+def test_what_is_on_the_page_runs(
+    page, smoke_store, results, tmp_path, monkeypatch, capsys, request
+):
     """Code is executed, scripts of the page are run, and other commands composed, in order."""
     mpl.use("Agg")
     (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
     if "hull.stl" in text_of(page):
         of_user(tmp_path / "hull.stl")
+    if "s3://" in "".join(code for _, code in fences(page, "python")):
+        request.getfixturevalue("bucket")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     namespace = {}

@@ -27,7 +27,7 @@ from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.kinds import Value
 from sweeps.engine.overrides import STORE, Job, fused, job_of, read_jobs
 from sweeps.engine.packs import PACK, SHORTAGES, cells_of
-from sweeps.engine.places import UNREACHED, Where, where
+from sweeps.engine.places import UNREACHED, Where, namesake, where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment, forgiving, say, show
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
@@ -44,8 +44,8 @@ MOST_CELLS = 10_000_000  # whose keys fit into memory
 CHECKING = "checking the configuration, which takes longer the first time"
 PATIENCE = 0.5  # s of silence while checking; most errors are found sooner
 
-Report = Callable[[Path, Choices, Finished], None]
-Sweep = tuple[Plan, Path]  # what is swept, and its store
+Report = Callable[[Where, Choices, Finished], None]
+Sweep = tuple[Plan, Where]  # what is swept, and its store
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class Command:
                 checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         finally:
             timer.cancel()
-        stores = dict.fromkeys(job.store for job in jobs)  # as written: absolute, a URL is a folder
+        stores = dict.fromkeys(where("store", job.store) for job in jobs)
         for path in stores:
             check_target(path)
         sweeps: list[Sweep] = []
@@ -164,12 +164,12 @@ class Command:
                 _cluster(choices)
                 cache = self._cache_place(choices.one(Run.cache))
                 check_folder("cache", cache)
-                check_apart(map(Path, stores), cache, self.beside)
+                check_apart(stores, cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
-                    existing(self.experiment, Path(store), plan)
-                sweeps.append((plan, Path(store)))
+                    existing(self.experiment, store, plan)
+                sweeps.append((plan, store))
         return sweeps
 
     def _cache_place(self, given: Value) -> Where:
@@ -205,9 +205,10 @@ class Command:
         if left:
             raise SweepIncomplete("; ".join(left))
 
-    def _run(self, choices: Choices, store: Path) -> list[str]:
+    def _run(self, choices: Choices, store: Where) -> list[str]:
         """Run one sweep into a store, and report it; return what is not complete."""
-        log = FailureLog(store.with_name(f"{store.name.removesuffix('.zarr')}-failures.log"))
+        near = namesake(store)
+        log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
         place = Place(
             store,
             self._cache_place(choices.one(Run.cache)),
@@ -242,7 +243,7 @@ class Command:
                 f"--status has {unknown[0]!r}, but takes store=PATH and cache=FOLDER"
             )
         cache = self._cache_place(given.get("cache"))
-        sentence, table = described(Path(given.get("store", STORE)), cache)
+        sentence, table = described(where("store", given.get("store", STORE)), cache)
         show(sentence)
         show(table)
 

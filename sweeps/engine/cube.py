@@ -180,7 +180,8 @@ class Cube:
         if words:  # few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
             return Array.of(named, texts, attrs, coordinate=coordinate)
-        return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate)
+        made_of = partial(self._made_of, layout)
+        return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate, made_of)
 
     def _nodes(self, layout: Layout, ranges: Sequence[range]) -> Cells:
         """Return numbers of the results in ranges of a variable's axes, the last fastest."""
@@ -248,6 +249,19 @@ class Cube:
             flat[(number, *place)] = array
         inside: Any = (..., *natural[count:])
         return flat.reshape((*shape, *own))[inside].transpose(layout.order)
+
+    def _made_of(self, layout: Layout, region: tuple[slice, ...]) -> bytes:
+        """Return what decides the values of a region: keys of its cells, and how they lie there."""
+        output, count = layout.output, len(layout.axes)
+        starts, lengths = self._extents[layout.group]
+        natural = [region[k] for k in np.argsort(layout.order)]
+        nodes = self._nodes(layout, [range(one.start, one.stop) for one in natural[:count]])
+        spots, failed = self.schedule.spots, self.schedule.failed
+        keys = np.where(spots.present[nodes, None], spots.keys[nodes], 0)
+        lost = np.isin(nodes, [*failed]) if output.role == STATE else np.empty(0, bool)
+        own = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
+        about = [output.name, output.pad, layout.order, own, natural[count:]]
+        return repr(about).encode() + lost.tobytes() + keys.tobytes()
 
     def _each(self, nodes: Cells) -> Iterator[Arrays]:
         """Yield arrays of results, of which few are in memory at once."""

@@ -14,11 +14,13 @@ from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.declarations import RNG
 from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.kinds import Count, Kind, Number, Switch, Text
+from sweeps.engine.places import where
 from sweeps.engine.run import Place
 from sweeps.engine.run import sweep as run
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import DIMENSION, Run, Setting, read_choices
 from sweeps.engine.stage import Experiment, Group, Output, Stage
+from sweeps.engine.store import zarr_store
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,7 +50,7 @@ def sweep(
     values : mapping of str to iterable
         Values of each argument: numbers, whole numbers, texts, or truth values.
     store : path
-        Folder of the store, in zarr's format.
+        Folder of the store, in zarr's format, or URL of a bucket such as 's3://bucket/x.zarr'.
     dims : tuple of str
         Names of the dimensions of an array that the function returns; none for a number.
     dtype : str
@@ -91,14 +93,15 @@ def sweep(
     except DeclarationError as error:
         raise ConfigurationError(str(error)) from None
     choices = read_choices(experiment.declared, {Run.seed.key: seed})
-    place = Place(Path(store), Path(cache or user_cache_path("sweeps")), ClusterChoice(cluster))
+    at = where("store", store)
+    place = Place(at, Path(cache or user_cache_path("sweeps")), ClusterChoice(cluster))
     finished = run(experiment, choices, place, Watch(lambda sentence: None))
     if finished.failures:
         what, why = finished.failures[0]
         raise SweepIncomplete(f"{len(finished.failures)} calls failed; {what}: {why}")
     import xarray as xr  # slow to import
 
-    return xr.open_zarr(store, group=name, chunks=None).load()
+    return xr.open_zarr(zarr_store(at), group=name, chunks=None).load()
 
 
 def _setting(key: str, given: Iterable[Any]) -> Setting:

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
+from pathlib import Path
 from typing import Any
 
 from hydra.core.config_loader import ConfigLoader
@@ -33,6 +34,7 @@ from sweeps.engine.configuration import (
 )
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import MOST_VALUES, Value, rank, shown
+from sweeps.engine.places import Where, where
 from sweeps.engine.settings import Choices, Joint, Run, Setting, nested
 from sweeps.engine.stage import Experiment
 
@@ -203,17 +205,20 @@ Point = tuple[Value, ...]
 OWN_STORES = "put it into the store's path for a store each"
 
 
-def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, str]]:
-    """Return choices and the path of the store of each sweep that jobs are fused into.
+def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, Where]]:
+    """Return choices and the place of the store of each sweep that jobs are fused into.
 
     Raises
     ------
     ConfigurationError
         If jobs of one store differ in something that takes one value.
     """
-    by_store: dict[str, list[Job]] = {}
+    by_store: dict[Where, list[Job]] = {}
     for job in jobs:
-        by_store.setdefault(os.path.abspath(job.store), []).append(job)
+        store = where("store", job.store)
+        if isinstance(store, Path):
+            store = Path(os.path.abspath(store))
+        by_store.setdefault(store, []).append(job)
     return [(_fuse(experiment, group), store) for store, group in by_store.items()]
 
 

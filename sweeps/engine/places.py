@@ -10,12 +10,14 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from obstore.exceptions import (
     AlreadyExistsError,
@@ -39,9 +41,14 @@ OTHERS, OTHERS_WRITE = stat.S_IRWXG | stat.S_IRWXO, stat.S_IWGRP | stat.S_IWOTH
 UNREACHED = errno.ECONNABORTED  # of a server that cannot be asked, or fails
 RETRIES = 6  # of a request, with growing pauses: some seconds
 
+AT_ONCE = 16  # requests under way
+
+One = TypeVar("One")
+Result = TypeVar("Result")
+
 # A Path keeps one slash of a URL; several schemes may be chained.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.:-]*:/")
-_OF_BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)*")
+_OF_BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)+")
 _NUMBER = re.compile(r"\(os error (\d+)\)")
 
 
@@ -66,6 +73,36 @@ def where(key: str, given: Where) -> Where:
 def below(place: Where, name: str) -> Where:
     """Return a place in another one; a folder by its absolute path."""
     return f"{place}/{name}" if isinstance(place, str) else place.absolute() / name
+
+
+def real_place(place: Where) -> Where:
+    """Return the absolute path without links: a store behind a link is written where it is."""
+    return Path(os.path.realpath(place)) if isinstance(place, Path) else place
+
+
+def apart(place: Where) -> tuple[Where, str]:
+    """Return the folder or URL that a place is in, and its name there."""
+    if isinstance(place, Path):
+        return place.parent, place.name
+    above, _, name = place.rpartition("/")
+    return above, name
+
+
+def around(place: Where) -> list[Where]:
+    """Return all folders or URLs that a place is in, the nearest first."""
+    if isinstance(place, Path):
+        return list(place.parents)
+    bucket, *names = place.removeprefix(scheme := place.partition("//")[0] + "//").split("/")
+    inside = list(accumulate(names[:-1], "{}/{}".format, initial=scheme + bucket))
+    return list(reversed(inside))
+
+
+def namesake(place: Where) -> Path:
+    """Return the path beside which files about a place are written.
+
+    Of a bucket, which has no folders, it is its name in the working folder.
+    """
+    return place if isinstance(place, Path) else Path.cwd() / apart(place)[1]
 
 
 def opened(
@@ -114,6 +151,17 @@ def told(place: Where) -> Iterator[None]:
         words = re.sub(r"\?[^\s)]*|//[^/\s]*@", "", line.partition("<")[0]).strip(" :")
         failed = errno.EIO if isinstance(place, Path) else UNREACHED
         raise OSError(errno.EACCES if denied else failed, words, str(place)) from None
+
+
+@contextmanager
+def readable() -> Iterator[None]:
+    """Let others read what is written meanwhile, as far as the umask does, and never change it."""
+    before = os.umask(0o022)
+    os.umask(before | 0o022)
+    try:
+        yield
+    finally:
+        os.umask(before)
 
 
 @dataclass(frozen=True)
@@ -184,9 +232,25 @@ class Objects:
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects, which may be absent."""
-        for name in names:
-            with suppress(FileNotFoundError), told(self.place):
-                self.store.delete(name)
+        self.each(self._delete, names)
+
+    def _delete(self, name: str) -> None:
+        with suppress(FileNotFoundError), told(self.place):
+            self.store.delete(name)
+
+    def has(self, name: str) -> bool:
+        """Return whether there is an object; False if that cannot be told."""
+        try:
+            with told(self.place):
+                self.store.head(name)
+        except OSError:
+            return False
+        return True
+
+    def each(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
+        """Return what a function makes of each thing, several at once as they wait for answers."""
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            return list(pool.map(function, given))
 
     def listed(self, under: str = "") -> dict[str, ObjectMeta]:
         """Return size and time of all objects, or of those under a prefix, by name."""
@@ -203,6 +267,12 @@ class Objects:
             with suppress(OSError):
                 if file.stat().st_mtime < before:
                     file.unlink()
+
+    def leave(self) -> None:
+        """Remove a folder, or those in it, if nothing is there."""
+        for folder, *_ in os.walk(self.place, topdown=False):  # nothing of a URL
+            with suppress(OSError):
+                os.rmdir(folder)
 
     def foreign(self, names: Iterable[str]) -> set[str]:
         """Return those of some objects that others may have written, unless all are trusted.

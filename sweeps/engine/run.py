@@ -11,7 +11,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 
@@ -19,16 +18,12 @@ from sweeps.engine.cluster import ClusterChoice, Executor, executor, import_jobq
 from sweeps.engine.cube import Cube
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, reason, traceback_of
-from sweeps.engine.folders import (
-    check_apart,
-    check_folder,
-    check_target,
-    locked,
-    verify,
-)
+from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.index import CellIndex
 from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
+from sweeps.engine.locks import locked
+from sweeps.engine.manifest import verify
 from sweeps.engine.packs import MISSING, cells_of, read_cells
 from sweeps.engine.places import Objects, Where
 from sweeps.engine.plan import Plan
@@ -38,7 +33,7 @@ from sweeps.engine.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.sharing import using
 from sweeps.engine.stage import Experiment
-from sweeps.engine.store import read_attributes, write_store
+from sweeps.engine.store import read_attributes, recover, write_store
 from sweeps.engine.tasks import Damaged, Outcome, Report, Trouble, run_calls, uneven
 from sweeps.engine.zarr_array import nested, plain
 
@@ -63,7 +58,7 @@ class Place:
     computed.
     """
 
-    store: Path
+    store: Where
     cache: Where
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 2**30
@@ -92,7 +87,7 @@ class Finished:
     axes: Mapping[str, int] = field(default_factory=dict)
 
 
-def existing(experiment: Experiment, path: Path, plan: Plan) -> Mapping[str, object] | None:
+def existing(experiment: Experiment, path: Where, plan: Plan) -> Mapping[str, object] | None:
     """Return attributes of the store that a sweep extends; None if there is none."""
     attributes = read_attributes(path)
     if attributes is not None:
@@ -117,7 +112,8 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         check_folder("cache", place.cache)
         check_apart([place.store], place.cache, lambda store: ())
         plan = Plan(experiment, choices)
-        stack.enter_context(locked(place.store))
+        check = stack.enter_context(locked(place.store))
+        recover(place.store)
         use = stack.enter_context(using(place.packs, watch.say))
         index = CellIndex(place.packs, watch.say, use)
         old = existing(experiment, place.store, plan)
@@ -129,13 +125,15 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
                 "cache has no longer; give another path for partial=true"
             )
         else:
-            finished = _until_undamaged(plan, place, index, watch)
+            finished = _until_undamaged(plan, place, index, watch, check)
         use.shrink(place.cache_limit)
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
 
 
-def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -> Finished:
+def _until_undamaged(
+    plan: Plan, place: Place, index: CellIndex, watch: Watch, check: Callable[[], None]
+) -> Finished:
     """Compute and write all cells, and again those that are damaged when they are read back."""
     # The thread starts and ends workers while this one plans and writes.
     with ThreadPoolExecutor(1, "cluster") as thread:
@@ -145,7 +143,7 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
             try:
                 failures = _compute(schedule, place, index, watch, thread)
                 with _named(place.store):
-                    failures += _write(schedule, place, index, watch)
+                    failures += _write(schedule, place, index, watch, check)
             except Damaged as error:
                 damaged = sorted(_damaged(schedule, index.cells).union(error.keys))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
@@ -158,7 +156,7 @@ def _until_undamaged(plan: Plan, place: Place, index: CellIndex, watch: Watch) -
 
 
 @contextmanager
-def _named(place: Path) -> Iterator[None]:
+def _named(place: Where) -> Iterator[None]:
     """Let an OSError name a folder if it names none, as where a disk is full."""
     try:
         yield
@@ -288,7 +286,9 @@ def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
 # the store --------------------------------------------------------------------------------------
 
 
-def is_whole(plan: Plan, path: Path, old: Mapping[str, object], say: Callable[[str], None]) -> bool:
+def is_whole(
+    plan: Plan, path: Where, old: Mapping[str, object], say: Callable[[str], None]
+) -> bool:
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
     heed()
@@ -315,8 +315,10 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     return Finished(progress)
 
 
-def _write(schedule: Schedule, place: Place, index: CellIndex, watch: Watch) -> Failures:
-    """Assemble the store with its tables, and move it to its place; return tables that failed."""
+def _write(
+    schedule: Schedule, place: Place, index: CellIndex, watch: Watch, check: Callable[[], None]
+) -> Failures:
+    """Assemble the store with its tables, and write it; return tables that failed."""
     heed()
     plan, failed = schedule.plan, schedule.failed
     cube = Cube(schedule, partial(read_cells, index.cells))
@@ -342,14 +344,14 @@ def _write(schedule: Schedule, place: Place, index: CellIndex, watch: Watch) -> 
         every = Progress.over(schedule.progress.values())
         attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
         everywhere = (*EVERYWHERE, PARTIAL)
-    write_store(place.store, groups, attributes, everywhere=everywhere)
+    write_store(place.store, groups, attributes, everywhere=everywhere, check=check)
     return list(lost.items())
 
 
 # dry run ------------------------------------------------------------------------------------------
 
 
-def preview(plan: Plan, packs: Objects, store: Path) -> tuple[Mapping[str, tuple[int, int]], str]:
+def preview(plan: Plan, packs: Objects, store: Where) -> tuple[Mapping[str, tuple[int, int]], str]:
     """Return the cells of each stage, those to be computed among them, and the work in words.
 
     Nothing is written, and neither place need exist.

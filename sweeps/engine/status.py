@@ -9,16 +9,15 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import is_locked, real_place
 from sweeps.engine.keys import digest
+from sweeps.engine.locks import is_locked
 from sweeps.engine.packs import CLOSED
-from sweeps.engine.places import Objects, Where, below
+from sweeps.engine.places import Objects, Where, below, real_place
 from sweeps.engine.schedule import Progress, Schedule, Watch
 
 EVERY = 1.0  # s between states that are written
@@ -31,13 +30,13 @@ def _states(cache: Where, *, make: bool = False) -> Objects:
     return Objects(below(cache, FOLDER), make=make, mode=CLOSED, clean=False)
 
 
-def _name(store: Path) -> str:
+def _name(store: Where) -> str:
     """Return the name of the state of a store's latest sweep."""
     return f"{digest(str(real_place(store)))}.json"
 
 
 @contextmanager
-def recorded(store: Path, cache: Where, watch: Watch) -> Iterator[Watch]:
+def recorded(store: Where, cache: Where, watch: Watch) -> Iterator[Watch]:
     """Yield an observer that also writes how far a sweep is into its cache, every second at most.
 
     A state that cannot be written costs nothing but itself.
@@ -71,7 +70,7 @@ def recorded(store: Path, cache: Where, watch: Watch) -> Iterator[Watch]:
         write()
 
 
-def described(store: Path, cache: Where) -> tuple[str, Table]:
+def described(store: Where, cache: Where) -> tuple[str, Table]:
     """Return a sentence on the latest sweep of a store, and a table of its stages.
 
     Raises ConfigurationError if the cache knows of none.

@@ -1,36 +1,37 @@
-"""Stores: the results of a sweep as one zarr DataTree, written whole or not at all, and read back.
+"""Stores: the results of a sweep as one zarr DataTree, which appears whole or not at all.
 
-Equal input, given in the same order, makes equal bytes: a store holds no times, hosts or paths.
-The metadata of a group repeat those of all below it ("consolidated"), so that a store opens by one
-file, at the root or at any group.
+Equal input, given in the same order, makes equal bytes of a new store: it holds no times, hosts or
+paths. The metadata of a group repeat those of all below it ("consolidated"), so that a store opens
+by one object, at the root or at any group. A store grows where it is: chunks that metadata refer to
+are never changed. An array that is written again takes other names for its chunks, and the chunks
+that it had stay until the store is written once more.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import zlib
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import accumulate
-from pathlib import Path
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import (
-    MANIFEST,
-    PARTIAL,
-    check_target,
-    hidden,
-    put_in_place,
-    read_manifest,
-    real_place,
-    remove_folder,
-    write_file,
-)
+from sweeps.engine.folders import check_target
 from sweeps.engine.interrupts import interruptible
-from sweeps.engine.packs import raise_shortage, seal
+from sweeps.engine.manifest import MANIFEST, Manifest, checksum_of, manifest_of, read_manifest
+from sweeps.engine.places import AT_ONCE, Objects, Where, readable
 from sweeps.engine.zarr_array import (
     METADATA,
+    SPACES,
+    Array,
     Group,
+    Region,
+    chunk_name,
     encode,
     metadata,
     nested,
@@ -42,56 +43,222 @@ Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
 
 def write_store(
-    path: Path,
+    place: Where,
     groups: Mapping[str, Group],
     attributes: Mapping[str, Any],
     *,
     everywhere: tuple[str, ...] = (),
+    check: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write a store and move it to its place whole, replacing an older store.
+    """Write a store, or what differs from the one that is there.
 
-    Hold its lock meanwhile (`locked`). Memory holds a few chunks. If anything fails, the
-    place is unchanged. Readers of the old store must open it again. Files are left to the
-    operating system to flush: `verify` finds damage of a power cut. `groups` are by path, as
-    'classification/acn'; parents need not be given. `attributes` are those of the root, of which
-    all groups repeat those named `everywhere`.
+    Hold its lock meanwhile (`locked`), whose `check` is called before readers see a change. Memory
+    holds a few chunks. If anything fails before that, the store is as it was. Readers of the old
+    store must open it again, before it is written once more. Files are left to the operating system
+    to flush: `verify` finds damage of a power cut. `groups` are by path, as 'classification/acn';
+    parents need not be given. `attributes` are those of the root, of which all groups repeat those
+    named `everywhere`.
     """
-    check_target(path)
-    place = real_place(path)
-    partial = hidden(place, PARTIAL)
-    try:
-        files = _write_metadata(partial, _nodes(groups, attributes, everywhere))
-        files |= _write_chunks(partial, groups)
-        write_file(partial / MANIFEST, seal(files))
-        check_target(path)  # another process may have written something there
-        put_in_place(partial, place)
-    finally:
-        remove_folder(partial)  # an unfinished store, or the older one
+    check_target(place)
+    with readable():
+        recover(place)
+        objects, old = Objects(place, make=True), read_manifest(place) or Manifest()
+        arrays = {
+            f"{name}/{inner}": array.settled()
+            for name, group in groups.items()
+            for inner, array in group.arrays.items()
+        }
+        laid = {path: _layout(path, array, old) for path, array in arrays.items()}
+        described = {path: metadata(array, laid[path][0]) for path, array in arrays.items()}
+        nodes = _nodes(groups, described, attributes, everywhere)
+        chunks = [chunk for _, of_array in laid.values() for chunk in of_array]
+        coming = [chunk.name for chunk in chunks if chunk.name != chunk.source]
+        intent = replace(old, coming=coming)
+        try:
+            intent.put(objects)
+            with interruptible():
+                files = _write_chunks(objects, chunks, old)
+            check_target(place)  # another process may have written something there
+            check()
+        except BaseException:
+            with suppress(OSError):
+                _undo(objects, intent)
+            raise
+        files |= {name: zlib.crc32(content) for name, content in _documents(nodes).items()}
+        made_of = {
+            path: (space, {chunk.index: chunk.digest for chunk in of_array})
+            for path, (space, of_array) in laid.items()
+            if of_array
+        }
+        before = {name: one for name, one in old.files.items() if name.endswith(METADATA)}
+        new = Manifest(files, made_of, _left(old, files), [*old.left_names], nodes, before)
+        new.put(objects)
+        _finish(objects, new, check)
 
 
-def read_attributes(path: Path) -> dict[str, Any] | None:
-    """Return attributes of the root of a store, nested ones as such; None if there is nothing.
+def recover(place: Where) -> None:
+    """Finish or undo what a killed writer began; hold the lock of the store meanwhile."""
+    manifest = read_manifest(place)
+    if manifest is not None and (manifest.nodes or manifest.coming):
+        objects = Objects(place, make=True)
+        objects.tidy(math.inf)
+        if manifest.nodes:
+            _finish(objects, manifest, lambda: None)
+        else:
+            _undo(objects, manifest)
+
+
+def _finish(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
+    """Put all metadata in place, the root's last, and remove what no reader needs any more."""
+    documents = _documents(manifest.nodes)
+    for group in (False, True):  # arrays before groups, which readers open
+        some = [
+            (name, content)
+            for name, content in documents.items()
+            if name != METADATA
+            if (manifest.nodes[name[: -len(METADATA) - 1]]["node_type"] == "group") == group
+        ]
+        objects.each(lambda one: objects.put(*one), some)
+    check()
+    objects.put(METADATA, documents[METADATA])
+    gone = {*manifest.before, *manifest.coming}.difference(manifest.files, manifest.left_names)
+    objects.delete(sorted(gone))
+    replace(manifest, coming=[], nodes={}, before={}).put(objects)
+
+
+def _undo(objects: Objects, manifest: Manifest) -> None:
+    """Remove the chunks of a store that was not finished; all of a new one."""
+    objects.delete(name for name in manifest.coming if name not in manifest.files)
+    if manifest.files:
+        replace(manifest, coming=[]).put(objects)
+    else:
+        objects.delete([MANIFEST])
+        objects.leave()
+
+
+def read_attributes(place: Where) -> dict[str, Any] | None:
+    """Return attributes of the root of a store, nested ones as such; None if there is none yet.
 
     Raises ConfigurationError if it is not a store, or its metadata are damaged.
     """
-    if not path.exists():
+    objects, manifest = Objects(place), read_manifest(place)
+    if manifest is None and not objects.sizes():
         return None
-    checksum = read_manifest(path).get(METADATA)
+    content, manifest = objects.get(METADATA), manifest or manifest_of(place)
+    if content is None and manifest.allows(METADATA, None):
+        return None  # its first writer did not finish
     try:
-        content = (path / METADATA).read_bytes()
-        if zlib.crc32(content) != checksum:
+        if content is None or not manifest.allows(METADATA, zlib.crc32(content)):
             raise ValueError("its checksum differs")
         return nested(json.loads(content)["attributes"])
-    except (OSError, ValueError) as error:
-        raise_shortage(error)
+    except ValueError as error:
         raise ConfigurationError(
-            f"store is {str(path)!r}, whose {METADATA} cannot be read; "
+            f"store is {str(place)!r}, whose {METADATA} cannot be read; "
             "give another path or remove it"
         ) from error
 
 
+def zarr_store(place: Where) -> Any:
+    """Return a place as zarr and xarray open it, to be read."""
+    from zarr.storage import ObjectStore  # takes long
+
+    return ObjectStore(Objects(place).store, read_only=True)
+
+
+# chunks -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A chunk of an array; `source` is an equal one of the store as it was, if there is one."""
+
+    name: str
+    index: str
+    array: Array
+    region: Region
+    digest: str
+    source: str
+
+
+def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
+    """Return the key space and the chunks of an array.
+
+    If all chunks that it had are among them, these stay where they are.
+    """
+    made = [(index, region, array.digest(region)) for index, region in regions(array)]
+    before, known = old.chunks.get(path, (SPACES[0], {}))
+    if known.items() <= {(index, digest) for index, _, digest in made}:
+        space = before
+    else:
+        taken = {before, *old.left.get(path, ())[:1]}
+        space = next(one for one in SPACES if one not in taken)
+    equal = {digest: chunk_name(path, before, index) for index, digest in known.items()}
+    chunks = []
+    for index, region, digest in made:
+        name, source = chunk_name(path, space, index), equal.get(digest, "")
+        if space == before and known.get(index) == digest:
+            source = name
+        chunks.append(Chunk(name, index, array, region, digest, source))
+    return space, chunks
+
+
+def _write_chunks(objects: Objects, chunks: Sequence[Chunk], old: Manifest) -> dict[str, int]:
+    """Write all chunks that are not empty; return checksums of them.
+
+    Those that the store has are not made again: they stay, or are copied.
+    """
+    files: dict[str, int] = {}
+    kept = [chunk for chunk in chunks if chunk.source]
+    carried = objects.each(lambda chunk: _carry(objects, chunk, old), kept)
+    files |= {
+        chunk.name: old.files[chunk.source]
+        for chunk, done in zip(kept, carried, strict=True)
+        if done and chunk.source in old.files
+    }
+    done = {chunk.name for chunk, done in zip(kept, carried, strict=True) if done}
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        under_way: deque[Future[None]] = deque()
+        for chunk in chunks:
+            if chunk.name in done:
+                continue
+            content = encode(chunk.array, chunk.region)
+            if content is not None:
+                files[chunk.name] = zlib.crc32(content)
+                under_way.append(pool.submit(objects.put, chunk.name, content))
+            while len(under_way) > (0 if chunk is chunks[-1] else 2 * AT_ONCE):
+                under_way.popleft().result()
+    return files
+
+
+def _carry(objects: Objects, chunk: Chunk, old: Manifest) -> bool:
+    """Bring an undamaged chunk of a store to its new name; return whether that was possible."""
+    checksum = old.files.get(chunk.source)
+    if checksum_of(objects, chunk.source) != checksum:
+        return False
+    return checksum is None or chunk.name == chunk.source or objects.copy(chunk.source, chunk.name)
+
+
+def _left(old: Manifest, files: Mapping[str, int]) -> dict[str, tuple[str, list[str]]]:
+    """Return the chunks of a store that are not of the new one."""
+    left = {
+        path: [
+            index
+            for index in known
+            if (name := chunk_name(path, space, index)) in old.files and name not in files
+        ]
+        for path, (space, known) in old.chunks.items()
+    }
+    return {path: (old.chunks[path][0], indices) for path, indices in left.items() if indices}
+
+
+# metadata -----------------------------------------------------------------------------------------
+
+
 def _nodes(
-    groups: Mapping[str, Group], attributes: Mapping[str, Any], everywhere: tuple[str, ...]
+    groups: Mapping[str, Group],
+    arrays: Mapping[str, dict[str, Any]],
+    attributes: Mapping[str, Any],
+    everywhere: tuple[str, ...],
 ) -> Nodes:
     """Return the metadata of the root, groups and arrays by path, the root's being empty."""
     shared = plain({name: attributes[name] for name in everywhere})
@@ -100,11 +267,10 @@ def _nodes(
         for parent in accumulate(name.split("/"), "{}/{}".format):
             nodes.setdefault(parent, _group_node(shared))
         nodes[name] = _group_node({**shared, **group.attributes})
-    for name, group in groups.items():
-        for inner, array in group.arrays.items():
-            if f"{name}/{inner}" in nodes:
-                raise ValueError(f"'{name}/{inner}' is a group and an array")
-            nodes[f"{name}/{inner}"] = metadata(array)
+    for path, array in arrays.items():
+        if path in nodes:
+            raise ValueError(f"{path!r} is a group and an array")
+        nodes[path] = array
     return nodes
 
 
@@ -121,34 +287,16 @@ def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) ->
     }
 
 
-def _write_metadata(path: Path, nodes: Nodes) -> dict[str, int]:
-    """Write the metadata of all nodes; return checksums of the files."""
+def _documents(nodes: Nodes) -> dict[str, bytes]:
+    """Return the objects of the metadata of all nodes, by name."""
     # zarr reads the children of a group only if they follow each other.
     ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
-    files: dict[str, int] = {}
+    documents: dict[str, bytes] = {}
     for name, node in nodes.items():
         prefix = f"{name}/" if name else ""
         if node["node_type"] == "group":
             below = [one for one in ordered if one.startswith(prefix) and one]
             inside = {one.removeprefix(prefix): nodes[one] for one in below}
             node = _group_node(node["attributes"], inside)
-        content = json.dumps(node, separators=(",", ":")).encode()
-        files[f"{prefix}{METADATA}"] = write_file(path / f"{prefix}{METADATA}", content)
-    return files
-
-
-def _write_chunks(path: Path, groups: Mapping[str, Group]) -> dict[str, int]:
-    """Write all chunks that are not empty; return checksums of the files."""
-    files: dict[str, int] = {}
-    arrays = [
-        (f"{name}/{inner}", array)
-        for name, group in groups.items()
-        for inner, array in group.arrays.items()
-    ]
-    with interruptible():
-        for name, array in arrays:
-            for chunk, region in regions(array):
-                content = encode(array, region)
-                if content is not None:
-                    files[f"{name}/{chunk}"] = write_file(path / name / chunk, content)
-    return files
+        documents[f"{prefix}{METADATA}"] = json.dumps(node, separators=(",", ":")).encode()
+    return documents

@@ -6,19 +6,27 @@ of small arrays: for each, zarr takes 3 ms, and this 0.1 ms.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
+from sweeps.engine.keys import BYTES
+
 METADATA = "zarr.json"
+
+# What the name of a chunk begins with: three of zarr's ways to name them, of which an array that is
+# written again takes another, so that readers of the old metadata still find the old chunks.
+SPACES = ("c.", "", "c/")
+
 CHUNK_BYTES = 2**20
 LEVEL = 1  # level 3 compresses results no better and takes three times as long
 
@@ -82,6 +90,8 @@ class Array:
     chunks: tuple[int, ...]
     fill: float | int | str | None = None  # of what is not written; None is NaN, 0 or no text
     coordinate: bool = False
+    # Returns bytes that decide the values of a region; by default these themselves.
+    made_of: Callable[[Region], bytes] | None = None
 
     @classmethod
     def of(
@@ -132,6 +142,28 @@ class Array:
         default = {"U": "", "f": math.nan}.get(self.stored.kind, 0)
         return self.stored.type(default if self.fill is None else self.fill)
 
+    def digest(self, region: Region) -> str:
+        """Return the hash of all that decides the content of the chunk of a region."""
+        sizes = [part.stop - part.start for part in region]
+        about = (self.stored.str, self.chunks, self.empty.tobytes().hex(), sizes, LEVEL)
+        if self.made_of is not None:
+            given = self.made_of(region)
+        else:
+            given = np.asarray(self.values(region), self.stored).tobytes()
+        return hashlib.blake2b(repr(about).encode() + given, digest_size=BYTES).hexdigest()
+
+    def values(self, region: Region) -> NDArray[Any]:
+        """Return the values of a region; ValueError if they have another shape."""
+        values = np.asarray(self.read(region))
+        shape = tuple(part.stop - part.start for part in region)
+        if values.shape != shape:
+            raise ValueError(f"values of {region} have shape {values.shape}, but must have {shape}")
+        return values
+
+    def settled(self) -> Array:
+        """Return an array without dimensions with its value as that of what is not written."""
+        return self if self.dims else replace(self, fill=self.whole().flat[0])
+
     def whole(self) -> NDArray[Any]:
         """Return all values as they are stored; they stay in memory."""
         # In the order in which zarr reads them: sums may depend on that in their last bit.
@@ -161,47 +193,55 @@ class Group:
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
     """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `whole` axes.
 
-    The last axes whole, one axis before them in nearly equal parts, and 1 along the others.
+    The last axes whole, one axis before them in parts that do not depend on its length, so that
+    more values leave the others where they are, and 1 along those before.
     """
     chunks: list[int] = []
     room = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
     for axis, size in enumerate(reversed(shape)):
         full = max(size, 1)
         cut = axis >= whole and size > room
-        chunks.append(math.ceil(size / math.ceil(size / room)) if cut else full)
+        chunks.append(room if cut else full)
         # Once an axis is cut, those before it have chunks of 1.
         room = 1 if chunks[-1] < full else max(room // full, 1)
     return tuple(reversed(chunks))
 
 
 def regions(array: Array) -> Iterator[tuple[str, Region]]:
-    """Yield file name and region of every chunk of an array."""
+    """Yield index and region of every chunk of an array; none if it has no dimensions."""
+    if not array.dims:
+        return
     parts = [
         [slice(start, min(start + chunk, size)) for start in range(0, size, chunk)]
         for size, chunk in zip(array.shape, array.chunks, strict=True)
     ]
     for chunk in itertools.product(*map(enumerate, parts)):
-        yield ".".join(("c", *(str(place) for place, _ in chunk))), tuple(r for _, r in chunk)
+        yield ".".join(str(place) for place, _ in chunk), tuple(r for _, r in chunk)
 
 
-def metadata(array: Array) -> dict[str, Any]:
-    """Return the zarr 3 metadata of an array."""
-    stored, fill = array.stored, array.empty
+def chunk_name(path: str, space: str, index: str) -> str:
+    """Return the name of a chunk of an array, in one of its key spaces."""
+    return f"{path}/{space}{index.replace('.', '/') if space.endswith('/') else index}"
+
+
+def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
+    """Return the zarr 3 metadata of an array, whose chunks are in a key space."""
+    stored = array.stored
     serializer: dict[str, Any] = {"name": "bytes"}
     kind: Any = stored.name
     if stored.kind == "U":  # opens as numpy's own texts, which can be plotted and learned
         kind = {"name": "fixed_length_utf32", "configuration": {"length_bytes": stored.itemsize}}
     if stored.itemsize > 1:
         serializer["configuration"] = {"endian": "little"}
-    if stored.kind == "f":
-        words = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
-        fill = words.get(str(float(fill)), float(fill))
     return {
         "shape": list(array.shape),
         "data_type": kind,
         "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(array.chunks)}},
-        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
-        "fill_value": fill if stored.kind in "fU" else int(fill),
+        "chunk_key_encoding": {
+            "name": "default" if space else "v2",
+            "configuration": {"separator": space[1:] or "."},
+        },
+        "fill_value": _fill(array.empty),
         "codecs": [
             serializer,
             {"name": "zstd", "configuration": {"level": LEVEL, "checksum": True}},
@@ -214,17 +254,23 @@ def metadata(array: Array) -> dict[str, Any]:
     }
 
 
-def encode(array: Array, region: Region) -> bytes | None:
-    """Return the bytes of the chunk that covers a region; None if it holds only the fill value.
+def _fill(value: Any) -> Any:
+    """Return a value of numpy as zarr has it in its metadata, exactly."""
+    if value.dtype.kind != "f":
+        return value.item()
+    if math.isnan(value):  # of which there are many
+        usual = np.array(math.nan, value.dtype).tobytes() == value.tobytes()
+        bits = np.array(value, value.dtype.newbyteorder(">")).tobytes()
+        return "NaN" if usual else f"0x{bits.hex()}"
+    words = {math.inf: "Infinity", -math.inf: "-Infinity"}
+    return words.get(float(value), float(value))
 
-    Raises ValueError if the values there have another shape.
-    """
-    values = np.asarray(array.read(region))
-    shape = tuple(part.stop - part.start for part in region)
-    if values.shape != shape:
-        raise ValueError(f"values of {region} have shape {values.shape}, but must have {shape}")
+
+def encode(array: Array, region: Region) -> bytes | None:
+    """Return the bytes of the chunk that covers a region; None if it holds only the fill value."""
+    values = array.values(region)
     chunk = np.full(array.chunks, array.empty, array.stored)
     empty = chunk.tobytes()
-    chunk[tuple(map(slice, shape))] = values  # at the end of an axis a chunk is larger
+    chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
     return None if content == empty else bytes(_ZSTD.encode(content))

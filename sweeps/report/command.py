@@ -6,6 +6,7 @@ import argparse
 import sys
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 NAME, DISTRIBUTION = "ncti-report", "ncti-sweep"
 
@@ -24,10 +25,11 @@ def main() -> None:
     from sweeps.report.screen import complain, screen
     from sweeps.report.summary import comparison, report
 
-    path, console = arguments.store.absolute(), screen()
+    console = screen()
     try:
+        path = _place(arguments.store)
         if arguments.other is not None:
-            kept = comparison(path, arguments.other.absolute(), console, html=arguments.html)
+            kept = comparison(path, _place(arguments.other), console, html=arguments.html)
         else:
             kept = report(path, console, table=arguments.table, html=arguments.html)
         if arguments.pictures:
@@ -43,15 +45,22 @@ def main() -> None:
         sys.exit(1)
 
 
+def _place(given: str) -> Any:
+    """Return a store's URL, or its absolute path; refuse other URLs."""
+    from sweeps.engine.places import where
+
+    place = where("store", given)
+    return place.absolute() if isinstance(place, Path) else place
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
         description="Print the tables of a sweep beside the article's, and write them as CSV.",
     )
-    parser.add_argument("store", type=Path, help="store of a sweep, such as sweep.zarr")
+    parser.add_argument("store", help="store of a sweep, such as sweep.zarr")
     parser.add_argument(
         "other",
-        type=Path,
         nargs="?",
         help="a second store: print how much more often ships are identified there",
     )

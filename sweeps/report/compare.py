@@ -13,6 +13,7 @@ from ncti.evaluate import paired_difference
 from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.places import Where, namesake
 from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
 from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable
@@ -46,7 +47,7 @@ DISPLAY = Display(
 )
 
 
-def compare(first: Path, second: Path) -> dict[str, Frame]:
+def compare(first: Where, second: Where) -> dict[str, Frame]:
     """Return differences by table, second store less first, those of percent correct first.
 
     Answers are paired: of the settings, ships, aspects and draws that both stores have. A setting
@@ -59,7 +60,7 @@ def compare(first: Path, second: Path) -> dict[str, Frame]:
         If a store has no tables, or the stores have nothing in common.
     """
     ours, theirs = read_frames(first), read_frames(second)
-    stores = f"{printable(second.name)} less {printable(first.name)}"
+    stores = f"{printable(namesake(second).name)} less {printable(namesake(first).name)}"
     known = {_key(part): part for part in _scored(first, ours)}
     parts = []
     for part in _scored(second, theirs):
@@ -80,9 +81,10 @@ def compare(first: Path, second: Path) -> dict[str, Frame]:
     return frames
 
 
-def compared_name(first: Path, second: Path) -> Path:
+def compared_name(first: Where, second: Where) -> Path:
     """Return the path of the store that a comparison is named like: `b-less-a.zarr`, beside b."""
-    return second.with_name(f"{second.stem}-less-{first.stem}.zarr")
+    ours, theirs = namesake(first), namesake(second)
+    return theirs.with_name(f"{theirs.stem}-less-{ours.stem}.zarr")
 
 
 def sentences(frames: Mapping[str, Frame]) -> list[str]:
@@ -134,7 +136,7 @@ def _subtracted(first: Frame, second: Frame, stores: str) -> Frame:
     )
 
 
-def _scored(path: Path, frames: Mapping[str, Frame]) -> list[Part]:
+def _scored(path: Where, frames: Mapping[str, Frame]) -> list[Part]:
     """Return the parts of the scores of a store that count answers."""
     answered = groups(opened(path), "classification")
     return [
@@ -149,7 +151,7 @@ def _key(part: Part) -> tuple[Any, ...]:
     return part.group, part.display.figures[0].variable, *sorted(part.display.labels.items())
 
 
-def _answers(path: Path, part: Part) -> xr.DataArray:
+def _answers(path: Where, part: Part) -> xr.DataArray:
     """Return the answers that a part of the scores counts, by kind of aspect.
 
     1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds that there are.

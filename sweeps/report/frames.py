@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import xarray as xr
 
 from sweeps.engine.display import ATTRIBUTE, Display, Figure, read_display
+from sweeps.engine.places import Where, where
 from sweeps.report.beside import with_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
 from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of
@@ -129,7 +129,7 @@ class Frame:
         return self.where(kept)
 
 
-def frame(path: str | Path, name: str) -> pd.DataFrame:
+def frame(path: Where, name: str) -> pd.DataFrame:
     """Return a table of a store as a tidy frame, with a row per cell.
 
     Parameters
@@ -149,7 +149,7 @@ def frame(path: str | Path, name: str) -> pd.DataFrame:
     ConfigurationError
         If the store has no such table.
     """
-    table = chosen(read_frames(Path(path)), name)
+    table = chosen(read_frames(where("store", path)), name)
     rows = table.rows.drop(columns=PART, errors="ignore")
     rows.attrs["columns"] = {
         key: {"label": column.meaning or column.words, "unit": column.unit}
@@ -167,7 +167,7 @@ def chosen(frames: Mapping[str, Frame], name: str) -> Frame:
     return frames[name]
 
 
-def read_frames(path: Path) -> dict[str, Frame]:
+def read_frames(path: Where) -> dict[str, Frame]:
     """Return the tables of a store by name. Raises ConfigurationError if it has none."""
     try:
         store = opened(path)

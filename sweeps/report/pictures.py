@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.progress import track
 
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.places import Where
 from sweeps.report.own import OwnFiles
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
@@ -43,7 +44,7 @@ SHADES = LinearSegmentedColormap.from_list("ship", ("#34485c", "#b2cade"))
 """Of ships, visible on light and dark pages."""
 
 
-def draw_profiles(store: Path) -> Figure:
+def draw_profiles(store: Where) -> Figure:
     """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
     profiles = read(opened(store), "range_profile")[["expected", "averaged"]]
     kept = ("ship", "aspect", "frame_count", "down_range")
@@ -76,7 +77,7 @@ def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str
     axes.spines[["left", "right", "top"]].set_visible(False)
 
 
-def draw_silhouettes(store: Path) -> Figure:
+def draw_silhouettes(store: Where) -> Figure:
     """Draw infrared images and log-polar maps of a ship by range and super-resolution."""
     images = read(opened(store), "infrared")
     kept = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
@@ -106,7 +107,7 @@ def draw_silhouettes(store: Path) -> Figure:
 
 
 def draw_flights(
-    store: Path | str, *, ship: Callable[[str], trimesh.Trimesh] | None = None
+    store: Where, *, ship: Callable[[str], trimesh.Trimesh] | None = None
 ) -> dict[str, Callable[[], Figure]]:
     """Return functions that draw the corrections of flights, by names of files.
 
@@ -117,7 +118,7 @@ def draw_flights(
     # Imported here, since only flights need it and it is slow to import.
     from sweeps.report.flights import draw_stages, flights_of, known_ship, scan_of, stages
 
-    whole = opened(Path(store))
+    whole = opened(store)
     if "validation" not in whole:
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
     given, load = attributes(whole), ship or partial(known_ship, attributes(whole))
@@ -137,7 +138,7 @@ def draw_flights(
 
 
 def write_pictures(
-    path: Path, console: Console, *, ship: Callable[[str], trimesh.Trimesh] | None = None
+    path: Where, console: Console, *, ship: Callable[[str], trimesh.Trimesh] | None = None
 ) -> list[Path]:
     """Draw every stage of the corrections of each flight beside the tables; see `draw_flights`.
 
@@ -161,7 +162,7 @@ def write_pictures(
     return files.kept
 
 
-DRAWN: dict[str, Callable[[Path], Figure]] = {
+DRAWN: dict[str, Callable[[Where], Figure]] = {
     "range_profile": draw_profiles,
     "infrared": draw_silhouettes,
     "validation": lambda path: next(iter(draw_flights(path).values()))(),
@@ -169,7 +170,7 @@ DRAWN: dict[str, Callable[[Path], Figure]] = {
 """Pictures of the page, by the group of a store that they show."""
 
 
-def pictures_of(path: Path, store: Any) -> dict[str, tuple[str, str]]:
+def pictures_of(path: Where, store: Any) -> dict[str, tuple[str, str]]:
     """Return the pictures of the groups that a store has, and why one could not be drawn.
 
     As PNG in base64; a picture that fails is empty, and does not prevent the page.

@@ -11,7 +11,9 @@ import xarray as xr
 import zarr
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import verify
+from sweeps.engine.manifest import verify
+from sweeps.engine.places import Where, where
+from sweeps.engine.store import zarr_store
 from sweeps.engine.zarr_array import nested
 from sweeps.report.words import MAIN, preferred, printable
 
@@ -23,9 +25,9 @@ OF_ARRAYS = (
 )
 
 
-def opened(path: Path) -> Any:
+def opened(path: Where) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
-    return zarr.open_group(path, mode="r")
+    return zarr.open_group(zarr_store(where("store", path)), mode="r")
 
 
 def attributes(store: Any) -> dict[str, Any]:
@@ -44,7 +46,7 @@ def read(store: Any, group: str) -> xr.Dataset:
     return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
 
 
-def check_whole(path: Path, *, groups: Iterable[str] | None = READ) -> None:
+def check_whole(path: Where, *, groups: Iterable[str] | None = READ) -> None:
     """Refuse a store of which files are damaged, missing or of something else.
 
     By default, in the groups that the report prints; with None, everywhere. Raises
@@ -59,7 +61,7 @@ def check_whole(path: Path, *, groups: Iterable[str] | None = READ) -> None:
         raise refusal(path, f"{many} damaged, missing or of something else: {bad[0]}")
 
 
-def refusal(path: Path, why: str | Exception = "") -> ConfigurationError:
+def refusal(path: Where, why: str | Exception = "") -> ConfigurationError:
     """Return the error that a store is not one of a sweep with tables, or cannot be read now."""
     if isinstance(why, OSError) and why.errno not in {None, errno.ENOENT, errno.ENOTDIR}:
         return ConfigurationError(f"store is {str(path)!r}, which cannot be read: {why.strerror}")
@@ -96,7 +98,8 @@ def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> 
     return dataset.isel(place)
 
 
-def located(path: Path) -> str:
+def located(path: Where) -> str:
     """Return the shortest path from the current folder, with control characters escaped."""
-    here = Path.cwd()
-    return printable(str(path.relative_to(here) if path.is_relative_to(here) else path))
+    if isinstance(path, Path) and path.is_relative_to(here := Path.cwd()):
+        path = path.relative_to(here)
+    return printable(str(path))

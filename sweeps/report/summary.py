@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.places import Where
 from sweeps.report.compare import compare, compared_name, sentences
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames
@@ -27,14 +28,14 @@ KEPT = ("range", "pulse_width", "frame_count")  # axes that long tables show who
 MOST_LINES = 14  # of the main table
 
 
-def tables_of(path: Path) -> dict[str, Frame]:
+def tables_of(path: Where) -> dict[str, Frame]:
     """Return all tables of a store, the work of its last sweep included."""
     frames, work = read_frames(path), read_work(path)
     return frames | ({work.name: work} if work is not None else {})
 
 
 def summarize(
-    path: Path, frames: Mapping[str, Frame], axes: Mapping[str, int], console: Console
+    path: Where, frames: Mapping[str, Frame], axes: Mapping[str, int], console: Console
 ) -> list[Path]:
     """Write the tables of a finished store beside it, and print a summary.
 
@@ -56,7 +57,7 @@ def summarize(
 
 
 def report(
-    path: Path, console: Console, *, table: str | None = None, html: bool = False
+    path: Where, console: Console, *, table: str | None = None, html: bool = False
 ) -> list[Path]:
     """Write the tables of a store beside it, then print them.
 
@@ -83,7 +84,7 @@ def report(
             _print_places(path, frames, aside)
 
 
-def comparison(first: Path, second: Path, console: Console, *, html: bool = False) -> list[Path]:
+def comparison(first: Where, second: Where, console: Console, *, html: bool = False) -> list[Path]:
     """Print and write how much more often ships are identified in a second store.
 
     With `html`, write its page, too, with the differences first. Returns the paths at which other
@@ -108,7 +109,7 @@ def comparison(first: Path, second: Path, console: Console, *, html: bool = Fals
     return kept
 
 
-def written_page(path: Path, frames: Mapping[str, Frame], *place: Path, **more: Any) -> list[Path]:
+def written_page(path: Where, frames: Mapping[str, Frame], *place: Path, **more: Any) -> list[Path]:
     """Write the report page of a store; see `write_page`.
 
     Raises ConfigurationError if it cannot be written.
@@ -124,13 +125,13 @@ def written_page(path: Path, frames: Mapping[str, Frame], *place: Path, **more: 
         raise ConfigurationError(f"the report page is not written: {why}") from error
 
 
-def _swept(path: Path) -> Sequence[str]:
+def _swept(path: Where) -> Sequence[str]:
     """Return the names of the axes that were swept."""
     axes: Sequence[str] = attributes(opened(path)).get("swept", ())
     return axes
 
 
-def _print_main(path: Path, frames: Mapping[str, Frame], console: Console) -> None:
+def _print_main(path: Where, frames: Mapping[str, Frame], console: Console) -> None:
     """Print what a store says first: its headline, and its main table along the swept axis."""
     console.print()
     for sentence in headline(frames, attributes(opened(path))):
@@ -159,7 +160,7 @@ def _print(frame: Frame, swept: Sequence[str], console: Console, *, whole: bool)
     note(f"At {where}; --table {frame.name} prints all." if where else "", console)
 
 
-def _print_places(path: Path, frames: Mapping[str, Frame], console: Console) -> None:
+def _print_places(path: Where, frames: Mapping[str, Frame], console: Console) -> None:
     """Print where a store, its tables and its page are, and how many of its cells failed."""
     line("", console)
     if failed := failed_cells(opened(path)):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from sweeps.engine.places import Where
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
 from sweeps.report.own import OwnFiles
@@ -24,7 +25,7 @@ COLUMNS = {
 }
 
 
-def write_work(store: Path, stages: Mapping[str, Progress]) -> list[Path]:
+def write_work(store: Where, stages: Mapping[str, Progress]) -> list[Path]:
     """Write the work of a sweep beside the tables of its store.
 
     Returns the paths at which other files are in the way. Raises OSError if it cannot.
@@ -37,7 +38,7 @@ def write_work(store: Path, stages: Mapping[str, Progress]) -> list[Path]:
     return files.kept
 
 
-def read_work(store: Path) -> Frame | None:
+def read_work(store: Where) -> Frame | None:
     """Return the work of the sweep that last wrote a store; None if unknown."""
     try:
         rows = pd.read_csv(tables_folder(store) / f"{NAME}.csv")

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from running import ROOT
 
-METHODS = ("get", "part", "put", "create", "copy", "delete", "listed")
+METHODS = ("get", "part", "put", "create", "copy", "_delete", "listed")
 EVENTS = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate"}
 
 

@@ -1,10 +1,16 @@
 """Small stores, and how to look into them."""
 
+import itertools
+import json
+import math
 import warnings
 
 import numpy as np
 import xarray as xr
 
+from sweeps.engine.manifest import verify
+from sweeps.engine.places import Objects
+from sweeps.engine.store import zarr_store
 from sweeps.engine.zarr_array import Array, Group
 
 SHAPE = (5, 7, 3)
@@ -24,6 +30,11 @@ def coordinate(dims, values, **attrs):
     return Array.of(dims, values, attrs, coordinate=True)
 
 
+def below(place, name):
+    """A path or URL in another."""
+    return f"{place}/{name}" if isinstance(place, str) else place / name
+
+
 def small(value):
     """Groups of a store whose every value tells which store it is of."""
     values = np.full((4, 6), value, dtype="f4")
@@ -33,7 +44,10 @@ def small(value):
 
 
 def files(path):
-    """Contents of all files below a folder, by relative name."""
+    """Contents of all files below a folder or URL, by relative name."""
+    if isinstance(path, str):
+        there = Objects(path)
+        return {name: there.get(name) for name in there.sizes()}
     return {
         file.relative_to(path).as_posix(): file.read_bytes()
         for file in path.rglob("*")
@@ -41,8 +55,47 @@ def files(path):
     }
 
 
+def contents(path):
+    """What a store holds: metadata of its nodes, and each chunk by array and place.
+
+    Two stores may have other names for equal chunks. All metadata agree, and no object is left that
+    its manifest does not name.
+    """
+    assert verify(path) == []
+    there = files(path)
+    root = json.loads(there["zarr.json"])
+    found = {"": root["attributes"]}
+    for name, node in root["consolidated_metadata"]["metadata"].items():
+        own = json.loads(there[f"{name}/zarr.json"])
+        if node["node_type"] == "group":
+            below = own["consolidated_metadata"]["metadata"]
+            assert below == {
+                inner.removeprefix(f"{name}/"): one
+                for inner, one in root["consolidated_metadata"]["metadata"].items()
+                if inner.startswith(f"{name}/")
+            }
+            found[name] = own["attributes"]
+            continue
+        assert own == node
+        encoding = own.pop("chunk_key_encoding")
+        separator = encoding["configuration"]["separator"]
+        begin = f"c{separator}" if encoding["name"] == "default" else ""
+        found[name] = own
+        counts = map(math.ceil, np.divide(own["shape"], chunks_of(own)))
+        for index in itertools.product(*map(range, counts)) if own["shape"] else ():
+            chunk = begin + separator.join(map(str, index))
+            found[name, index] = there.get(f"{name}/{chunk}")
+    return found
+
+
+def chunks_of(node):
+    """Shape of chunks of an array, by its metadata."""
+    return node["chunk_grid"]["configuration"]["chunk_shape"]
+
+
 def opened(path, group):
     """A group as its users open it; any warning is an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return xr.open_zarr(path, group=group).load()
+        place = zarr_store(path) if isinstance(path, str) else path
+        return xr.open_zarr(place, group=group).load()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_stores import files, opened
+from small_stores import contents, opened
 from toys import CALLS, SPRINGS, go, having, run
 
 from sweeps.engine.errors import ConfigurationError
@@ -47,7 +47,7 @@ def test_a_store_grows_on_any_axis(grown, tmp_path, given):
     shutil.copytree(grown(), store)
     shutil.copytree(grown().with_suffix(".cache"), cache)
     finished = go(store, cache, **given)
-    assert files(store) == files(grown(**given))
+    assert contents(store) == contents(grown(**given))
     for name, progress in finished.progress.items():
         if name != "answers" or "spring__stiffness" not in given:  # which these gather
             assert progress.reused == CELLS[name], name
@@ -72,7 +72,7 @@ def test_without_a_cache_only_a_store_that_lacks_something_is_computed_again(gro
     assert not (CALLS or finished.written)
     assert finished.progress["answers"].reused == CELLS["answers"]
     go(store, tmp_path / "c", spring__limit=[50.0, 100.0])
-    assert CALLS["period"] == 8 and files(store) == files(grown(spring__limit=[50.0, 100.0]))
+    assert CALLS["period"] == 8 and contents(store) == contents(grown(spring__limit=[50.0, 100.0]))
 
 
 class Cut(Settings, key="cut"):
@@ -118,7 +118,7 @@ def test_ragged_arrays_come_back_as_they_were(tmp_path):
     run(both, choices, tmp_path / "s.zarr", tmp_path / "a")
     assert CALLS == {"piece": 1}  # the one that failed
     run(both, choices, tmp_path / "t.zarr", tmp_path / "c")
-    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
 
 
 class Named(Settings, key="named"):
@@ -169,11 +169,11 @@ REFUSED = [
 @pytest.mark.parametrize(("given", "asked", "stored", "advice"), REFUSED)
 def test_another_configuration_is_refused_by_its_keys(grown, given, asked, stored, advice):
     store = grown()
-    before = files(store)
+    before = contents(store)
     with pytest.raises(ConfigurationError) as refused:
         go(store, store.with_suffix(".cache"), **given)
     assert all(word in str(refused.value) for word in (asked, repr(str(store)) + stored, advice))
-    assert files(store) == before
+    assert contents(store) == before
 
 
 def test_other_code_is_refused(grown):
@@ -206,7 +206,7 @@ def test_settings_that_run_together_grow_by_whole_points(tmp_path):
     run(NOT_GATHERED, joined(more), store)
     assert CALLS["period"] == 2
     run(NOT_GATHERED, joined(more), tmp_path / "t.zarr")
-    assert files(store) == files(tmp_path / "t.zarr")
+    assert contents(store) == contents(tmp_path / "t.zarr")
     springs = opened(store, "springs")
     assert springs.period.dims == ("two", "mass")
     assert springs.stiffness.values.tolist() == [1, 1.5, 2] and "limit" in springs.coords

@@ -1,15 +1,15 @@
 """Cells that fail, results that are damaged, disks that are full: the rest goes on and heals."""
 
 import errno
-from pathlib import Path
 
 import numpy as np
 import pytest
 from packed import pack_files
-from small_stores import files, opened
+from small_stores import contents, files, opened
 from toys import CALLS, Few, Told, go, of, run
 
 from sweeps.engine.packs import Packing
+from sweeps.engine.places import Objects
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Group, Output, Status, in_memory, stage
 from sweeps.engine.store import read_attributes
@@ -121,7 +121,7 @@ def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, v
     np.testing.assert_allclose(there["total"], everything, rtol=1e-15)
     broken["values"] = frozenset()
     assert run(FLAKY, choices, store).written
-    assert files(store) == files(tmp_path / "clean.zarr")
+    assert contents(store) == contents(tmp_path / "clean.zarr")
 
 
 # damage -------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ def damage(file, at=-3):
 def test_damaged_packs_are_made_again_and_said(tmp_path, way):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     go(store, cache)
-    before = files(store)
+    before = contents(store)
     for file in pack_files(cache):
         match way:
             case "flipped":
@@ -157,27 +157,27 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
     else:
         assert any("results in the cache are damaged" in one for one in told.sentences)
         assert 0 < sum(CALLS.values()) <= 78
-    assert files(tmp_path / "t.zarr") == before
+    assert contents(tmp_path / "t.zarr") == before
     for one in finished.progress.values():
         assert one.reused + one.done == one.total and one.done >= 0
     wider = {"measured__rule": ["max", "mean", "min"]}
     go(store, cache, **wider)
     go(tmp_path / "clean.zarr", **wider)
-    assert files(store) == files(tmp_path / "clean.zarr")
+    assert contents(store) == contents(tmp_path / "clean.zarr")
 
 
 @pytest.mark.parametrize("kept", [True, False], ids=["with cache", "without cache"])
 def test_a_damaged_chunk_of_a_store_is_made_again_and_said(tmp_path, kept):
     store, cache, told = tmp_path / "s.zarr", tmp_path / "cache", Told()
     go(store, cache)
-    before = files(store)
-    damage(store / next(name for name in before if name.startswith("answers/answer/c.")))
-    (store / next(name for name in before if name.startswith("springs/period/c."))).unlink()
+    before, names = contents(store), files(store)
+    damage(store / next(name for name in names if name.startswith("answers/answer/c.")))
+    (store / next(name for name in names if name.startswith("springs/period/c."))).unlink()
     CALLS.clear()
     go(store, cache if kept else tmp_path / "new", watch=told.watch)
     assert any("files of the store are damaged" in sentence for sentence in told.sentences)
     assert bool(CALLS["answers"]) == (not kept)
-    assert files(store) == before
+    assert contents(store) == before
 
 
 # disks --------------------------------------------------------------------------------------------
@@ -200,30 +200,28 @@ def test_a_full_cache_stops_a_sweep_that_is_resumed(tmp_path, monkeypatch):
     finished = go(tmp_path / "s.zarr", tmp_path / "cache")
     assert sum(one.reused for one in finished.progress.values()) > 0
     go(tmp_path / "t.zarr")
-    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
+    assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
 
 
 def test_a_store_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
-    from sweeps.engine import store as writing
-
     store = tmp_path / "s.zarr"
     go(store)
-    before = files(store)
-    write = writing.write_file
+    before = contents(store)
+    put = Objects.put
 
-    def full(file: Path, content):
-        if "noisy" in str(file):
-            raise OSError(errno.ENOSPC, "No space left on device", str(file))
-        return write(file, content)
+    def full(objects, name, content):
+        if "noisy" in name:
+            raise OSError(errno.ENOSPC, "No space left on device", name)
+        put(objects, name, content)
 
-    monkeypatch.setattr(writing, "write_file", full)
+    monkeypatch.setattr(Objects, "put", full)
     with pytest.raises(OSError, match="No space left"):
         go(store, spring__mass=[1, 2, 3])
-    assert files(store) == before
+    assert contents(store) == before
     assert [one.name for one in tmp_path.iterdir() if one.name.startswith(".")] == []
     monkeypatch.undo()
     CALLS.clear()
     go(store, spring__mass=[1, 2, 3])
     assert not CALLS  # all were kept
     go(tmp_path / "t.zarr", spring__mass=[1, 2, 3])
-    assert files(store) == files(tmp_path / "t.zarr")
+    assert contents(store) == contents(tmp_path / "t.zarr")

@@ -83,7 +83,7 @@ WHERE = {  # what happens meanwhile
         SPRINGS, tables=(Table("tables/best", ("answers",), swallowing),)
     ),
     "the store": lambda patch: patch.setattr(store, "encode", encoding(store.encode)),
-    "exchanging": lambda patch: patch.setattr(store, "put_in_place", arriving(store.put_in_place)),
+    "metadata": lambda patch: patch.setattr(store, "_finish", arriving(store._finish)),
 }
 
 

@@ -7,14 +7,11 @@ from pathlib import Path
 
 import pytest
 from buckets import SECRET
+from small_stores import below
 
 from sweeps.engine import places
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.places import Objects, where
-
-
-def below(place, name):
-    return place / name if isinstance(place, Path) else f"{place}/{name}"
 
 
 def test_objects_of_either_kind_behave_alike(place):

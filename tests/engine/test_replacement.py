@@ -1,6 +1,7 @@
-"""Stores are replaced whole or not at all: full disks, kills, readers."""
+"""Stores change whole or not at all: full disks, kills at any moment, readers meanwhile."""
 
 import errno
+import itertools
 import os
 import random
 import signal
@@ -10,60 +11,134 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
-from small_stores import COUNTS, array, files, opened, small
+from small_stores import COUNTS, array, below, contents, files, opened, small
 
-from sweeps.engine import folders, store
-from sweeps.engine.folders import locked, verify
-from sweeps.engine.store import read_attributes, write_store
-from sweeps.engine.zarr_array import Group
-
-
-@pytest.fixture(params=["exchange", "two renames"])
-def swapping(request, monkeypatch):
-    if request.param == "two renames":
-        monkeypatch.setattr(folders, "_exchange", lambda one, other: False)
+from sweeps.engine.locks import locked
+from sweeps.engine.manifest import verify
+from sweeps.engine.places import Objects
+from sweeps.engine.store import read_attributes, recover, write_store, zarr_store
+from sweeps.engine.zarr_array import Array, Group
 
 
-@pytest.mark.usefixtures("swapping")
-def test_any_failed_write_leaves_the_old_store(tmp_path, monkeypatch):
+def grown(rows):
+    """Groups with a number of rows, of which the first are always the same."""
+    values = np.add.outer(np.arange(rows), np.zeros(6)).astype("f4")
+    x, note = array(values, chunks=(1, 6)), Array.of((), np.float64(rows))
+    return {"one": Group({"x": x, "note": note}), "two/three": Group({"x": x})}
+
+
+CHANGES = ("put", "create", "copy", "_delete")
+
+
+class Killed(BaseException):
+    """What no writer survives."""
+
+
+@pytest.fixture
+def ending():
+    """Let only so many changes succeed; what all others raise. None is as before."""
+
+    patch = pytest.MonkeyPatch()
+
+    def after(number, raised=Killed, methods=CHANGES):
+        patch.undo()
+        left = itertools.count(1)
+        for name in methods if number is not None else ():
+            change = getattr(Objects, name)
+
+            def act(objects, *given, change=change):
+                if next(left) > number:
+                    raise raised()
+                return change(objects, *given)
+
+            patch.setattr(Objects, name, act)
+
+    yield after
+    patch.undo()
+
+
+def full():
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "there")
+
+
+def test_a_disk_that_is_full_leaves_the_old_store_or_all_of_the_new(tmp_path, ending):
     path = tmp_path / "s.zarr"
+    write_store(tmp_path / "t.zarr", small(2), {"seed": 2})
     write_store(path, small(1), {"seed": 1})
-    before = files(path)
-    write, left = folders.write_file, 0
-
-    def full(file, content):
-        nonlocal left
-        left -= 1
-        if left < 0:
-            write(file, content[: len(content) // 2])
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
-        return write(file, content)
-
-    for module in (store, folders):
-        monkeypatch.setattr(module, "write_file", full)
+    before, after = contents(path), contents(tmp_path / "t.zarr")
     for succeeding in range(1000):
-        left = succeeding
+        ending(succeeding, full, methods=("put",))  # there is room again for what is undone
         try:
-            write_store(path, small(2), {})
+            write_store(path, small(2), {"seed": 2})
         except OSError as error:
             assert error.errno == errno.ENOSPC
-            assert os.listdir(tmp_path) == ["s.zarr"]
-            assert files(path) == before
         else:
             break
-    assert succeeding == len(before)  # every file was once the one that did not fit
-    assert verify(path) == []
-    assert (opened(path, "one")["x"] == 2).all()
-    assert os.listdir(tmp_path) == ["s.zarr"]
+        finally:
+            ending(None)
+        assert verify(path) == []
+        begun = b'"nodes"' in files(path)["manifest"]
+        recover(path)
+        assert contents(path) == (after if begun else before)
+        assert sorted(os.listdir(tmp_path)) == ["s.zarr", "t.zarr"]
+        write_store(path, small(1), {"seed": 1})
+        assert contents(path) == before
+    assert succeeding > len(small(0)["one"].arrays)
+    assert contents(path) == after
 
 
-@pytest.mark.parametrize("where", ["read", "manifest", "rename"])
+@pytest.mark.parametrize("old", [None, 3])
+def test_a_store_is_whole_whenever_its_writer_ends(place, ending, old):
+    direct, new = below(place, "direct.zarr"), 5
+    write_store(direct, grown(new), {"rows": new})
+    for succeeding in range(1000):
+        ending(None)
+        path = below(place, f"{succeeding}.zarr")
+        if old is not None:
+            write_store(path, grown(2), {"rows": 2})
+            write_store(path, grown(old), {"rows": old})
+            lazy = xr.open_zarr(zarr_store(path), group="one", chunks=None)
+        ending(succeeding)
+        try:
+            write_store(path, grown(new), {"rows": new})
+        except Killed:
+            ended = False
+        else:
+            ended = True
+        ending(None)
+        found = read_attributes(path)
+        assert (found or {"rows": old})["rows"] in (old, new)
+        if old is not None:  # whoever opened it before still reads what there was
+            np.testing.assert_array_equal(lazy["x"].values[:, 0], np.arange(old))
+        if found is not None:
+            assert verify(path) == []
+            tree = xr.open_datatree(zarr_store(path), engine="zarr", chunks=None)
+            for name in ("one", "two/three"):
+                alone = xr.open_zarr(zarr_store(path), group=name, chunks=None)
+                assert alone.sizes["ship"] in (old, new)
+                assert tree[name].sizes["ship"] == found["rows"]
+                for one in (alone, tree[name].to_dataset(inherit=False)):
+                    np.testing.assert_array_equal(one["x"].values[:, 0], np.arange(one.ship.size))
+                    assert one.get("note", one.sizes["ship"]) == one.sizes["ship"]
+        else:
+            assert "zarr.json" not in files(path)
+        with locked(path):
+            recover(path)
+            write_store(path, grown(new), {"rows": new})
+        assert contents(path) == contents(direct)
+        if ended:
+            break
+    assert succeeding > 10
+
+
+@pytest.mark.parametrize("where", ["read", "manifest"])
 def test_an_interrupt_leaves_the_old_store(tmp_path, monkeypatch, where):
     path = tmp_path / "s.zarr"
     write_store(path, small(1), {})
-    before = files(path)
+    before = contents(path)
 
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -72,19 +147,11 @@ def test_an_interrupt_leaves_the_old_store(tmp_path, monkeypatch, where):
     if where == "read":
         groups["z"] = Group({"x": array(COUNTS, read=interrupt)})
     if where == "manifest":
-        monkeypatch.setattr(store, "seal", interrupt)
-    if where == "rename":  # of the second of two: the first put the old store aside
-        monkeypatch.setattr(folders, "_exchange", lambda one, other: False)
-        rename = Path.rename
-        monkeypatch.setattr(
-            Path,
-            "rename",
-            lambda file, to: interrupt() if file.suffix == ".partial" else rename(file, to),
-        )
+        monkeypatch.setattr("sweeps.engine.manifest.seal", interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_store(path, groups, {})
     assert os.listdir(tmp_path) == ["s.zarr"]
-    assert files(path) == before
+    assert contents(path) == before
 
 
 WRITER = """
@@ -92,7 +159,7 @@ import os, sys
 from pathlib import Path
 from small_stores import small
 
-from sweeps.engine.folders import locked
+from sweeps.engine.locks import locked
 from sweeps.engine.store import write_store
 
 path = Path(sys.argv[1])
@@ -129,29 +196,94 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
             time.sleep(delays.uniform(0.005, 0.08))
             os.kill(child, signal.SIGKILL)
             assert server.stdout.readline() == "dead\n"
+            assert verify(path) == []
+            found = [opened(path, name)["x"].values for name in small(0)]
+            assert all((one == one.flat[0]).all() for one in found)
+            recover(path)  # as the next writer does
             value = read_attributes(path)["value"]
             assert verify(path) == []
             assert all((opened(path, name)["x"] == value).all() for name in small(0))
             seen.add(value)
     assert seen == {1, 2}
     with locked(path):  # a killed holder does not block, and its remains go
+        recover(path)
         assert sorted(os.listdir(tmp_path)) == [".s.zarr.lock", "s.zarr"]
     assert os.listdir(tmp_path) == ["s.zarr"]
 
 
-def test_a_reader_opens_a_whole_store_at_any_moment(tmp_path):
-    path = tmp_path / "s.zarr"
-    write_store(path, small(1), {})
+def test_readers_of_a_growing_store_never_see_two(place):
+    path = below(place, "s.zarr")
+    write_store(path, grown(1), {})
     done = threading.Event()
 
-    def swap():
-        for k in range(30):
-            write_store(path, small(k), {})
-            time.sleep(0.002)
-        done.set()
+    def grow():
+        try:
+            for rows in range(2, 14):
+                write_store(path, grown(rows), {})
+                time.sleep(0.05)  # readers who opened it two changes ago must open it again
+        finally:
+            done.set()
 
-    writer = threading.Thread(target=swap)
+    writer = threading.Thread(target=grow)
     writer.start()
+    seen, before = set(), xr.open_zarr(zarr_store(path), group="one", chunks=None)
     while not done.is_set():
-        assert xr.open_zarr(path, chunks=None, group="two/three")["x"].shape == (4, 6)
+        found = xr.open_zarr(zarr_store(path), group="one", chunks=None).load()
+        rows = found.sizes["ship"]
+        np.testing.assert_array_equal(found["x"], np.add.outer(np.arange(rows), np.zeros(6)))
+        assert found["note"] == rows
+        seen.add(rows)
     writer.join()
+    assert len(seen) > 1
+    np.testing.assert_array_equal(before["x"], np.zeros((1, 6)))  # its chunks are where they were
+
+
+def test_what_was_opened_before_a_change_is_read_after_it(place):
+    path = below(place, "s.zarr")
+    write_store(path, small(1), {})
+    for value in (2, 3, 4, 5):
+        before = xr.open_zarr(zarr_store(path), group="one", chunks=None)
+        write_store(path, small(value), {})
+        assert (before["x"] == value - 1).all()
+        assert (opened(path, "one")["x"] == value).all()
+
+
+def test_equal_chunks_are_left_or_linked_without_being_read(tmp_path):
+    path = tmp_path / "s.zarr"
+    values = np.arange(12.0).reshape(4, 3)
+
+    def groups(rows):
+        read = []
+
+        def region(part):
+            read.append(part[0].start)
+            return values[rows][part]
+
+        x = array(values[rows], chunks=(1, 3), read=region)
+        x.made_of = lambda part: repr(rows[part[0].start]).encode()
+        return {"g": Group({"x": x})}, read
+
+    for rows, new in (([0, 1], [0, 1]), ([0, 1, 3], [2]), ([0, 1, 2, 3], [2]), ([0, 1, 2, 3], [])):
+        before = {name: os.stat(path / "g/x" / name).st_ino for name in chunks(path)}
+        given, read = groups(rows)
+        write_store(path, given, {"rows": rows})
+        assert read == new
+        assert (opened(path, "g")["x"] == values[rows]).all()
+        inodes = {os.stat(path / "g/x" / name).st_ino for name in chunks(path)}
+        assert inodes.issuperset(before.values()) and len(inodes) == len(rows)
+    assert sorted(chunks(path)) == ["0.0", "1.0", "2.0", "3.0"]  # one change moved a chunk
+
+
+def chunks(path):
+    folder = path / "g/x"
+    return [one for one in os.listdir(folder) if one != "zarr.json"] if folder.exists() else []
+
+
+def test_a_damaged_chunk_is_not_linked(tmp_path):
+    path = tmp_path / "s.zarr"
+    write_store(path, grown(3), {})
+    (path / "one/x/c.1.0").write_bytes(b"other")
+    (path / "two/three/x/c.2.0").unlink()
+    write_store(path, grown(4), {})
+    write_store(tmp_path / "t.zarr", grown(4), {})
+    assert contents(path) == contents(tmp_path / "t.zarr")

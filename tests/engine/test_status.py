@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from executors import eventually, meanwhile
-from small_stores import files, opened
+from small_stores import contents, opened
 from toys import SPRINGS, go
 
 from sweeps.engine import status
@@ -115,7 +115,7 @@ def test_what_is_there_so_far_is_a_store_that_the_command_completes(start, tmp_p
     for name in ("period", "energy"):
         xr.testing.assert_equal(springs[name], whole[name].where(states[name] == 1))
     start(*GIVEN, "measured.pause=0.3")
-    assert files(store) == files(tmp_path / "t.zarr")
+    assert contents(store) == contents(tmp_path / "t.zarr")
 
 
 def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
@@ -123,8 +123,8 @@ def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
     assert read_attributes(tmp_path / "s.zarr")["partial"] == "74 of 74 cells are missing"
     assert (opened(tmp_path / "s.zarr", "status_springs").period == -1).all()
     start(*GIVEN)
-    whole = files(tmp_path / "s.zarr")
+    whole = contents(tmp_path / "s.zarr")
     start(*GIVEN, "partial=true")  # has everything
     told = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
     assert "s.zarr', which is not partial, and would lose what the cache has no longer" in told
-    assert files(tmp_path / "s.zarr") == whole
+    assert contents(tmp_path / "s.zarr") == whole

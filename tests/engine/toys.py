@@ -13,6 +13,7 @@ import xarray as xr
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.places import namesake, where
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import (
@@ -212,10 +213,12 @@ def go(store, cache=None, kind="inline", workers=None, watch=None, **given):
 def run(experiment, choices, store, cache=None, kind="inline", workers=None, watch=None):
     """Run an experiment into a store."""
     forget_all()  # as a new process would
-    cache = Path(cache or Path(store).with_suffix(".cache"))
+    place = where("store", store)
+    cache = Path(cache or namesake(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
-    place = Place(Path(store), cache, cluster)
-    return sweep(experiment, choices, place, watch or Watch(lambda sentence: None))
+    return sweep(
+        experiment, choices, Place(place, cache, cluster), watch or Watch(lambda sentence: None)
+    )
 
 
 class Told:

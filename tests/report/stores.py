@@ -13,7 +13,7 @@ from once import made_once, sharing_ships
 from rich.console import Console
 
 from sweeps.app import command
-from sweeps.engine.folders import MANIFEST
+from sweeps.engine.manifest import MANIFEST
 from sweeps.engine.packs import seal
 from sweeps.report import stores as of_stores
 from sweeps.report.command import main
@@ -54,7 +54,7 @@ def signed(path: Path) -> Path:
     (path / MANIFEST).unlink(missing_ok=True)
     files = [file for file in path.rglob("*") if file.is_file()]
     checksums = {str(file.relative_to(path)): crc32(file.read_bytes()) for file in files}
-    (path / MANIFEST).write_bytes(seal(checksums))
+    (path / MANIFEST).write_bytes(seal({"files": checksums}))
     return path
 
 

@@ -5,7 +5,6 @@ import errno
 import io
 import os
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from pages import page_of, parsed, stored
 from PIL import Image
 from stores import reported
 
+from sweeps.engine.places import Objects
 from sweeps.engine.schedule import Progress
 from sweeps.report.page import write
 from sweeps.report.pictures import pictures_of, ships_of
@@ -81,14 +81,14 @@ def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, 
 
 @pytest.mark.parametrize("name", ["manifest", "0", "zarr.json"])
 def test_a_store_that_cannot_be_read_now_is_still_a_store(name, tmp_path, monkeypatch, capsys):
-    path, read = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2])), Path.read_bytes
+    path, get = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2])), Objects.get
 
-    def short(file):
-        if file.name == name:
-            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(file))
-        return read(file)
+    def short(objects, wanted):
+        if wanted.rpartition("/")[2] == name:
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), wanted)
+        return get(objects, wanted)
 
-    monkeypatch.setattr(Path, "read_bytes", short)
+    monkeypatch.setattr(Objects, "get", short)
     assert reported(monkeypatch, path) == 2
     sentence = f"ncti-report: store is '{path}', which cannot be read: Too many open files\n"
     assert capsys.readouterr().err == sentence

@@ -2,7 +2,7 @@
 
 import pytest
 from commands import FAST, swept
-from small_stores import files
+from small_stores import contents
 
 TINY = (*FAST, "grid.frame_count=[2,4]")
 ALL = (*TINY, "classifier=all", "classifier.mnn.epochs=5")
@@ -25,7 +25,7 @@ def test_a_store_grows_by_what_is_new(whole, folder):
     before = ("grid.ship=[duncan,spruance]", "grid.aspect=[30,60]", "grid.pulse_width=30")
     first = swept(store, cache, *ALL, *before)
     grown = swept(store, cache, *ALL, *WHOLE)
-    assert files(store) == files(whole)
+    assert contents(store) == contents(whole)
     done = {name: (one.done, one.reused) for name, one in grown.progress.items()}
     # Of one place on the grid of IFOVs, what is tested is what is learned.
     assert done["seen_extent"] == (2, 4) and done["extent"] == (0, 4)
@@ -35,7 +35,7 @@ def test_a_store_grows_by_what_is_new(whole, folder):
     for name in ("acn", "mnn", "correlation", "likelihood"):
         assert done[name] == (2 * 2, 0) and first.progress[name].done == 2
     again = swept(store, cache, *ALL, *WHOLE)
-    assert not again.written and files(store) == files(whole)
+    assert not again.written and contents(store) == contents(whole)
 
 
 def test_one_more_number_of_frames_answers_alone(whole, folder):
@@ -43,7 +43,7 @@ def test_one_more_number_of_frames_answers_alone(whole, folder):
     store, cache = folder / "s.zarr", folder / "cache"
     swept(store, cache, *ALL, *WHOLE, "grid.frame_count=2")
     grown = swept(store, cache, *ALL, *WHOLE)
-    assert files(store) == files(whole)
+    assert contents(store) == contents(whole)
     done = {name: (one.done, one.reused) for name, one in grown.progress.items()}
     assert done["averaged"] == (12, 12) and done["expected"] == (0, 12)
     assert done["mnn_training"] == done["acn_training"] == (0, 2)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
+from sweeps.engine.places import Where, namesake
 from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
@@ -26,7 +26,7 @@ FALLBACK = "frame_count"  # the axis of charts where nothing was swept
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
-def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
+def content_of(path: Where, frames: Mapping[str, Frame]) -> dict[str, Any]:
     """Return the content of the page of a store, of its tables; OSError if it cannot be read."""
     store = opened(path)
     about = attributes(store)
@@ -41,7 +41,7 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
     against = next(filter(None, names), "")
     settings = list(flat(about.get("configuration", {})))
     return {
-        "store": path.name,
+        "store": namesake(path).name,
         "about": about,
         "headline": sentences,
         "status": status_of(store),
@@ -54,7 +54,7 @@ def content_of(path: Path, frames: Mapping[str, Frame]) -> dict[str, Any]:
         "ships": ships_of(store),
         "work": None if work is None else laid_out(work),
         "data": {
-            "store": path.name,
+            "store": namesake(path).name,
             "tables": {name: data_of(table) for name, table in tables.items()},
             # Their places give classifiers a colour, the same in every chart.
             "colours": list(

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import sweeps.report
+from sweeps.engine.places import Objects, Where
+from sweeps.engine.zarr_array import METADATA
 from sweeps.report.frames import Frame
 from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_whole
 from sweeps.report.places import page_file
@@ -23,7 +25,7 @@ STAMP = "ncti-store"  # name of the meta element that identifies the store of a 
 
 
 def write_page(
-    store: Path,
+    store: Where,
     frames: Mapping[str, Frame],
     beside: Path | None = None,
     *,
@@ -45,7 +47,7 @@ def write_page(
     return []
 
 
-def is_current(store: Path) -> bool:
+def is_current(store: Where) -> bool:
     """Return whether the page beside a store was made from it by this code."""
     try:
         with page_file(store).open(encoding="utf-8") as file:
@@ -54,20 +56,20 @@ def is_current(store: Path) -> bool:
         return False
 
 
-def _stamp(store: Path) -> str:
+def _stamp(store: Where) -> str:
     """Return a digest of a store's attributes, of the version and of the report's sources."""
     try:
         known = version("ncti-sweep")
     except PackageNotFoundError:
         known = ""
-    digest = hashlib.sha256(known.encode() + (store / "zarr.json").read_bytes())
+    digest = hashlib.sha256(known.encode() + (Objects(store).get(METADATA) or b""))
     for file in sorted(FOLDER.rglob("*")):
         if file.suffix in SOURCES:
             digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()[:32]
 
 
-def page_of(path: Path, frames: Mapping[str, Frame], headline: Sequence[str] = ()) -> str:
+def page_of(path: Where, frames: Mapping[str, Frame], headline: Sequence[str] = ()) -> str:
     """Return the page of a store, not yet sealed; everything but templates is escaped."""
     # Imported here, since a page that is current needs none of it.
     from jinja2 import Environment, FileSystemLoader

@@ -1,0 +1,125 @@
+"""The manifest of a store: the checksum of each of its objects, and what its chunks were made of.
+
+A checksum within each chunk detects a changed chunk, but neither a missing one, which zarr reads as
+fill values, nor changed metadata. A store changes in three steps, each of which begins with the
+manifest: names of the chunks to come, which no metadata refer to; then all metadata as they will
+be, which are put in place, the root's last; then the finished store.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.packs import raise_shortage, seal, unseal
+from sweeps.engine.places import Objects, Where
+from sweeps.engine.zarr_array import METADATA, chunk_name
+
+MANIFEST = "manifest"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a store has: by name of an object, or by path of an array.
+
+    `chunks` are the key space of each array and, by index, the digest of what decides the values of
+    a chunk; one that holds only the fill value is no file. `left` are chunks of the store as it
+    was, by array and key space, for readers that opened it then. While it is written: names of the
+    chunks to come; then all metadata, and the checksums of those before.
+    """
+
+    files: dict[str, int] = field(default_factory=dict)
+    chunks: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
+    left: dict[str, tuple[str, list[str]]] = field(default_factory=dict)
+    coming: list[str] = field(default_factory=list)
+    nodes: dict[str, Any] = field(default_factory=dict)
+    before: dict[str, int] = field(default_factory=dict)
+
+    def put(self, objects: Objects) -> None:
+        """Write it."""
+        document = {name: value for name, value in asdict(self).items() if value}
+        objects.put(MANIFEST, seal(document))
+
+    @property
+    def left_names(self) -> Iterator[str]:
+        """Names of chunks of the store as it was."""
+        for path, (space, indices) in self.left.items():
+            yield from (chunk_name(path, space, index) for index in indices)
+
+    @property
+    def known(self) -> set[str]:
+        """Names of all objects that sweeps wrote."""
+        return {MANIFEST, *self.files, *self.left_names, *self.coming, *self.before}
+
+    def allows(self, name: str, checksum: int | None) -> bool:
+        """Return whether an object may have a checksum, or be absent."""
+        if self.nodes and name.endswith(METADATA):
+            return checksum in (self.files.get(name), self.before.get(name))
+        return name not in self.files or checksum == self.files[name]
+
+
+def read_manifest(place: Where) -> Manifest | None:
+    """Return the manifest of a store; None if there is none.
+
+    Raises ConfigurationError if it is damaged, and OSError if it cannot be read.
+    """
+    content = Objects(place).get(MANIFEST)
+    if content is None:
+        return None
+    try:
+        found = Manifest(**unseal(content))
+        {str(name): int(checksum) for name, checksum in found.files.items()}
+        found.known  # noqa: B018
+    except (ValueError, TypeError, AttributeError) as error:
+        raise_shortage(error)
+        raise _unreadable(place) from error
+    return found
+
+
+def manifest_of(place: Where) -> Manifest:
+    """Return the manifest of a store; ConfigurationError if it is missing or damaged."""
+    found = read_manifest(place)
+    if found is None:
+        raise _unreadable(place)
+    return found
+
+
+def _unreadable(place: Where) -> ConfigurationError:
+    return ConfigurationError(
+        f"store is {str(place)!r}, whose {MANIFEST} cannot be read; "
+        "give another path, or remove it if it is a damaged store"
+    )
+
+
+def verify(place: Where, groups: Iterable[str] | None = None) -> list[str]:
+    """Return sorted names of objects of a store that are missing, changed or unexpected.
+
+    An object that is not in the manifest counts as damage, because zarr would read it as a chunk.
+    If `groups` are given, only their objects and all metadata are verified. Raises OSError where
+    the place fails, and ConfigurationError without a manifest.
+    """
+    objects, manifest = Objects(place), manifest_of(place)
+    inside = tuple(f"{group}/" for group in groups or ())
+    known, found = manifest.known, objects.sizes()
+    wanted = sorted(
+        name
+        for name in {*manifest.files, *manifest.before, *found}
+        if groups is None or name.startswith(inside) or name.endswith(METADATA)
+    )
+
+    def is_bad(name: str) -> bool:
+        if name in manifest.files or name in manifest.before:
+            return not manifest.allows(name, checksum_of(objects, name))
+        return name not in known
+
+    bad = objects.each(is_bad, wanted)
+    return [name for name, one in zip(wanted, bad, strict=True) if one]
+
+
+def checksum_of(objects: Objects, name: str) -> int | None:
+    """Return the checksum of an object; None if it is absent."""
+    content = objects.get(name)
+    return None if content is None else zlib.crc32(content)

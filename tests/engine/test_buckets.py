@@ -1,0 +1,137 @@
+"""Sweeps into a bucket: resumed, extended, damaged and reported as on a disk, without a secret."""
+
+import json
+from pathlib import Path
+
+import buckets
+import pytest
+from running import python
+from small_stores import below, contents, files, opened
+from toys import CALLS, SPRINGS, Told, go
+
+from sweeps.engine.command import Command
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.locks import locked
+from sweeps.engine.manifest import verify
+from sweeps.engine.places import Objects
+from sweeps.engine.store import read_attributes
+
+
+def test_a_store_grows_as_one_of_a_single_sweep(place, tmp_path):
+    store, cache, more = below(place, "s.zarr"), tmp_path / "cache", {"spring__mass": [1, 2, 3]}
+    assert go(store, cache).written
+    go(tmp_path / "t.zarr", cache)
+    assert contents(store) == contents(tmp_path / "t.zarr")
+    CALLS.clear()
+    assert not go(store, cache).written and not CALLS
+    assert go(store, cache, **more).written and CALLS["period"] == 3
+    go(tmp_path / "u.zarr", cache, **more)
+    assert contents(store) == contents(tmp_path / "u.zarr")
+    with pytest.raises(ConfigurationError, match=r"spring\.mass is 1, but the store"):
+        go(store, cache, spring__mass=[1])
+
+
+def test_a_failed_write_is_resumed(place, tmp_path, monkeypatch):
+    store, put = below(place, "s.zarr"), Objects.put
+
+    def failing(objects, name, content):
+        if "noisy" in name:
+            raise OSError(5, "the network is down", name)
+        put(objects, name, content)
+
+    monkeypatch.setattr(Objects, "put", failing)
+    with pytest.raises(OSError, match="the network is down"):
+        go(store, tmp_path / "cache")
+    assert read_attributes(store) is None
+    monkeypatch.setattr(Objects, "put", put)
+    CALLS.clear()
+    assert go(store, tmp_path / "cache").written and not CALLS
+    go(tmp_path / "t.zarr", tmp_path / "cache")
+    assert contents(store) == contents(tmp_path / "t.zarr")
+
+
+def test_damage_is_found_and_mended(place, tmp_path):
+    store, cache, told = below(place, "s.zarr"), tmp_path / "cache", Told()
+    go(store, cache)
+    before, names, there = contents(store), files(store), Objects(store)
+    changed = next(name for name in names if name.startswith("answers/answer/c."))
+    gone = next(name for name in names if name.startswith("springs/period/c."))
+    there.put(changed, b"other")
+    there.delete([gone])
+    assert verify(store) == [changed, gone]
+    go(store, cache, watch=told.watch)
+    assert any("2 files of the store are damaged" in sentence for sentence in told.sentences)
+    assert contents(store) == before
+    there.put("mine.txt", b"")
+    with pytest.raises(ConfigurationError, match="in which no sweep wrote 'mine"):
+        go(store, cache)
+
+
+def test_of_two_sweeps_into_a_store_one_is_refused(place, tmp_path):
+    store = below(place, "s.zarr")
+    with locked(store), pytest.raises(ConfigurationError, match="being written by process"):
+        go(store, tmp_path / "cache")
+    assert go(store, tmp_path / "cache").written
+
+
+def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    reported = []
+    command = Command(
+        SPRINGS,
+        lambda path, choices, finished: reported.append(path),
+        lambda near: [near.with_name(f"{near.name}-tables")],
+    )
+
+    def start(*given):
+        return command.main(["cache=cache", "cluster=inline", *given])
+
+    assert start(f"store={bucket}/s.zarr", "dry_run=true") == 0
+    assert not files(bucket)
+    assert start(f"store={bucket}/s.zarr") == 0 and reported == [f"{bucket}/s.zarr"]
+    assert not [one for one in tmp_path.iterdir() if one.name != "cache"]
+    capsys.readouterr()
+    for store, reason in {
+        f"{bucket}/s.zarr/inner.zarr": f"must not be in the store '{bucket}/s.zarr'",
+        "s3://nobucket/s.zarr": "which cannot be read",
+        "s3://bucket": "credentials belong to the environment",
+        f"{bucket}/s.zarr,store={bucket}/other/s.zarr": "",
+    }.items():
+        if reason:
+            assert start(f"store={store}") == 2
+            (said,) = capsys.readouterr().err.splitlines()
+            assert said.startswith(f"springs: store is '{store}'") and reason in said
+    assert start("-m", f"store={bucket}/s.zarr,{bucket}/other/s.zarr") == 2
+    assert "whose report would be written in the place of that of" in capsys.readouterr().err
+    assert opened(f"{bucket}/s.zarr", "springs").sizes["mass"] == 2
+
+
+SWEEP = """
+import sys
+sys.path[:0] = {paths!r}
+from sweeps.engine.command import Command
+from toys import SPRINGS
+sys.exit(Command(SPRINGS).main(sys.argv[1:]))
+"""
+
+
+def test_secrets_are_in_no_store_log_or_message(bucket, tmp_path, served):
+    script = SWEEP.format(paths=[str(Path(__file__).parent)])
+    given = ["-c", script, "cache=cache", "cluster.workers=2", f"store={bucket}/s.zarr"]
+    said = []
+
+    def run(*more, status=0, **environment):
+        done = python(*given, *more, cwd=tmp_path, check=False, **environment)
+        assert done.returncode == status, done.stderr
+        said.append((done.stdout + done.stderr).encode())
+
+    run("spring.limit=1.5", status=1)  # a cell fails, and its arguments are kept
+    run("spring.limit=1.5", "dry_run=true")
+    run("spring.mass=7", status=2)
+    run(AWS_SECRET_ACCESS_KEY=buckets.SECRET, AWS_ENDPOINT_URL="http://127.0.0.1:9", status=2)
+    name = f"http://{buckets.SECRET}:{buckets.SECRET}@127.0.0.1:9"
+    run(AWS_ENDPOINT_URL=name, status=2)
+    written = [*files(bucket).values(), *files(tmp_path).values(), *said]
+    assert len(written) > 50 and any(b"too [stiff]" in one for one in written)
+    assert not [one for one in written if buckets.SECRET.encode() in one]
+    assert buckets.SECRET in json.dumps(served)
