@@ -20,7 +20,7 @@ from sweeps.engine import sharing
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.index import CellIndex
 from sweeps.engine.packs import PACK, cells_of
-from sweeps.engine.places import Objects
+from sweeps.engine.places import Objects, below
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import read_choices
@@ -297,13 +297,13 @@ def swept(cache, folder, first, told):
         told.put((first, turn, lost, len(finished.failures)))
 
 
-def test_two_commands_that_share_a_small_cache_lose_nothing(tmp_path):
+def test_two_commands_that_share_a_small_cache_lose_nothing(place, tmp_path):
     """At the same time, with values in common; each store is that of a sweep alone."""
     context = multiprocessing.get_context("spawn")
-    told, cache = context.Queue(), tmp_path / "cache"
+    told, cache = context.Queue(), below(place, "cache")
     for first in range(3):
         (tmp_path / str(first)).mkdir()
-    swept(tmp_path / "alone", tmp_path / "0", 0, told)
+    swept(below(place, "alone"), tmp_path / "0", 0, told)
     clean = [files(tmp_path / "0" / f"{turn}.zarr") for turn in range(3)]
     for turn in range(3):
         assert told.get(timeout=60) == (0, turn, [], 0)
