@@ -61,7 +61,7 @@ def sweep(
         `inline`, this process, or `local`, a process on every core; a script that uses these
         begins its work under ``if __name__ == "__main__":``.
     cache : path, optional
-        Folder of finished results; the user's cache folder when not given. A store grows by what
+        Place of finished results; the user's cache folder when not given. A store grows by what
         this has.
 
     Returns
@@ -94,7 +94,8 @@ def sweep(
         raise ConfigurationError(str(error)) from None
     choices = read_choices(experiment.declared, {Run.seed.key: seed})
     at = where("store", store)
-    place = Place(at, Path(cache or user_cache_path("sweeps")), ClusterChoice(cluster))
+    packs = where("cache", cache) if cache else user_cache_path("sweeps")
+    place = Place(at, packs, ClusterChoice(cluster))
     finished = run(experiment, choices, place, Watch(lambda sentence: None))
     if finished.failures:
         what, why = finished.failures[0]
