@@ -39,6 +39,7 @@ from benchmarks import (
     synthesis,
     tolerances,
     views,
+    workers,
 )
 from benchmarks.reports import Report, machine, show, write_json
 from sweeps.stages.views import cache_folder
@@ -73,6 +74,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "startup": lambda asked: startup.measure(repeats=asked.repeats),
     "growth": lambda asked: growth.measure(repeats=asked.repeats),
     "scale": lambda asked: scale.measure(most=asked.most),
+    "workers": lambda asked: workers.measure(),
     "grid22320": lambda asked: grid.measure(repeats=asked.repeats),
     "fit_tolerance": lambda asked: fits.tolerance(),
     "fit_target_free": lambda asked: fits.target_free(),
@@ -124,6 +126,7 @@ MEANINGS = {
     "startup": "time of --help, of a sweep with nothing to do, and until the first output",
     "growth": "time of a sweep by number of cells, and its slope",
     "scale": "time, memory, files and bytes of a sweep by number of views, up to --most",
+    "workers": "tasks a second, time and memory of the command with up to 1,000 dask workers",
     "grid22320": "the grid at three ranges as one job, as -m, and by Hydra's basic launcher",
     "fit_tolerance": "tolerance of the multilayered network, fitted to Table 2's training row",
     "fit_target_free": "target-free IFOVs, fitted to 32 frames near the bow",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +14,7 @@ from sweeps.engine.settings import Choices, Settings, count, number, read_choice
 from sweeps.engine.stage import Experiment, Group, Output, stage
 
 LENGTH = 1000  # floats of a profile
+NAP = 0.1  # s
 
 
 class Grid(Settings, key="grid"):
@@ -45,8 +47,16 @@ def profile(aspect: float) -> NDArray[np.float32]:
     return np.full(LENGTH, aspect, dtype=np.float32)
 
 
+@stage(Output("nap", label="aspect after a while"), uses=(Grid,), group=Group("toy"))
+def nap(aspect: float) -> float:
+    """Return the aspect after a tenth of a second."""
+    time.sleep(NAP)
+    return aspect
+
+
 NOTHING = Experiment("toy", "Nothing", (Grid, nothing), code=("benchmarks",))
 PROFILES = Experiment("toy", "Profiles", (Grid, profile), code=("benchmarks",))
+NAPS = Experiment("toy", "Naps", (Grid, nap), code=("benchmarks",))
 
 
 def choices(experiment: Experiment, lengths: Sequence[int]) -> Choices:
@@ -67,6 +77,6 @@ def choices(experiment: Experiment, lengths: Sequence[int]) -> Choices:
     return experiment.check(read_choices(experiment.declared, given))
 
 
-def main() -> None:
-    """Run the command line of the toy that does nothing."""
-    sys.exit(Command(NOTHING).main())
+def main(experiment: Experiment = NOTHING) -> None:
+    """Run the command line of a toy, by default of that which does nothing."""
+    sys.exit(Command(experiment).main())

@@ -10,8 +10,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import time
 from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Awaitable, Callable, Iterator, Mapping
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -51,6 +53,7 @@ SETTINGS = {
 # Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
 SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 
+COUNTED = 1.0  # s between looks at how many workers a running cluster has
 ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first worker; of checks
 JOBS_CHECKED = 10.0  # s between checks whether a job has ended, for example by its time limit
 LOST = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
@@ -88,7 +91,7 @@ class DaskExecutor:
 
     def __init__(self, client: Client, workers: int | None, shared: Shared) -> None:
         self._client = client
-        self._workers = workers
+        self._workers, self._present, self._due = workers, 1, 0.0
         self._shared = shared
         self._cancelled: Exception = SweepIncomplete(GONE)
         self._completed = as_completed(loop=client.loop)
@@ -96,8 +99,11 @@ class DaskExecutor:
 
     @property
     def workers(self) -> int:
-        """Number of processes started or, of a running cluster, present now."""
-        return self._workers or max(1, len(self._client.nthreads()))
+        """Number of processes started or, of a running cluster, present a moment ago."""
+        if self._workers is None and time.monotonic() >= self._due:  # asked for with every task
+            self._present = max(1, len(self._client.nthreads()))
+            self._due = time.monotonic() + COUNTED
+        return self._workers or self._present
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
         """Send a task to the scheduler."""
@@ -110,15 +116,23 @@ class DaskExecutor:
         if not self._running:
             return []
         # wakes up ten times a second, to handle interrupts
-        return [self._outcome(future) for future in self._completed.next_batch()]
+        batch = self._completed.next_batch()
+        done = [future for future in batch if future.status == "finished"]
+        try:  # at once, which takes a quarter of the time
+            results = dict(zip(done, self._client.gather(done), strict=True))
+        except (Exception, CancelledError):  # of some, whose errors follow
+            results = {}
+        return [self._outcome(future, results) for future in batch]
 
     async def abandon(self, why: str) -> None:
         """Cancel all tasks, for which `finished` then raises ConfigurationError."""
         self._cancelled = ConfigurationError(why)
         await self._client.cancel([*self._running], asynchronous=True)
 
-    def _outcome(self, future: Future) -> Outcome:
+    def _outcome(self, future: Future, results: Mapping[Future, Any]) -> Outcome:
         number = self._running.pop(future)
+        if future in results:
+            return number, results[future], None
         if future.cancelled():
             raise self._cancelled
         try:

@@ -1,0 +1,156 @@
+"""A thousand workers of one dask scheduler, whose tasks sleep: what the command spends on each.
+
+Run as a script with the address of a scheduler and a number, it is so many workers.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AsyncExitStack, ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil  # type: ignore[import-untyped]
+from distributed import Client, Worker
+
+from benchmarks import toy
+from benchmarks.processes import peak_memory, watch
+from benchmarks.reports import Column, Report
+from sweeps.engine import workers as engine
+
+COUNTS = (10, 100, 1000)
+HOSTS = 4  # processes that the workers share
+CALLS = 60  # of each worker
+QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
+COMMAND = "from benchmarks import toy; toy.main(toy.NAPS)"
+
+COLUMNS = (
+    Column("workers", "workers", ",d"),
+    Column("cells", "cells", ",d"),
+    Column("tasks", "tasks", ",d"),
+    Column("seconds", "time [s]", ".1f"),
+    Column("rate", "tasks a second", ".0f"),
+    Column("busy", "workers busy [%]", ".0f"),
+    Column("command_ms", "command [ms a task]", ".2f"),
+    Column("scheduler_ms", "scheduler [ms a task]", ".2f"),
+    Column("command_mib", "command [MiB]", ".0f"),
+    Column("scheduler_mib", "scheduler [MiB]", ".0f"),
+)
+
+
+def measure(*, counts: tuple[int, ...] = COUNTS, calls: int = CALLS) -> Report:
+    """Measure sweeps of sleeping cells at numbers of workers.
+
+    Parameters
+    ----------
+    counts : tuple of int
+        Numbers of workers.
+    calls : int
+        Cells for each of them.
+
+    Returns
+    -------
+    Report
+        One row per number, each measured once.
+    """
+    return Report(
+        f"Workers of one scheduler whose cells sleep {toy.NAP:g} s",
+        COLUMNS,
+        [_row(count, count * calls) for count in counts],
+        [
+            "Real workers of dask, each with its connections and its thread, in "
+            f"{HOSTS} processes of this machine, and a real scheduler in one of its own. "
+            "Processor time is that of the command, less that of the same command with nothing "
+            "left to compute, and that of the scheduler; that of the workers is theirs."
+        ],
+    )
+
+
+def _row(count: int, cells: int) -> dict[str, object]:
+    """Return the figures of one sweep."""
+    with tempfile.TemporaryDirectory() as folder, _cluster(count, Path(folder)) as found:
+        address, scheduler = found
+        given = [f"grid.aspect={{start: 1, stop: {cells}, step: 1}}", "cluster=address"]
+        given += [f"cluster.address={address}", f"store={folder}/s.zarr", f"cache={folder}/cache"]
+        command = [sys.executable, "-c", COMMAND, *given]
+        before = scheduler.cpu_times()
+        run = watch(command, cores=psutil.cpu_count() or 1)
+        after = scheduler.cpu_times()
+        tasks = len(list(Path(folder, "cache").rglob("*.pack")))
+        again = watch(command, cores=psutil.cpu_count() or 1)
+        (took,) = re.findall(r"failed in ([\d.]+) s", run.output)
+        seconds = float(took)
+        spent = after.user + after.system - before.user - before.system
+        return {
+            "workers": count,
+            "cells": cells,
+            "tasks": tasks,
+            "seconds": seconds,
+            "rate": tasks / seconds,
+            "busy": 100 * cells * toy.NAP / count / seconds,
+            "command_ms": 1e3 * (run.cpu - again.cpu) / tasks,
+            "scheduler_ms": 1e3 * spent / tasks,
+            "command_mib": run.driver,
+            "scheduler_mib": peak_memory(scheduler.pid),
+        }
+
+
+@contextmanager
+def _cluster(count: int, folder: Path) -> Iterator[tuple[str, psutil.Process]]:
+    """Run a scheduler and workers; yield its address and process when all are connected."""
+    file = folder / "scheduler.json"
+    scheduler = ["-m", "distributed.cli.dask_scheduler", "--scheduler-file", str(file)]
+    with ExitStack() as stack:
+
+        def start(*arguments: str) -> int:
+            process = subprocess.Popen(
+                [sys.executable, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            return process.pid
+
+        pid = start(*scheduler, *QUIET, "--port", "0")
+        while not file.exists():
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+        for number in range(HOSTS):
+            share = len(range(number, count, HOSTS))
+            start("-m", "benchmarks.workers", address, str(share))
+        with Client(address) as client:
+            client.wait_for_workers(count)
+        yield address, psutil.Process(pid)
+
+
+class _Here:
+    """What runs tasks of a worker in its own thread, instead of one thread for a whole process."""
+
+    def __init__(self, result: Any = None) -> None:
+        self._result = result
+
+    def submit(self, call: Callable[[], Any]) -> _Here:
+        return _Here(call())
+
+    def result(self) -> Any:
+        return self._result
+
+
+async def _work(address: str, count: int) -> None:
+    """Be some workers until this process is ended."""
+    async with AsyncExitStack() as stack:
+        for _ in range(count):
+            worker = Worker(address, nthreads=1, dashboard_address=None, memory_limit=0)
+            await stack.enter_async_context(worker)
+        await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    engine._thread = _Here()  # type: ignore[assignment]
+    asyncio.run(_work(sys.argv[1], int(sys.argv[2])))

@@ -1,0 +1,11 @@
+"""The report of many workers of a scheduler, at its smallest."""
+
+from benchmarks import toy, workers
+
+
+def test_few_workers_compute_cells_that_sleep():
+    (row,) = workers.measure(counts=(3,), calls=4).rows
+    assert row["workers"] == 3 and row["cells"] == 12 and 1 <= row["tasks"] <= 12
+    assert row["seconds"] > 12 * toy.NAP / 3
+    assert row["rate"] == row["tasks"] / row["seconds"]
+    assert row["command_mib"] > 10 and row["scheduler_mib"] > 10
