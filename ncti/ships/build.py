@@ -151,7 +151,8 @@ def build(sheet: Sheet) -> Ship:
     Raises
     ------
     ShipError
-        If a component floats: a part of it touches neither the hull nor anything attached to it.
+        If nothing has a volume, or a component floats: a part of it touches neither the hull nor
+        anything attached to it.
     """
     hull = sheet.hull.solid()
     pieces = [piece(sheet, component) for component in sheet.components]
@@ -169,6 +170,11 @@ def build(sheet: Sheet) -> Ship:
 def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
     """Return the outer shell: hidden cavities are filled, and detached components refused."""
     shells = [shell for shell in solid.decompose() if shell.volume() > 0]
+    if not shells:
+        raise ShipError(
+            f"{sheet.name}: the hull encloses no volume, but its stations must be apart, and each "
+            "have a width and a height."
+        )
     ship, *adrift = sorted(shells, key=Manifold.volume, reverse=True)
     if adrift:
         names = {

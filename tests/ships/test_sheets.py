@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import trimesh
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shipyard import barge, sentence
 
@@ -107,6 +107,7 @@ VALUES = st.one_of(
 
 @settings(max_examples=80, deadline=None)
 @given(path=st.sampled_from(PATHS), value=VALUES)
+@example(path=("stations", 1, 0), value=5.7e-131)
 def test_any_value_anywhere_gives_a_solid_or_one_sentence(path, value) -> None:
     document = copy.deepcopy(barge())
     place: Any = document
