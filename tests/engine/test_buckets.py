@@ -128,9 +128,8 @@ def test_secrets_are_in_no_store_log_or_message(bucket, tmp_path, served):
     run("spring.limit=1.5", status=1)  # a cell fails, and its arguments are kept
     run("spring.limit=1.5", "dry_run=true")
     run("spring.mass=7", status=2)
-    run(AWS_SECRET_ACCESS_KEY=buckets.SECRET, AWS_ENDPOINT_URL="http://127.0.0.1:9", status=2)
     name = f"http://{buckets.SECRET}:{buckets.SECRET}@127.0.0.1:9"
-    run(AWS_ENDPOINT_URL=name, status=2)
+    run(AWS_SECRET_ACCESS_KEY=buckets.SECRET, AWS_ENDPOINT_URL=name, status=2)
     written = [*files(bucket).values(), *files(tmp_path).values(), *said]
     assert len(written) > 50 and any(b"too [stiff]" in one for one in written)
     assert not [one for one in written if buckets.SECRET.encode() in one]
