@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_flags, require_shape
+from ncti.checks import require, require_flags, require_labels, require_shape
 from ncti.evaluate.scores import (
     OVERALL,
     AspectAccuracy,
@@ -166,6 +166,73 @@ def _accuracy(
         np.minimum(fraction * equivalent, equivalent), equivalent, confidence=CONFIDENCE
     )
     return np.where(n > 0, fraction, np.nan), low, high, n
+
+
+def grouped_accuracy(correct: ArrayLike, aspects: ArrayLike, groups: ArrayLike) -> AspectAccuracy:
+    """Return the fraction of correct answers by aspect bin over rows, some of the same view.
+
+    Parameters
+    ----------
+    correct : (row,) array_like of bool
+        True for correct answers.
+    aspects : (row,) array_like
+        Aspects [deg].
+    groups : (row,) array_like
+        View of each row: a number or text, in any order and of any number of rows.
+
+    Returns
+    -------
+    AspectAccuracy
+        Arrays with the axis (bin), the bin "overall" last; `n` is the number of answers.
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, or `correct` is not boolean.
+
+    See Also
+    --------
+    replicated_accuracy : The same for a full grid of views and draws.
+
+    Notes
+    -----
+    The interval is that of `replicated_accuracy` with one factor, the views, since rows of
+    different views share no draw. A view may lie in several bins, if its aspect is not stated
+    exactly.
+
+    Examples
+    --------
+    Fifty views with eight answers each, all alike, contain no more than fifty answers:
+
+    >>> import numpy as np
+    >>> from ncti.evaluate import grouped_accuracy, wilson_interval
+    >>> view = np.repeat(np.arange(50), 8)
+    >>> accuracy = grouped_accuracy(view < 40, np.full(400, 45.0), view)
+    >>> int(accuracy.n[-1]), accuracy.ci_low[-1].round(2), accuracy.ci_high[-1].round(2)
+    (400, np.float64(0.67), np.float64(0.89))
+    >>> low, high = wilson_interval(40, 50)
+    >>> low.round(2), high.round(2)
+    (np.float64(0.67), np.float64(0.89))
+    """
+    right = require_flags("correct", correct).ravel()
+    labels, index = aspect_bins(aspects)
+    views, view = np.unique(require_labels("groups", groups), return_inverse=True)
+    for name, values in (("aspects", index), ("groups", view)):
+        require_shape(name, values, right.shape)
+    count, hits = np.zeros((2, len(views), len(labels) + 1))
+    for array, rows in ((count, slice(None)), (hits, right)):
+        np.add.at(array, (view[rows], index[rows]), 1.0)
+        array[:, -1] = array[:, :-1].sum(axis=1)
+    n, k = count.sum(axis=0), hits.sum(axis=0)
+    fraction = k / n  # a bin has an answer
+    equivalent = np.empty(n.shape)
+    for bins in (slice(0, -1), slice(-1, None)):
+        levels = [(count[:, bins], hits[:, bins])]
+        equivalent[bins] = _equivalent_answers(levels, fraction[-1])
+    low, high = wilson_interval(
+        np.minimum(fraction * equivalent, equivalent), equivalent, confidence=CONFIDENCE
+    )
+    return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
 
 
 def paired_difference(

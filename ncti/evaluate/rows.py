@@ -1,0 +1,248 @@
+"""Every score of a classifier's answers, from arrays by row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.checks import require_all, require_labels, require_shape
+from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
+from ncti.evaluate.replicates import grouped_accuracy
+from ncti.evaluate.scores import AspectAccuracy
+
+BINS = 10  # of confidence, of equal width
+REJECTED = 0.9  # share of answers to unknown classes
+ROUNDING = 1e-5  # of the sum of the probabilities of a row, which may be in single precision
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Reliability:
+    """Share of right answers by confidence.
+
+    Attributes
+    ----------
+    confidence : (bin,) float64 ndarray
+        Mean probability of the class named, of the answers in a bin of it; NaN without any.
+    fraction : (bin,) float64 ndarray
+        Share of these answers that are right; NaN without any.
+    n : (bin,) intp ndarray
+        Number of answers.
+
+    See Also
+    --------
+    score : Returns it.
+
+    Examples
+    --------
+    >>> from ncti.evaluate import score
+    >>> likely = [[0.9, 0.1], [0.9, 0.1], [0.8, 0.2]]
+    >>> of = {"classes": ["duncan", "texas"], "aspect": [0, 0, 0], "groups": [0, 1, 2]}
+    >>> scores = score(["duncan", "texas", "duncan"], likely, **of)
+    >>> scores.reliability.n[7:9], scores.reliability.fraction[7:9]
+    (array([1, 2]), array([1. , 0.5]))
+    """
+
+    confidence: Floats
+    fraction: Floats
+    n: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Scores of a classifier's answers.
+
+    Attributes
+    ----------
+    accuracy : AspectAccuracy
+        Share of right answers to known classes by aspect bin, with 95 % intervals that know which
+        answers are to one view.
+    classes : (class,) ndarray
+        Known classes, sorted.
+    confusion : (class, class) intp ndarray
+        Number of answers by true class and class named.
+    log_loss : float
+        Mean negative logarithm of the probability of the true class [nat]; NaN without
+        probabilities.
+    ece : float
+        Expected calibration error, the mean distance of confidence and share of right answers;
+        NaN without probabilities.
+    reliability : Reliability or None
+        Its curve; None without probabilities.
+    auroc, oscr : float
+        As of `open_set_scores`; NaN without unknown classes.
+    kept : float
+        Share of answers to known classes that are right and accepted where 90 % of those to
+        unknown classes are rejected; NaN without unknown classes.
+
+    See Also
+    --------
+    score : Returns them.
+
+    Examples
+    --------
+    >>> from ncti.evaluate import score
+    >>> named = ["duncan", "duncan", "texas"]
+    >>> scores = score(["duncan", "texas", "texas"], named, aspect=[0, 40, 80], groups=[0, 1, 2])
+    >>> scores.confusion.tolist(), scores.log_loss
+    ([[1, 0], [1, 1]], nan)
+    """
+
+    accuracy: AspectAccuracy
+    classes: NDArray
+    confusion: Integers
+    log_loss: float
+    ece: float
+    reliability: Reliability | None
+    auroc: float
+    oscr: float
+    kept: float
+
+
+def score(
+    y: ArrayLike,
+    predicted: ArrayLike,
+    *,
+    aspect: ArrayLike,
+    groups: ArrayLike,
+    classes: ArrayLike | None = None,
+    similarity: ArrayLike | None = None,
+) -> Scores:
+    """Return all scores of answers to rows, some of which may be of classes absent from training.
+
+    Parameters
+    ----------
+    y : (row,) array_like
+        True classes.
+    predicted : (row,) or (row, class) array_like
+        Classes named; or probabilities of the classes, as of `predict_proba`; or other values, as
+        of `decision_function`, of which the largest names the class.
+    aspect : (row,) array_like
+        Aspects [deg].
+    groups : (row,) array_like
+        View of each row, whose answers are correlated.
+    classes : (class,) array_like, optional
+        Classes learned, in the order of the columns of `predicted`. Rows of other classes are
+        unknown. By default all classes of `y`.
+    similarity : (row,) array_like, optional
+        What tells known classes from unknown ones, larger for known ones. By default the largest
+        value of `predicted`.
+
+    Returns
+    -------
+    Scores
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, there is no row of a known class, a class named is not among the
+        classes, columns have no classes, or there are unknown classes and no similarity.
+
+    See Also
+    --------
+    compare : Two classifiers on the same rows.
+    tabulate_scores : Scores of the answers of a sweep.
+
+    Notes
+    -----
+    Rows of values that are nowhere negative and sum to 1 are taken as probabilities. The expected
+    calibration error is that of [1]_ with ten bins of the confidence, the probability of the class
+    named. Accuracies, confusion, log loss and calibration are of known classes alone.
+
+    References
+    ----------
+    .. [1] C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger, "On calibration of modern neural
+       networks", Proceedings of Machine Learning Research 70, 1321-1330 (2017).
+
+    Examples
+    --------
+    Three known rows, the last of which is misnamed, and an unknown ship that looks like none:
+
+    >>> from ncti.evaluate import score
+    >>> y = ["duncan", "texas", "texas", "roberts"]
+    >>> likely = [[0.9, 0.1], [0.2, 0.8], [0.7, 0.3], [0.5, 0.5]]
+    >>> of = {"aspect": [0, 40, 80, 10], "groups": [0, 1, 2, 3]}
+    >>> scores = score(y, likely, classes=["duncan", "texas"], **of)
+    >>> scores.accuracy.fraction.round(2).tolist(), scores.accuracy.labels
+    ([1.0, 1.0, 0.0, 0.67], ('0', '40', '80', 'overall'))
+    >>> round(scores.log_loss, 3), scores.auroc, round(scores.kept, 3)
+    (0.511, 1.0, 0.667)
+    """
+    truth = require_labels("y", y)
+    require_shape("y", truth, (truth.size,))
+    learned = np.unique(truth) if classes is None else require_labels("classes", classes)
+    values = None
+    if np.ndim(predicted) == 2:
+        if classes is None:
+            raise ValueError("classes is None, but must name the columns of predicted")
+        values = require_all("predicted", predicted)
+        require_shape("predicted", values, (truth.size, learned.size))
+        # Columns in the order of the classes, as those of scikit-learn are.
+        order = np.argsort(learned)
+        learned, values = learned[order], values[:, order]
+        named = learned[values.argmax(axis=1)]
+        similarity = values.max(axis=1) if similarity is None else similarity
+    else:
+        learned, named = np.unique(learned), require_labels("predicted", predicted)
+        require_shape("predicted", named, truth.shape)
+    if not np.isin(named, learned).all():
+        stray = named[~np.isin(named, learned)][0]
+        raise ValueError(f"predicted has {stray!r}, but must be among the classes, {learned}")
+    known = np.isin(truth, learned)
+    if not known.any():
+        raise ValueError(f"y has {truth[:1]}, but must have a row of the classes, {learned}")
+    of_view, at = require_labels("groups", groups), require_all("aspect", aspect)
+    for name, array in (("groups", of_view), ("aspect", at)):
+        require_shape(name, array, truth.shape)
+    correct = named == truth
+    # Imported here because scikit-learn takes a second.
+    from sklearn.metrics import confusion_matrix, log_loss
+
+    loss, ece, curve = np.nan, np.nan, None
+    if values is not None and _are_probabilities(values):
+        of_known = values[known]
+        of_known = of_known / of_known.sum(axis=1, keepdims=True)
+        loss = float(log_loss(truth[known], of_known, labels=learned)) if learned.size > 1 else 0.0
+        curve = _reliability(of_known.max(axis=1), correct[known])
+        distance = np.abs(curve.fraction - curve.confidence) * curve.n
+        ece = float(np.nansum(distance) / curve.n.sum())
+    auroc = oscr = kept = np.nan
+    if not known.all():
+        if similarity is None:
+            raise ValueError("similarity is None, but must tell unknown classes from known ones")
+        alike = require_all("similarity", similarity)
+        require_shape("similarity", alike, truth.shape)
+        areas = open_set_scores(alike, correct, known)
+        auroc, oscr = areas.auroc, areas.oscr
+        [most] = rejection_thresholds(alike[~known], [REJECTED])
+        kept = float((correct & (alike > most))[known].mean())
+    return Scores(
+        accuracy=grouped_accuracy(correct[known], at[known], of_view[known]),
+        classes=learned,
+        confusion=confusion_matrix(truth[known], named[known], labels=learned).astype(np.intp),
+        log_loss=loss,
+        ece=ece,
+        reliability=curve,
+        auroc=auroc,
+        oscr=oscr,
+        kept=kept,
+    )
+
+
+def _are_probabilities(values: Floats) -> bool:
+    """Return whether (row, class) values are nowhere negative and sum to 1."""
+    return bool((values >= 0).all() and np.allclose(values.sum(axis=1), 1.0, rtol=0, atol=ROUNDING))
+
+
+def _reliability(confidence: Floats, correct: NDArray[np.bool_]) -> Reliability:
+    """Return the reliability of answers of a confidence in (0, 1]."""
+    of_bin = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)
+    n = np.bincount(of_bin, minlength=BINS)
+    some = np.where(n > 0, n, np.nan)
+    sums = (np.bincount(of_bin, weights=w, minlength=BINS) for w in (confidence, correct))
+    mean, fraction = (one / some for one in sums)
+    return Reliability(mean, fraction, n.astype(np.intp))
