@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -44,15 +45,77 @@ class Layout:
     axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
     order: tuple[int, ...]  # source of each dimension: these axes first, then its own
 
-    def begins(self, arrays: Arrays) -> list[int]:
-        """Return where a cell begins on each own dimension."""
-        begins = {dim: int(arrays[first.name]) for dim, first in self.origin.items()}
-        return [begins.get(dim, 0) for dim in self.output.dims]
-
     @property
     def origin(self) -> dict[str, Output]:
         """The outputs at which a cell begins, by own dimension."""
         return self.bound.stage.origin(self.output)
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """How results fill a region of a variable: which places they take, and the padding.
+
+    `wanted` and `lost` are places, in the order of the axes, of results and of failed ones.
+    """
+
+    stage: str
+    output: Output
+    origin: Mapping[str, Output]  # at which a cell begins, by own dimension
+    even: bool
+    shape: tuple[int, ...]  # along the axes
+    starts: Mapping[str, int]  # of own dimensions with an origin
+    own: tuple[int, ...]  # lengths of own dimensions
+    inside: tuple[slice, ...]  # of these, what is in the region
+    order: tuple[int, ...]  # of the dimensions, axes and own
+    wanted: Cells
+    lost: Cells
+
+    def values(self, cells: Iterable[Arrays]) -> NDArray[Any]:
+        """Return the values of the region, of the results that it wants."""
+        output, own = self.output, self.own
+        flat = np.full((math.prod(self.shape), *own), output.empty, dtype=output.dtype)
+        flat[self.lost] = FAILED
+        first = [self.starts.get(dim, 0) for dim in output.dims]
+        for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
+            array = arrays[output.name]
+            if self.even and array.shape != own:
+                raise uneven(self.stage, output.name, array.shape, own)
+            if array.shape == own and not self.origin:
+                flat[number] = array
+                continue
+            if output.pad is not None:
+                flat[number] = output.pad
+            corner = map(int.__sub__, _begins(output, self.origin, arrays), first)
+            place: Any = [
+                slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
+            ]
+            flat[(number, *place)] = array
+        inside: Any = (..., *self.inside)
+        return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
+
+
+def _begins(output: Output, origin: Mapping[str, Output], arrays: Arrays) -> list[int]:
+    """Return where a cell begins on each own dimension."""
+    begins = {dim: int(arrays[first.name]) for dim, first in origin.items()}
+    return [begins.get(dim, 0) for dim in output.dims]
+
+
+def _elsewhere(
+    filling: Filling, spots: Spots, read: Reader, region: tuple[slice, ...]
+) -> NDArray[Any]:
+    """Return the values of a region; raise `Damaged` if a cell cannot be read back."""
+    parts = range(0, len(spots), AT_ONCE)
+    return filling.values(chain.from_iterable(_read(read, spots[k : k + AT_ONCE]) for k in parts))
+
+
+def _read(read: Reader, spots: Spots) -> list[Arrays]:
+    """Return the arrays of cells; raise `Damaged` if any cannot be read back."""
+    every = read(spots)
+    found = [arrays for arrays in every if arrays is not None]
+    if len(found) < len(every):
+        keys = zip(spots.keys, every, strict=True)
+        raise Damaged(tuple(key.tobytes() for key, arrays in keys if arrays is None))
+    return found
 
 
 def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
@@ -180,8 +243,8 @@ class Cube:
         if words:  # few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
             return Array.of(named, texts, attrs, coordinate=coordinate)
-        made_of = partial(self._made_of, layout)
-        return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate, made_of)
+        how = partial(self._made_of, layout), partial(self._sent, layout)
+        return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate, *how)
 
     def _nodes(self, layout: Layout, ranges: Sequence[range]) -> Cells:
         """Return numbers of the results in ranges of a variable's axes, the last fastest."""
@@ -211,7 +274,9 @@ class Cube:
             nodes = nodes[self.schedule.spots.present[nodes]]
             for arrays in self._each(nodes[:1] if even else np.unique(nodes)):
                 shape = arrays[output.name].shape
-                for dim, begin, size in zip(output.dims, layout.begins(arrays), shape, strict=True):
+                for dim, begin, size in zip(
+                    output.dims, _begins(output, origin, arrays), shape, strict=True
+                ):
                     low, high = ends.get((dim, dim in origin), (begin, begin))
                     ends[dim, dim in origin] = min(low, begin), max(high, begin + size)
         for (dim, _), (low, high) in ends.items():
@@ -220,35 +285,38 @@ class Cube:
 
     def _region(self, layout: Layout, region: tuple[slice, ...]) -> NDArray[Any]:
         """Return values of a region of a variable, complete along its own dimensions."""
+        filling, nodes = self._filling(layout, region)
+        return filling.values(self._each(nodes))
+
+    def _sent(self, layout: Layout, region: tuple[slice, ...]) -> Callable[..., NDArray[Any]]:
+        """Return what makes a region of a variable in another process, from the packs."""
+        filling, nodes = self._filling(layout, region)
+        return partial(_elsewhere, filling, self.schedule.spots[nodes].alone(), self.read)
+
+    def _filling(self, layout: Layout, region: tuple[slice, ...]) -> tuple[Filling, Cells]:
+        """Return how a region of a variable is filled, and the numbers of the results it takes."""
         output, count = layout.output, len(layout.axes)
         starts, lengths = self._extents[layout.group]
-        origin, even = layout.origin, layout.bound.stage.is_even(output)
         natural = [region[k] for k in np.argsort(layout.order)]
-        own = tuple(lengths[dim] for dim in output.dims)
-        first = [starts.get(dim, 0) if dim in origin else 0 for dim in output.dims]
         ranges = [range(one.start, one.stop) for one in natural[:count]]
-        shape = tuple(map(len, ranges))
-        flat = np.full((math.prod(shape), *own), output.empty, dtype=output.dtype)
         nodes = self._nodes(layout, ranges)
-        if output.role == STATE:
-            flat[np.isin(nodes, [*self.schedule.failed])] = FAILED
+        state = output.role == STATE
+        lost = np.flatnonzero(np.isin(nodes, [*self.schedule.failed])) if state else nodes[:0]
         wanted = np.flatnonzero(self.schedule.spots.present[nodes])
-        for number, arrays in zip(wanted.tolist(), self._each(nodes[wanted]), strict=True):
-            array = arrays[output.name]
-            if even and array.shape != own:
-                raise uneven(layout.bound.name, output.name, array.shape, own)
-            if array.shape == own and not origin:
-                flat[number] = array
-                continue
-            if output.pad is not None:
-                flat[number] = output.pad
-            corner = map(int.__sub__, layout.begins(arrays), first)
-            place: Any = [
-                slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
-            ]
-            flat[(number, *place)] = array
-        inside: Any = (..., *natural[count:])
-        return flat.reshape((*shape, *own))[inside].transpose(layout.order)
+        filling = Filling(
+            layout.bound.name,
+            output,
+            layout.origin,
+            layout.bound.stage.is_even(output),
+            shape=tuple(map(len, ranges)),
+            starts={dim: starts.get(dim, 0) for dim in layout.origin},
+            own=tuple(lengths[dim] for dim in output.dims),
+            inside=tuple(natural[count:]),
+            order=layout.order,
+            wanted=wanted,
+            lost=lost,
+        )
+        return filling, nodes[wanted]
 
     def _made_of(self, layout: Layout, region: tuple[slice, ...]) -> bytes:
         """Return what decides the values of a region: keys of its cells, and how they lie there."""
@@ -272,13 +340,8 @@ class Cube:
         """Return arrays of results, from memory if they were read recently."""
         memory, wanted = self._memory, nodes.tolist()
         lacking = np.array([one for one in dict.fromkeys(wanted) if one not in memory], np.int64)
-        spots = self.schedule.spots[lacking]
-        read = self.read(spots)
-        if None in read:
-            keys = zip(spots.keys, read, strict=True)
-            raise Damaged(tuple(key.tobytes() for key, arrays in keys if arrays is None))
+        read = _read(self.read, self.schedule.spots[lacking])
         for one, arrays in zip(lacking.tolist(), read, strict=True):
-            assert arrays is not None
             memory[one] = arrays
             self._held += OVERHEAD + sum(array.nbytes for array in arrays.values())
         found = [memory[one] for one in wanted]

@@ -11,6 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from sweeps.engine.zarr_array import nested, plain
 AT_ONCE = 512  # cells that are read again after damage
 ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
+HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
 PARTIAL = "partial"
@@ -139,11 +141,14 @@ def _until_undamaged(
     with ThreadPoolExecutor(1, "cluster") as thread:
         for _ in range(ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
-            schedule = Schedule(plan, costs, place.verify)
+            schedule, stack = Schedule(plan, costs, place.verify), ExitStack()
             try:
-                failures = _compute(schedule, place, index, watch, thread)
+                failures, workers = _compute(schedule, place, index, watch, thread, stack)
+                if place.cluster.kind in HERE:  # which end meanwhile
+                    thread.submit(stack.close)
+                    workers = None
                 with _named(place.store):
-                    failures += _write(schedule, place, index, watch, check)
+                    failures += _write(schedule, place, index, watch, check, workers)
             except Damaged as error:
                 damaged = sorted(_damaged(schedule, index.cells).union(error.keys))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
@@ -152,6 +157,8 @@ def _until_undamaged(
                 index.forget(keys)
             else:
                 return Finished(schedule.progress, failures, written=True)
+            finally:
+                thread.submit(stack.close)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
 
 
@@ -171,46 +178,46 @@ def _compute(
     index: CellIndex,
     watch: Watch,
     thread: ThreadPoolExecutor,
-) -> Failures:
-    """Compute missing cells on workers; return and raise what `execute` does."""
+    stack: ExitStack,
+) -> tuple[Failures, Executor | None]:
+    """Compute missing cells on workers, which a stack ends; return them, if any were started.
+
+    Returns and raises what `execute` does.
+    """
     plan, choice = schedule.plan, place.cluster
-    stack = ExitStack()
-    try:
-        with interruptible():
-            schedule.resolve(index)
-            index.used(np.unique(schedule.spots.pack).tolist())
-            missing = schedule.missing_cells()
-        cells = sum(number for _, number, _ in missing)
-        total = sum(one.total for one in schedule.progress.values())
-        if place.partial:
-            watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
-            return []
-        watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
-        watch.step(schedule)
-        if not missing:
-            return []
-        measured = all(bound.name in schedule.costs for bound, *_ in missing)
-        left = sum(schedule.work_left().values())
-        if choice.kind == "local" and measured and left < QUICK:
-            choice = ClusterChoice("inline")
-        if choice.kind == "slurm":
-            import_jobqueue()
-        entered = executor(
-            choice,
-            tasks=sum(calls for *_, calls in missing),
-            packages=plan.experiment.code,
-            modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
-            packs=index.cells,
-            say=watch.say,
-        )
-        starting = thread.submit(stack.enter_context, entered)
-        if place.cluster.kind in ("inline", "local"):
-            plan.experiment.prepare(plan.choices, heeding(watch.say))
-        with interruptible():
-            workers = starting.result()
-        return execute(schedule, workers, index, watch)
-    finally:
-        thread.submit(stack.close)
+    with interruptible():
+        schedule.resolve(index)
+        index.used(np.unique(schedule.spots.pack).tolist())
+        missing = schedule.missing_cells()
+    cells = sum(number for _, number, _ in missing)
+    total = sum(one.total for one in schedule.progress.values())
+    if place.partial:
+        watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
+        return [], None
+    watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
+    watch.step(schedule)
+    if not missing:
+        return [], None
+    measured = all(bound.name in schedule.costs for bound, *_ in missing)
+    left = sum(schedule.work_left().values())
+    if choice.kind == "local" and measured and left < QUICK:
+        choice = ClusterChoice("inline")
+    if choice.kind == "slurm":
+        import_jobqueue()
+    entered = executor(
+        choice,
+        tasks=sum(calls for *_, calls in missing),
+        packages=plan.experiment.code,
+        modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
+        packs=index.cells,
+        say=watch.say,
+    )
+    starting = thread.submit(stack.enter_context, entered)
+    if place.cluster.kind in HERE:
+        plan.experiment.prepare(plan.choices, heeding(watch.say))
+    with interruptible():
+        workers = starting.result()
+    return execute(schedule, workers, index, watch), workers
 
 
 def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
@@ -316,9 +323,17 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
 
 
 def _write(
-    schedule: Schedule, place: Place, index: CellIndex, watch: Watch, check: Callable[[], None]
+    schedule: Schedule,
+    place: Place,
+    index: CellIndex,
+    watch: Watch,
+    check: Callable[[], None],
+    workers: Executor | None,
 ) -> Failures:
-    """Assemble the store with its tables, and write it; return tables that failed."""
+    """Assemble the store with its tables, and write it; return tables that failed.
+
+    Chunks of cells are written by `workers` that are elsewhere.
+    """
     heed()
     plan, failed = schedule.plan, schedule.failed
     cube = Cube(schedule, partial(read_cells, index.cells))
@@ -344,7 +359,8 @@ def _write(
         every = Progress.over(schedule.progress.values())
         attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
         everywhere = (*EVERYWHERE, PARTIAL)
-    write_store(place.store, groups, attributes, everywhere=everywhere, check=check)
+    how: dict[str, Any] = {"everywhere": everywhere, "check": check, "writers": workers}
+    write_store(place.store, groups, attributes, **how)
     return list(lost.items())
 
 

@@ -17,12 +17,14 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, islice
+from pathlib import Path
 from typing import Any
 
+from sweeps.engine.cluster import Executor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import check_target
-from sweeps.engine.interrupts import interruptible
+from sweeps.engine.interrupts import Stopped, heed, interruptible
 from sweeps.engine.manifest import MANIFEST, Manifest, checksum_of, manifest_of, read_manifest
 from sweeps.engine.places import AT_ONCE, Objects, Where, readable
 from sweeps.engine.zarr_array import (
@@ -39,6 +41,8 @@ from sweeps.engine.zarr_array import (
     regions,
 )
 
+MOST_SENT = 64  # chunks of a task of another process
+
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
 
@@ -49,6 +53,7 @@ def write_store(
     *,
     everywhere: tuple[str, ...] = (),
     check: Callable[[], None] = lambda: None,
+    writers: Executor | None = None,
 ) -> None:
     """Write a store, or what differs from the one that is there.
 
@@ -57,7 +62,7 @@ def write_store(
     store must open it again, before it is written once more. Files are left to the operating system
     to flush: `verify` finds damage of a power cut. `groups` are by path, as 'classification/acn';
     parents need not be given. `attributes` are those of the root, of which all groups repeat those
-    named `everywhere`.
+    named `everywhere`. Chunks that other processes can make are written by `writers`.
     """
     check_target(place)
     with readable():
@@ -76,8 +81,11 @@ def write_store(
         intent = replace(old, coming=coming)
         try:
             intent.put(objects)
+            made = {} if writers is None else _written_elsewhere(objects, chunks, writers)
             with interruptible():
-                files = _write_chunks(objects, chunks, old)
+                rest = [chunk for chunk in chunks if chunk.name not in made]
+                files = _write_chunks(objects, rest, old)
+            files |= {name: checksum for name, checksum in made.items() if checksum is not None}
             check_target(place)  # another process may have written something there
             check()
         except BaseException:
@@ -85,6 +93,7 @@ def write_store(
                 _undo(objects, intent)
             raise
         files |= {name: zlib.crc32(content) for name, content in _documents(nodes).items()}
+        files = dict(sorted(files.items()))  # whoever wrote them
         made_of = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
             for path, (space, of_array) in laid.items()
@@ -225,8 +234,58 @@ def _write_chunks(objects: Objects, chunks: Sequence[Chunk], old: Manifest) -> d
             if content is not None:
                 files[chunk.name] = zlib.crc32(content)
                 under_way.append(pool.submit(objects.put, chunk.name, content))
-            while len(under_way) > (0 if chunk is chunks[-1] else 2 * AT_ONCE):
+            if len(under_way) > 2 * AT_ONCE:
                 under_way.popleft().result()
+        for putting in under_way:
+            putting.result()
+    return files
+
+
+def _written_elsewhere(
+    objects: Objects, chunks: Sequence[Chunk], writers: Executor
+) -> dict[str, int | None]:
+    """Have other processes write new chunks, each by one of them; return what `put_chunks` does.
+
+    What they do not write, as where they do not see the store, is left to this process.
+    """
+    if isinstance(objects.place, Path):
+        objects = Objects(objects.place.absolute())
+    new = [chunk for chunk in chunks if chunk.array.sent is not None and not chunk.source]
+    size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
+    parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
+    files: dict[str, int | None] = {}
+    under_way = 0
+    try:
+        while True:
+            heed()
+            for number, part in islice(parts, 2 * writers.workers - under_way):
+                sent = [(one.name, one.array.alone(one.region), one.region) for one in part]
+                writers.submit(number, put_chunks, objects, sent)
+                under_way += 1
+            if not under_way:
+                return files
+            for _, written, _ in writers.finished():
+                under_way -= 1
+                files |= written or {}
+    except Stopped:
+        while under_way:  # nothing is written after what is there is removed
+            under_way -= len(writers.finished())
+        raise
+
+
+def put_chunks(
+    objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
+) -> dict[str, int | None]:
+    """Write chunks that a store awaits; return their checksums by name, None of empty ones."""
+    files: dict[str, int | None] = {}
+    with readable():
+        for name, array, region in chunks:
+            content = encode(array, region)
+            manifest = read_manifest(objects.place)
+            if manifest is not None and name in manifest.coming:
+                if content is not None:
+                    objects.put(name, content)
+                files[name] = None if content is None else zlib.crc32(content)
     return files
 
 

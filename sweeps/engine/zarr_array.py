@@ -92,6 +92,8 @@ class Array:
     coordinate: bool = False
     # Returns bytes that decide the values of a region; by default these themselves.
     made_of: Callable[[Region], bytes] | None = None
+    # Returns `read` of a region alone, which may be sent to another process.
+    sent: Callable[[Region], Callable[[Region], NDArray[Any]]] | None = None
 
     @classmethod
     def of(
@@ -163,6 +165,11 @@ class Array:
     def settled(self) -> Array:
         """Return an array without dimensions with its value as that of what is not written."""
         return self if self.dims else replace(self, fill=self.whole().flat[0])
+
+    def alone(self, region: Region) -> Array:
+        """Return what another process needs to write the chunk of a region."""
+        assert self.sent is not None
+        return replace(self, read=self.sent(region), attrs={}, made_of=None, sent=None)
 
     def whole(self) -> NDArray[Any]:
         """Return all values as they are stored; they stay in memory."""

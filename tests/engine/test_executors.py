@@ -1,21 +1,27 @@
 """Executors of every kind: equal results, errors by number, one thread a process, the same code."""
 
 import re
+from collections import Counter
 from contextlib import nullcontext
 from itertools import pairwise
+from pathlib import Path
 
 import executors
 import numpy as np
 import pytest
 from distributed.security import Security
-from small_stores import files
+from small_stores import contents, files
 from threadpoolctl import threadpool_limits
 from toys import go
 
-from sweeps.engine import cluster
+from sweeps.engine import cluster, workers
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.manifest import Manifest
 from sweeps.engine.packs import cells_of
+from sweeps.engine.places import Objects
+from sweeps.engine.store import put_chunks
+from sweeps.engine.zarr_array import METADATA, Array
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -87,6 +93,52 @@ def test_a_scheduler_makes_the_same_store_as_this_process(running, tmp_path):
     done = {name: one.done for name, one in remote.progress.items()}
     assert done["noisy"] and done["answers"]  # which draws, and which gathers
     assert done == {name: one.done for name, one in inline.progress.items()}
+
+
+def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
+    running, tmp_path, monkeypatch
+):
+    """Each chunk of cells whole, by one of them; coordinates, states and metadata are its own."""
+    sent, own = Counter(), []
+    submit, put = workers.DaskExecutor.submit, Objects.put
+
+    def submitted(run, number, function, *arguments):
+        if function is put_chunks:
+            objects, chunks = arguments
+            assert objects.place.is_absolute()
+            sent.update(name for name, *_ in chunks)
+        submit(run, number, function, *arguments)
+
+    def putting(objects, name, content):
+        own.append(name)
+        put(objects, name, content)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(workers.DaskExecutor, "submit", submitted)
+    monkeypatch.setattr(Objects, "put", putting)
+    cache, store = tmp_path / "cache", Path("s.zarr")
+    for masses in ([1, 2], [1, 2, 3]):
+        before = set(files(store)) if store.exists() else set()
+        sent.clear()
+        own.clear()
+        go(store, cache, kind=running, spring__mass=masses)
+        new = {name for name in files(store) if name not in before}
+        made = {name for name in new if name.startswith(("springs/period/", "answers/answer/"))}
+        assert {name for name in made if not name.endswith(METADATA)} <= sent.keys()
+        assert set(sent.values()) == {1} and sent.keys() <= new and not sent.keys() & set(own)
+        assert {"manifest", METADATA, "springs/mass/zarr.json"} <= set(own)
+        go(tmp_path / f"{len(masses)}.zarr", cache, spring__mass=masses)
+        assert contents(store) == contents(tmp_path / f"{len(masses)}.zarr")
+
+
+def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
+    array = Array.of(("x",), np.arange(3))
+    chunks = [(name, array, (slice(0, 3),)) for name in ("g/x/c.0", "g/x/c.1")]
+    store = Objects(tmp_path / "s.zarr")
+    assert put_chunks(store, chunks) == {} and not store.place.exists()
+    Manifest(coming=["g/x/c.1"]).put(Objects(store.place, make=True))
+    assert put_chunks(Objects(store.place), chunks).keys() == {"g/x/c.1"}
+    assert sorted(files(store.place)) == ["g/x/c.1", "manifest"]
 
 
 @pytest.mark.usefixtures("impatient")

@@ -90,6 +90,25 @@ def test_a_disk_that_is_full_leaves_the_old_store_or_all_of_the_new(tmp_path, en
     assert contents(path) == after
 
 
+def test_a_put_that_fails_is_noticed_though_what_follows_stays(tmp_path, monkeypatch):
+    """The last chunk is one that the store has, and the one before it cannot be written."""
+    path, put = tmp_path / "s.zarr", Objects.put
+    first, last = array(np.zeros((3, 2)), chunks=(1, 2)), array(np.ones((3, 2)), chunks=(1, 2))
+    write_store(path, {"g": Group({"z": last})}, {})
+
+    def failing(objects, name, content):
+        if name == "g/a/c.2.0":
+            raise full()
+        put(objects, name, content)
+
+    monkeypatch.setattr(Objects, "put", failing)
+    before = contents(path)
+    first.read = np.arange(6.0).reshape(3, 2).__getitem__
+    with pytest.raises(OSError, match="No space left"):
+        write_store(path, {"g": Group({"a": first, "z": last})}, {})
+    assert contents(path) == before
+
+
 @pytest.mark.parametrize("old", [None, 3])
 def test_a_store_is_whole_whenever_its_writer_ends(place, ending, old):
     direct, new = below(place, "direct.zarr"), 5
