@@ -12,8 +12,11 @@ Packages, in the order of the data flow, each imported when it is first used:
 - `classify`: classifiers of such vectors, as scikit-learn estimators
 - `evaluate`: accuracy with confidence intervals
 
+- `data`: labelled data sets of many rows, for training and comparing classifiers
+
 `simulate` joins the first of them: one call returns a range profile, an infrared image or a flight
-as an xarray object, with units, ready to plot.
+as an xarray object, with units, ready to plot. `ncti.dataset` and `ncti.to_numpy` are those of
+`data`.
 
 Examples
 --------
@@ -39,6 +42,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ncti import (
         classify,
+        data,
         evaluate,
         features,
         infrared,
@@ -49,9 +53,12 @@ if TYPE_CHECKING:
         ships,
         simulate,
     )
+    from ncti.data import dataset as dataset
+    from ncti.data import to_numpy as to_numpy
 
 __all__ = [
     "classify",
+    "data",
     "evaluate",
     "features",
     "infrared",
@@ -63,11 +70,16 @@ __all__ = [
     "simulate",
 ]
 
+OF_DATA = ("dataset", "to_numpy")
+"""Functions of `data` that are here, too."""
+
 
 def __getattr__(name: str) -> Any:
     # Imported when it is first asked for, so that using one package does not wait for the others.
     if name in __all__:
         return import_module(f"{__name__}.{name}")
+    if name in OF_DATA:
+        return getattr(import_module(f"{__name__}.data"), name)
     if name == "__version__":
         from importlib.metadata import version
 
@@ -76,4 +88,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, "__version__"})
+    return sorted({*globals(), *__all__, *OF_DATA, "__version__"})

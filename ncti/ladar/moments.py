@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ncti.checks import require
 from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
-from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_by_lag, target_kernel
+from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_by_lag, noise_floor, target_kernel
 
 # Share of the variance of one target-free IFOV below which field powers and covariances are
 # neglected. The error for a view of 30 IFOVs is then some 1e-12 of its variance.
@@ -257,6 +257,57 @@ def banded_frame_moments(
     for apart in range(1, lags):
         covariance[apart, bins - apart :] = 0.0
     return mean * math.sqrt(math.pi / 2), covariance / frame_count
+
+
+def frame_variance(
+    extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
+) -> Floats:
+    """Return the variance of the bins of one frame, the zero lag of `banded_frame_moments`.
+
+    Parameters
+    ----------
+    extent, pulse_width, cnr, target_free_ifovs
+        See `frame_moments`.
+
+    Returns
+    -------
+    (bin,) float64 ndarray
+        Variance, in the units of a frame squared.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
+    See Also
+    --------
+    banded_frame_moments : Covariances, too, in more time.
+
+    Notes
+    -----
+    IFOVs are independent, and the variance of a Rayleigh magnitude is 4 / pi - 1 times its mean
+    squared.
+
+    Examples
+    --------
+    A hundred target-free IFOVs:
+
+    >>> from ncti.ladar import no_return, noise_floor
+    >>> from ncti.ladar.moments import frame_variance
+    >>> nothing = no_return(250.0, 1.0)
+    >>> variance = frame_variance(nothing, pulse_width=30e-9, cnr=1e3, target_free_ifovs=100)
+    >>> print(f"{variance.mean() / noise_floor() ** 2:.2f}")
+    27.32
+    """
+    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
+    kernel = target_kernel(
+        pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=extent.down_range.size
+    )
+    power = cnr * extent.density.sum(axis=0) @ (kernel**2).T
+    # Means squared of the target's part add up as the variances do.
+    squares = (math.pi / 2) * power + (len(extent.density) + target_free_ifovs) * noise_floor() ** 2
+    return (4 / math.pi - 1) * squares
 
 
 def _reached(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -10,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ncti import ladar as library
-from ncti.features.profile import EDGE, estimated_floor
+from ncti.features.profile import EDGE, estimated_floor, shortest_window
 from ncti.ladar import RangeExtent
-from ncti.ladar.pulse import SPEED_OF_LIGHT, shortest_pulse
+from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
@@ -314,12 +313,10 @@ def check_pulses(choices: Choices, bins: Setting) -> None:
 def _check_window(choices: Choices) -> None:
     """Refuse a range window that does not hold every ship, both its ends free."""
     window = choices.one(Ladar.window)
-    longest = max(choices[Grid.pulse_width]) * 1e-9 * SPEED_OF_LIGHT
+    longest = max(choices[Grid.pulse_width]) * 1e-9
     for ship in choices[Grid.ship]:
         reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
-        # The returned pulse reaches beyond the ship, and both ends of the window must stay free
-        # of it for the noise floor to be read there.
-        needed = (2 * reach + longest / math.sqrt(2)) / (1 - 2 * EDGE)
+        needed = shortest_window(reach, longest)
         if needed > window:
             allowed = (
                 f"at least {needed:.0f} m to hold {ship} and leave {EDGE:.0%} free at each end"

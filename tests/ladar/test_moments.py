@@ -6,7 +6,7 @@ from plates import plane
 from scipy import special
 
 from ncti.ladar import RangeExtent, banded_frame_moments, frame_moments, range_extent
-from ncti.ladar.moments import NEGLIGIBLE, magnitude_covariance
+from ncti.ladar.moments import NEGLIGIBLE, frame_variance, magnitude_covariance
 from ncti.ladar.pulse import noise_covariance, target_kernel
 
 CNR = 10**3.2
@@ -93,3 +93,13 @@ def test_covariance_of_two_magnitudes_is_its_power_series(correlation):
     short = 4 * (5 / 128) ** 2 * correlation**6 if correlation**2 < 0.01 else 0.0
     rounding = 20 * np.finfo(float).eps / min(wanted, 1.0) if correlation**2 >= 0.01 else 1e-14
     assert found == pytest.approx(wanted, rel=1.1 * short + rounding)
+
+
+@pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])
+def test_the_variance_alone_is_the_zero_lag(name):
+    """To rounding, of sums over a hundred bins."""
+    signal = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": 7}
+    variance = frame_variance(view(name), **signal)
+    np.testing.assert_allclose(
+        variance, banded_frame_moments(view(name), **signal)[1][0], rtol=1e-13
+    )

@@ -108,6 +108,7 @@ GOOD = {
     "irar.profile_correlation": {"first": np.arange(5.0), "second": np.arange(5.0)},
     "irar.tilts": {"image": np.eye(8), "truth": np.eye(8)},
     "irar.time_delay_integrate": {"samples": np.ones((2, 3, 9))},
+    "data.dataset": {"ships": ["duncan"], "count": 1, "seed": 0, "frames": 1},
     "simulate.range_profile": SIMULATED | {"target_free_ifovs": 50},
     "simulate.infrared_image": SIMULATED,
     "simulate.flight": SIMULATED,
@@ -154,7 +155,7 @@ WRONG = {name: values for names, values in KINDS for name in names.split()} | {
     "aspects": [[], [[0.0]], [-1.0], [361.0]],
     "b": [np.ones((4, 3))],
     "band": [(12e-6, 8e-6), (0.0, 8e-6)],
-    "cnr": [NAN, INF, -1.0, 1e21, [100.0]],
+    "cnr": [NAN, INF, 1e21],
     "cnr_db": [1584.9],
     "column": [[0.0]],
     "coverage_rule": [0.0, 2],
@@ -225,6 +226,19 @@ OTHERS = {
         "extent": [(-5.0, 5.0, -50.0, 50.0), (50.0, -50.0, -50.0, 50.0), (-INF, 50, -50, 50)],
     },
     "infrared.reconstruction_error": {"contrast": [0.0, 1e-300], "image": [np.zeros((2, 3))]},
+    **{
+        f"ladar.{name}": {"cnr": [-1.0, [100.0]]}
+        for name in ("expected_profile", "frame_moments", "banded_frame_moments", "sample_frames")
+    },
+    "data.dataset": {
+        **{"count": [0, -1, 1.5, NAN, "9", 10**12], "seed": [-1, 1.5, NAN, "today", 10**400]},
+        **{"first": [-1, 0.5], "workers": [0, 1.5, 10**9], "rows_per_view": [0, 2.5, NAN]},
+        **{"ships": [[], "duncan", [None], ["bismarck"]], "sensor": ["sonar", None]},
+        **{"aspect": [(90.0, 0.0), (0.0, 1.0, 2.0), {"low": 0.0}]},
+        **{"frames": [0, 1.5, (0, 4), [4, 2.5]], "gain": [-0.1, NAN, "high"]},
+        **{"slant_range": [25, 0.0], "far_field_error": [0.0, NAN, 2.0], "window": [20.0]},
+        **{"pulse_width": [5e-9, 1e-3], "ifov": [1e-9], "spacing": [1e-9], "floor": [1e9]},
+    },
     "ladar.range_extent": {
         **{"slant_range": [1e300], "ifov": [1e-9, 1.5], "bin_width": [1e-5], "window": [40.0]},
     },
@@ -251,7 +265,12 @@ OTHERS = {
             "samples": [1, 160.5],
         },
         **{"aircraft_heading": [361, -361], "ship_heading": [361, -361], "offset": [361, -361]},
-        **{"depression": [0], "cnr": [0], "nedt": [1e30], "contrast_at_zero": [-1, 1e30]},
+        **{
+            "depression": [0],
+            "cnr": [0, -1.0, [100.0]],
+            "nedt": [1e30],
+            "contrast_at_zero": [-1, 1e30],
+        },
         **{"threshold": [-1, 1e30], "band_start": [12e-6], "sea_temperature": [99]},
         **{"clutter": [1e30], "jitter": [1e30], "range_sigma": [1e30], "pulse_width": [1e30]},
         **{"band_extinction": [1e30], "jitter_time": [1e30], "clutter_length": [1e30]},

@@ -1,0 +1,348 @@
+"""Labelled rows of simulated signatures, drawn from ships and parameters by a seed."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from itertools import pairwise
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require, require_word
+from ncti.data.draws import Bounds, Floats, sampler, uniform_numbers
+from ncti.data.views import OF_ROWS, OF_VIEWS, VIEW, Arrays, Radar, Recipe, equal_rows, simulated
+from ncti.features.profile import shortest_window
+from ncti.labels import labelled
+from ncti.ladar.budget import LOUDEST, carrier_to_noise
+from ncti.ladar.extent import bin_centres, bins_of
+from ncti.ladar.pulse import shortest_pulse
+from ncti.render.far_field import NEGLIGIBLE, reach_of
+from ncti.render.flight import DEPRESSION
+from ncti.simulate.profiles import LONGEST, TARGET_FREE_IFOVS
+from ncti.simulate.subject import FARTHEST, NEAREST, SPACING, Ship, check_sight, mesh_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SENSORS = ("range",)
+ANYWHERE = "random"
+MOST_ROWS = 10_000_000  # of a call: 10 GB of profiles
+MOST_FRAMES = 10_000
+FINEST = 0.01  # m between lines
+ROWS_AT_ONCE = 2000  # of a batch: some seconds of a process
+
+COORDINATES = {
+    "ship": ("", "ship"),
+    "view": ("", "number of the view"),
+    "aspect": ("degree", "aspect, 0 bow-on, 90 port beam"),
+    "depression": ("degree", "depression of the line of sight"),
+    "slant_range": ("m", "slant range"),
+    "pulse_width": ("s", "pulse width, full width at 1/e^2"),
+    "cnr": ("dB", "carrier-to-noise ratio of a filled IFOV"),
+    "frames": ("1", "frames averaged"),
+    "gain": ("1", "gain of the target above the noise floor"),
+    "floor": ("1", "shift of the noise floor, in rms deviations of a frame"),
+    "error_bound": ("1", "bound on the error of the range extent after the pulse"),
+}
+PROFILES = {
+    "profile": "frame-averaged range profile, noise floor included",
+    "expected": "expected range profile, noise floor included",
+}
+
+
+def dataset(
+    ships: Sequence[Ship],
+    count: int,
+    *,
+    seed: int,
+    first: int = 0,
+    workers: int = 1,
+    sensor: str = "range",
+    aspect: Any = ANYWHERE,
+    depression: Any = DEPRESSION,
+    slant_range: Any = 100e3,
+    pulse_width: Any = 30e-9,
+    cnr: Any = None,
+    frames: Any = 16,
+    gain: Any = 1.0,
+    floor: Any = 0.0,
+    rows_per_view: int = 25,
+    ifov: float = 150e-6,
+    bin_width: float = 1.0,
+    window: float = 250.0,
+    target_free_ifovs: int = TARGET_FREE_IFOVS,
+    spacing: float = SPACING,
+    far_field_error: float = NEGLIGIBLE,
+    expected: bool = False,
+) -> xr.Dataset:
+    """Return labelled rows of simulated signatures, with every parameter that was drawn.
+
+    A parameter that may be drawn is a value; a list, of which each value is drawn as often; a tuple
+    (low, high), drawn uniformly between; or a frozen distribution of `scipy.stats`.
+
+    Parameters
+    ----------
+    ships : sequence of str, Path or trimesh.Trimesh
+        Ships, each drawn as often: names, paths or meshes as of `ncti.simulate.range_profile`.
+    count : int
+        Number of rows.
+    seed : int
+        Seed. A row depends on it and on its number alone: fewer rows are the first of more.
+    first : int
+        Number of the first row: rows of one seed can be made in parts, in any order.
+    workers : int
+        Processes. In a script, more than one needs the guard ``if __name__ == "__main__":``.
+    sensor : {"range"}
+        The laser radar.
+    aspect : "random", or drawn
+        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port; `random` for
+        (0, 360).
+    depression : drawn
+        Angle of the line of sight below the horizontal [deg].
+    slant_range : drawn
+        Sensor to ship origin [m].
+    pulse_width : drawn
+        Full width of the pulse at 1/e^2 of the intensity [s].
+    cnr : drawn, optional
+        Carrier-to-noise ratio of a filled IFOV [dB]; when not given,
+        `ncti.ladar.carrier_to_noise` at the slant range, 32 dB at 100 km.
+    frames : drawn
+        Frames averaged. An interval includes both its ends.
+    gain : drawn
+        Amplitude gain of the target: the factor of its expected profile above the floor.
+    floor : drawn
+        Shift of the noise floor in all bins, in rms deviations of a frame of the view. Both as
+        `ncti.classify.GaussianTemplates` takes them as unknown; noise is that of the nominal gain.
+    rows_per_view : int
+        Rows of a view, numbered one after the other: ship, aspect, depression and slant range are
+        drawn for each view, all else for each row. Views are rendered once.
+    ifov : float
+        Side of the square instantaneous field of view [rad].
+    bin_width, window : float
+        Range bin, and range window centred on the ship origin [m].
+    target_free_ifovs : int
+        IFOVs without target that each frame accumulates besides.
+    spacing : float
+        Distance between lines across the ship [m].
+    far_field_error : float
+        Largest relative error of range extents by drawing the far field in place of the slant
+        range; an attribute of the result. Where it allows, ranges share an image.
+    expected : bool
+        Whether the expectation of each row is returned, too.
+
+    Returns
+    -------
+    xarray.Dataset
+        `profile` (row, down_range), the average of frames, noise floor included, as float32, and
+        perhaps `expected`. Coordinates of rows: `ship`, `view` (its number), all parameters by
+        their names here, and `error_bound`, an estimate of the error of the range extent.
+
+    Raises
+    ------
+    ValueError
+        If a ship cannot be loaded or does not fit into the window, or a parameter is out of range;
+        before anything is simulated.
+
+    See Also
+    --------
+    to_numpy : Vectors, labels and groups of the rows, as classifiers take them.
+    ncti.simulate.range_profile : One profile.
+
+    Notes
+    -----
+    Speckle and noise follow Equations A and B of [1]_, frame by frame. A distribution is drawn by
+    its inverse from a number of the row, so that each parameter is the same whatever the others
+    are.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, MIT Lincoln Laboratory, Appendix 1.
+
+    Examples
+    --------
+    Sixty rows of two ships, twenty of a view, whose gain is off by 10 %:
+
+    >>> import ncti
+    >>> from scipy.stats import norm
+    >>> rows = ncti.dataset(
+    ...     ["duncan", "texas"], 60, seed=0, rows_per_view=20, frames=[4, 16], gain=norm(1, 0.1)
+    ... )
+    >>> rows.profile.dims, rows.sizes["row"]
+    (('row', 'down_range'), 60)
+    >>> X, y, groups = ncti.to_numpy(rows)
+    >>> X.shape, len(set(groups))
+    ((60, 250), 3)
+    """
+    bounds = {
+        "aspect": Bounds(-360.0, 360.0),
+        "depression": Bounds(0.0, 90.0),
+        "slant_range": Bounds(NEAREST, FARTHEST),
+    }
+    require("count", count, minimum=1, maximum=MOST_ROWS, whole=True)
+    require("first", first, minimum=0, maximum=2**53 - MOST_ROWS, whole=True)
+    require("rows_per_view", rows_per_view, minimum=1, maximum=MOST_ROWS, whole=True)
+    require("workers", workers, minimum=1, maximum=1024, whole=True)
+    require("seed", seed, minimum=0, maximum=2**63, whole=True)
+    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
+    require("spacing", spacing, minimum=FINEST, maximum=2.0)
+    require("far_field_error", far_field_error, positive=True, maximum=1.0)
+    require_word("sensor", sensor, SENSORS)
+    bins_of(window, bin_width)
+    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # rounding of it
+    bounds |= {
+        "pulse_width": Bounds(shortest, max(LONGEST, shortest)),
+        "cnr": Bounds(-LOUDEST, LOUDEST),
+        "frames": Bounds(1, MOST_FRAMES, whole=True),
+        "gain": Bounds(0.0, 1000.0),
+        "floor": Bounds(-1000.0, 1000.0),
+    }
+    given = {
+        "aspect": (0.0, 360.0) if isinstance(aspect, str) and aspect == ANYWHERE else aspect,
+        "depression": depression,
+        "slant_range": slant_range,
+        "pulse_width": pulse_width,
+        "cnr": 0.0 if cnr is None else cnr,
+        "frames": frames,
+        "gain": gain,
+        "floor": floor,
+    }
+    samplers = {name: sampler(name, given[name], bounds[name]) for name in bounds}
+    names = _names(ships)
+    numbers = np.arange(int(first), int(first) + int(count))
+    drawn = _drawn(samplers, numbers, int(seed), int(rows_per_view), len(names))
+    if cnr is None:
+        budget = [10 * math.log10(carrier_to_noise(far)) for far in drawn["slant_range"].tolist()]
+        drawn["cnr"] = np.array(budget)
+    check_sight(float(drawn["slant_range"].min()), ifov)
+    longest = float(drawn["pulse_width"].max())
+    _check_window(ships, names, window, longest)
+    recipe = Recipe(
+        tuple(ships),
+        int(seed),
+        Radar(ifov, bin_width, window, int(target_free_ifovs)),
+        spacing,
+        far_field_error,
+        bool(expected),
+    )
+    arrays = _gathered(recipe, drawn, int(workers))
+    attributes = {
+        "seed": int(seed),
+        "sensor": sensor,
+        "rows_per_view": int(rows_per_view),
+        "ifov_urad": round(ifov * 1e6, 9),
+        "target_free_ifovs": int(target_free_ifovs),
+        "spacing_m": float(spacing),
+        "far_field_error": float(far_field_error),
+    }
+    drawn["ship"] = np.array(names)[drawn["ship"]]
+    return _labelled(drawn, arrays, bin_centres(window, bin_width), attributes)
+
+
+def _names(ships: Sequence[Ship]) -> list[str]:
+    """Return the names of ships, or raise `ValueError` where there are none, or two alike."""
+    if isinstance(ships, str) or not isinstance(ships, Sequence) or not ships:
+        raise ValueError(f"ships is {ships!r:.60}, but must be a list of ships")
+    names: list[str] = []
+    for ship in ships:
+        try:
+            name = str(mesh_of(ship).metadata.get("name", "mesh"))
+        except ValueError as error:
+            raise ValueError(f"ships has {ship!r:.60}: {error}") from error
+        if name in names:
+            raise ValueError(f"ships has {name!r} twice, but its ships must have different names")
+        names.append(name)
+    return names
+
+
+def _check_window(
+    ships: Sequence[Ship], names: list[str], window: float, pulse_width: float
+) -> None:
+    """Raise `ValueError` for a window that does not hold a ship, both its edges free."""
+    for ship, name in zip(ships, names, strict=True):
+        needed = shortest_window(reach_of(mesh_of(ship).vertices), pulse_width)
+        if needed > window:
+            raise ValueError(
+                f"window is {window:g} m, but must be at least {needed:.0f} m to hold {name} and "
+                f"leave both its edges free after a pulse of {pulse_width:g} s"
+            )
+
+
+def _drawn(
+    samplers: dict[str, Any], numbers: NDArray[np.int64], seed: int, rows_per_view: int, ships: int
+) -> Arrays:
+    """Return the parameters of rows, by name, with their numbers and views."""
+    view = numbers // rows_per_view
+    views, of_row = np.unique(view, return_inverse=True)
+    *of_view, own = VIEW[1:], [name for name in samplers if name not in VIEW]
+    which, *uniform = uniform_numbers(seed, OF_VIEWS, views, len(VIEW))
+    drawn: Arrays = {"row": numbers, "view": view}
+    drawn["ship"] = (which * ships).astype(np.intp)[of_row]
+    for name, values in zip(*of_view, uniform, strict=True):
+        drawn[name] = samplers[name](values)[of_row]
+    for name, values in zip(own, uniform_numbers(seed, OF_ROWS, numbers, len(own)), strict=True):
+        drawn[name] = samplers[name](values)
+    drawn["frames"] = drawn["frames"].astype(np.int64)
+    return drawn
+
+
+def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
+    """Return the arrays of all rows, simulated in batches of views by some processes."""
+    # Equal views beside one another, and within a ship and aspect all ranges.
+    order = np.lexsort([drawn["row"], *(drawn[name] for name in reversed(VIEW))])
+    ordered = {name: values[order] for name, values in drawn.items()}
+    ends = np.array([rows.stop for rows in equal_rows(ordered, VIEW)])
+    parts = max(len(order) // ROWS_AT_ONCE, 4 * workers if workers > 1 else 1)
+    wanted = len(order) * np.arange(1, parts) // parts
+    cuts = np.unique([0, *ends[np.searchsorted(ends, wanted)], len(order)]).tolist()
+    batches = [
+        {name: values[start:end] for name, values in ordered.items()}
+        for start, end in pairwise(cuts)
+    ]
+    simulate = partial(simulated, recipe)
+    if workers == 1:
+        found = list(map(simulate, batches))
+    else:
+        context = get_context("spawn")
+        with ProcessPoolExecutor(workers, context, initializer=_one_thread) as pool:
+            found = list(pool.map(simulate, batches))
+    arrays = {}
+    for name in list(found[0]):
+        joined = np.concatenate([part.pop(name) for part in found])
+        arrays[name] = np.empty_like(joined)
+        arrays[name][order] = joined
+    return arrays
+
+
+def _one_thread() -> None:
+    """Keep a process to one thread, of which there are as many as processes."""
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    os.environ["OMP_NUM_THREADS"] = "1"
+    threadpool_limits(1)
+
+
+def _labelled(
+    drawn: Arrays, arrays: Arrays, down_range: Floats, attributes: dict[str, Any]
+) -> xr.Dataset:
+    """Return rows as a data set of xarray."""
+    # Imported where it is used: xarray takes a third of a second.
+    import xarray as xr
+
+    drawn["error_bound"] = arrays.pop("error_bound")
+    coords: dict[str, Any] = {"row": ("row", drawn["row"], {"long_name": "number of the row"})}
+    for name, (units, label) in COORDINATES.items():
+        about = {"long_name": label} | ({"units": units} if units else {})
+        coords[name] = ("row", drawn[name], about)
+    coords["down_range"] = labelled("down_range", down_range, "m", "down-range")
+    variables = {
+        name: labelled(("row", "down_range"), values, "1", PROFILES[name])
+        for name, values in arrays.items()
+    }
+    return xr.Dataset(variables, coords, attributes)

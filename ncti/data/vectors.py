@@ -1,0 +1,75 @@
+"""Vectors, labels and groups of data sets, as classifiers take them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.features.profile import profile_vector
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Vectors = tuple[NDArray[Any], NDArray[np.str_], NDArray[np.int64]]
+
+GROUP = ("ship", "aspect", "depression")
+"""Coordinates in which the rows of a group agree."""
+
+
+def to_numpy(rows: xr.Dataset) -> Vectors:
+    """Return the vectors of rows, the ships that they are of, and groups that must not be split.
+
+    Parameters
+    ----------
+    rows : xarray.Dataset
+        Rows of `dataset`, or some of them.
+
+    Returns
+    -------
+    X : (row, feature) ndarray
+        Profile vectors, as the project's classifiers take them: the noise floor, read off the edges
+        of the window, removed and the peak set to 1.
+    y : (row,) str ndarray
+        Names of the ships.
+    groups : (row,) int64 ndarray
+        The least view number of rows of the same ship, aspect and depression, at whatever range:
+        rows of a group share a view, and so must not be in training and in a test.
+
+    Raises
+    ------
+    ValueError
+        If there is no profile.
+
+    See Also
+    --------
+    dataset : Makes rows.
+    ncti.features.profile_vector : The vector of a profile.
+
+    Examples
+    --------
+    Aspects from a list are drawn again and again, so the fourth view may be the first one's twin:
+
+    >>> import ncti
+    >>> rows = ncti.dataset(["duncan"], 5, seed=1, rows_per_view=1, aspect=[30.0, 60.0])
+    >>> X, y, groups = ncti.to_numpy(rows)
+    >>> rows.aspect.values.tolist()
+    [60.0, 60.0, 30.0, 30.0, 30.0]
+    >>> groups.tolist()
+    [0, 0, 2, 2, 2]
+    """
+    if "profile" not in rows:
+        raise ValueError(f"rows has {', '.join(map(str, rows))}, but must have a profile")
+    y = rows.ship.values.astype(str)
+    return profile_vector(rows.profile.values), y, groups_of(rows)
+
+
+def groups_of(rows: xr.Dataset) -> NDArray[np.int64]:
+    """Return the least view number of rows that are of the same ship, aspect and depression."""
+    codes = np.stack([np.unique(rows[name], return_inverse=True)[1] for name in GROUP])
+    _, which = np.unique(codes, axis=1, return_inverse=True)
+    which = which.reshape(-1)
+    least = np.full(which.max(initial=-1) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(least, which, rows.view.values)
+    return least[which]

@@ -1,0 +1,177 @@
+"""Simulated signatures of the rows of one view, by row streams that no other row touches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.ladar.budget import power_ratio
+from ncti.ladar.expected import expected_profile
+from ncti.ladar.extent import range_extent
+from ncti.ladar.frames import cumulative_average, frame_blocks
+from ncti.ladar.moments import frame_variance
+from ncti.ladar.pulse import noise_floor
+from ncti.render import LineImage, drawn_range, line_image
+from ncti.render.far_field import SHARE, reach_of
+from ncti.simulate.subject import Ship, mesh_of, roll_at
+
+if TYPE_CHECKING:
+    import trimesh
+
+Arrays = dict[str, NDArray[Any]]
+
+VIEW = ("ship", "aspect", "depression", "slant_range")
+"""Parameters of a view."""
+
+SIGNAL = ("pulse_width", "cnr", "frames", "gain", "floor")
+"""Parameters of a row besides, of the laser radar."""
+
+OF_VIEWS, OF_ROWS, SPECKLE = range(3)
+"""Streams of random numbers: parameters of a view, of a row, and its speckle and noise."""
+
+
+@dataclass(frozen=True)
+class Radar:
+    """The laser radar of a data set: what is the same for all of its rows.
+
+    Attributes
+    ----------
+    ifov : float
+        Side of the instantaneous field of view [rad].
+    bin_width, window : float
+        Range bin, and window centred on the ship origin [m].
+    target_free_ifovs : int
+        IFOVs without target that each frame accumulates besides.
+    """
+
+    ifov: float
+    bin_width: float
+    window: float
+    target_free_ifovs: int
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What the rows of a data set have in common, wherever they are simulated.
+
+    Attributes
+    ----------
+    ships : tuple
+        A name, path or mesh of each ship.
+    seed : int
+        Seed of the data set.
+    radar : Radar
+        The laser radar.
+    spacing : float
+        Distance between lines across a ship [m].
+    far_field_error : float
+        Largest error of drawing the far field in place of a slant range.
+    expected : bool
+        Whether expected profiles are returned, too.
+    """
+
+    ships: tuple[Ship, ...]
+    seed: int
+    radar: Radar
+    spacing: float
+    far_field_error: float
+    expected: bool
+
+    def rng(self, key: int, row: int) -> np.random.Generator:
+        """Return the source of randomness of one row."""
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(key, row)))
+
+    def drawn_range(self, mesh: trimesh.Trimesh, slant_range: float) -> float | None:
+        """Return the slant range to draw a ship at, or None for the far field."""
+        tolerance = self.far_field_error / SHARE
+        return drawn_range(reach_of(mesh.vertices), slant_range, tolerance=tolerance)
+
+
+def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
+    """Return the signatures of rows, those of equal views beside one another.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        What the rows have in common.
+    drawn : dict of (row,) ndarray
+        Number and parameters of each row, its ship as an index.
+
+    Returns
+    -------
+    dict of (row, ...) ndarray
+        `profile` and perhaps `expected`, noise floor included, and `error_bound`.
+    """
+    parts = []
+    image, seen = None, None
+    for rows in equal_rows(drawn, VIEW):
+        ship, aspect, depression, slant_range = (drawn[name][rows.start].item() for name in VIEW)
+        mesh = mesh_of(recipe.ships[ship])
+        sight = (ship, aspect, depression, recipe.drawn_range(mesh, slant_range))
+        # Ranges of a far field share its image.
+        if image is None or sight != seen:
+            seen = sight
+            image = line_image(
+                mesh,
+                aspect=aspect,
+                depression=depression,
+                slant_range=sight[-1],
+                roll=roll_at(aspect),
+                spacing=min(recipe.spacing, recipe.radar.ifov * slant_range),
+            )
+        of_rows = {name: values[rows] for name, values in drawn.items()}
+        parts.append(profiles(recipe, image, slant_range, of_rows))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:
+    """Return the runs of rows that have some parameters in common."""
+    differ = [drawn[name][1:] != drawn[name][:-1] for name in names]
+    starts = np.flatnonzero(np.any(differ, axis=0)) + 1
+    ends = [0, *starts.tolist(), len(drawn[names[0]])]
+    return [slice(*ends_of) for ends_of in pairwise(ends)]
+
+
+def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays) -> Arrays:
+    """Return the profiles of the rows of one view, with the expected ones if they are wanted."""
+    radar = recipe.radar
+    extent = range_extent(
+        image,
+        slant_range=slant_range,
+        ifov=radar.ifov,
+        bin_width=radar.bin_width,
+        window=radar.window,
+    )
+    floor = (len(extent.fraction) + radar.target_free_ifovs) * noise_floor()
+    count = len(drawn["row"])
+    found: Arrays = {
+        name: np.empty((count, extent.down_range.size), dtype=np.float32)
+        for name in ("profile", *(["expected"] if recipe.expected else []))
+    }
+    found["error_bound"] = np.empty(count)
+    for k, row in enumerate(drawn["row"].tolist()):
+        pulse_width, cnr, frames, gain, shift = (drawn[name][k].item() for name in SIGNAL)
+        signal: dict[str, Any] = {
+            "pulse_width": pulse_width,
+            "cnr": power_ratio(cnr),
+            "target_free_ifovs": radar.target_free_ifovs,
+        }
+        blocks = frame_blocks(extent, frame_count=frames, rng=recipe.rng(SPECKLE, row), **signal)
+        [profile] = cumulative_average(blocks, [frames])
+        change = np.zeros(profile.shape)
+        if recipe.expected or gain != 1.0:
+            mean = expected_profile(extent, **signal)
+            change += (gain - 1.0) * (mean - floor)
+        if shift:
+            change += shift * math.sqrt(frame_variance(extent, **signal).mean())
+        found["profile"][k] = profile + change
+        if recipe.expected:
+            found["expected"][k] = mean + change
+        found["error_bound"][k] = extent.error_after(pulse_width)
+    return found

@@ -1,0 +1,174 @@
+"""Rows of data sets: what they depend on, their mean and covariance, and the draws."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+import ncti
+from ncti.data.draws import Bounds, sampler, uniform_numbers
+from ncti.ladar import frame_moments, range_extent
+from ncti.render import drawn_range, line_image
+from ncti.render.far_field import SHARE, reach_of
+from ncti.simulate.subject import SPACING, roll_at
+
+SHIPS = ["duncan", "texas"]
+LEVEL = 1e-4  # of each statistical test
+FLOAT32 = 2.0**-24
+MIXED = {
+    "aspect": [30.0, 75.0],
+    "slant_range": [60e3, 100e3, 1000e3],  # in the far field at the last
+    "pulse_width": (25e-9, 50e-9),
+    "frames": (1, 3),
+    "gain": stats.norm(1.0, 0.1),
+    "floor": stats.uniform(-1.0, 2.0),
+    "cnr": [26.0, 32.0],
+    "target_free_ifovs": 100,
+    "expected": True,
+}
+
+
+def rows_of(count, **how):
+    return ncti.dataset(SHIPS, count, **{"seed": 7, "rows_per_view": 3, **MIXED, **how})
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return rows_of(40)
+
+
+@settings(max_examples=25, deadline=None)
+@given(first=st.integers(0, 39), count=st.integers(1, 40))
+def test_rows_depend_on_their_numbers_alone(whole, first, count):
+    """Also where other rows share a view, or an image at other ranges, and where none does."""
+    count = min(count, 40 - first)
+    assert rows_of(count, first=first).identical(whole[{"row": slice(first, first + count)}])
+
+
+def test_rows_are_those_of_any_number_of_processes(whole):
+    assert rows_of(40, workers=2).identical(whole)
+
+
+def test_what_is_drawn_does_not_depend_on_other_parameters(whole):
+    plain = rows_of(40, gain=1.0, floor=0.0)
+    for name in ("ship", "aspect", "slant_range", "pulse_width", "cnr", "frames"):
+        np.testing.assert_array_equal(plain[name], whole[name])
+    assert not np.array_equal(plain.gain, whole.gain)
+    # noise too, up to the rounding of float32
+    noise, same = (each.profile - each.expected for each in (whole, plain))
+    assert float(abs(noise - same).max()) <= 4 * FLOAT32 * float(whole.profile.max())
+
+
+def test_expected_profiles_are_those_of_a_simulation():
+    """At the same lines, and the far field where both allow it."""
+    accuracy = 0.01  # which lines 0.25 m apart keep
+    kept = rows_of(12, gain=1.0, floor=0.0, rows_per_view=1, far_field_error=SHARE * accuracy)
+    for row in range(12):
+        ours = kept.isel(row=row)
+        theirs = ncti.simulate.range_profile(
+            str(ours.ship.values),
+            aspect=float(ours.aspect),
+            pulse_width=float(ours.pulse_width),
+            slant_range=float(ours.slant_range),
+            cnr_db=float(ours.cnr),
+            accuracy=accuracy,
+            target_free_ifovs=100,
+        )
+        floor = ours.expected.values - theirs.expected.values
+        assert np.ptp(floor) <= 4 * FLOAT32 * float(ours.expected.max())
+        assert float(ours.error_bound) == theirs.error_bound
+
+
+def test_rows_have_the_mean_and_covariance_of_their_frames():
+    """Their deviations from what is expected, whitened: chi-square tests of mean and covariance.
+
+    Of the twenty directions of most variance; averages of at least 8 frames of a hundred IFOVs and
+    more are Gaussian to within 2 % of their kurtosis.
+    """
+    count, directions = 3000, 20
+    how = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
+    rows = ncti.dataset(
+        ["duncan"], count, seed=11, rows_per_view=count, **{**MIXED, **how, "frames": (8, 12)}
+    )
+    mesh = ncti.ships.load("duncan")
+    lines = line_image(
+        mesh,
+        aspect=40.0,
+        depression=3.84,
+        spacing=SPACING,
+        roll=roll_at(40.0),
+        slant_range=drawn_range(reach_of(mesh.vertices), 100e3),
+    )
+    extent = range_extent(lines, slant_range=100e3)
+    signal = {"pulse_width": 30e-9, "cnr": 10**3.2, "target_free_ifovs": 100}
+    mean, covariance = frame_moments(extent, **signal)
+    # What is expected: the target's part by the gain, and a shift in deviations of a frame.
+    floor = (len(extent.fraction) + 100) * ncti.ladar.noise_floor()
+    deviation = np.sqrt(np.diag(covariance).mean())
+    gain, shift = rows.gain.values[:, None], rows.floor.values[:, None]
+    expected = mean + (gain - 1) * (mean - floor) + shift * deviation
+    np.testing.assert_allclose(rows.expected, expected, rtol=4 * FLOAT32)
+    # Deviations of one frame, along eigenvectors of its covariance.
+    variance, vectors = np.linalg.eigh(covariance)
+    off = (rows.profile - rows.expected).values * np.sqrt(rows.frames.values)[:, None]
+    whitened = off @ vectors[:, -directions:] / np.sqrt(variance[-directions:])
+    assert stats.chi2.sf(count * (whitened.mean(axis=0) ** 2).sum(), directions) > LEVEL
+    sample = whitened.T @ whitened / count
+    below = np.tril_indices(directions, -1)
+    squares = count * ((sample[below] ** 2).sum() + ((np.diag(sample) - 1) ** 2).sum() / 2)
+    assert stats.chi2.sf(squares, directions * (directions + 1) // 2) > LEVEL
+    # These tests have power: a wrong number of frames by one fails.
+    wrong = sample * np.mean(rows.frames.values / (rows.frames.values + 1))
+    assert stats.chi2.sf(count * ((np.diag(wrong) - 1) ** 2).sum() / 2, directions) < LEVEL
+
+
+# Parameters
+
+UNIFORM = uniform_numbers(3, 0, np.arange(20_000), 3)
+
+
+def test_uniform_numbers_are_uniform_and_independent():
+    for column in UNIFORM:
+        assert stats.kstest(column, "uniform").pvalue > LEVEL
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        assert stats.pearsonr(UNIFORM[first], UNIFORM[second]).pvalue > LEVEL
+        assert stats.pearsonr(UNIFORM[first, 1:], UNIFORM[second, :-1]).pvalue > LEVEL
+
+
+def test_values_are_drawn_as_they_are_given():
+    anything, whole = Bounds(), Bounds(1, 9, whole=True)
+    uniform = UNIFORM[0]
+    assert set(sampler("gain", 3.0, anything)(uniform)) == {3.0}
+    for given, bounds, values in (
+        ([1.0, 5.0, 2.0], anything, (1, 2, 5)),
+        ((2, 4), whole, (2, 3, 4)),
+    ):
+        drawn, counts = np.unique(sampler("x", given, bounds)(uniform), return_counts=True)
+        assert drawn.tolist() == [*values]
+        assert stats.chisquare(counts).pvalue > LEVEL
+    interval = sampler("x", (2.0, 6.0), anything)(uniform)
+    assert stats.kstest(interval, stats.uniform(2.0, 4.0).cdf).pvalue > LEVEL
+    law = stats.lognorm(0.5)
+    assert stats.kstest(sampler("x", law, anything)(uniform), law.cdf).pvalue > LEVEL
+
+
+@pytest.mark.parametrize(
+    "given",
+    [(1.0,), (1.0, 2.0, 3.0), (2.0, 1.0), [], {"low": 1}, {1.0}, stats.gamma, stats.norm(9)],
+)
+def test_other_kinds_and_values_are_refused_by_name(given):
+    with pytest.raises(ValueError, match=r"^gain (is|has)\b"):
+        sampler("gain", given, Bounds(0.0, 5.0))(UNIFORM[0])
+
+
+# Vectors
+
+
+def test_vectors_are_those_of_classifiers_and_groups_hold_whole_views(whole):
+    X, y, groups = ncti.to_numpy(whole)
+    np.testing.assert_array_equal(X, ncti.features.profile_vector(whole.profile.values))
+    assert y.tolist() == whole.ship.values.tolist()
+    sights = list(zip(y, whole.aspect.values, whole.depression.values, strict=True))
+    pairs = {(sight, group) for sight, group in zip(sights, groups, strict=True)}
+    assert len(pairs) == len(set(sights)) == len(set(groups)) == 4  # two ships at two aspects
