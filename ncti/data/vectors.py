@@ -49,15 +49,15 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
 
     Examples
     --------
-    Aspects from a list are drawn again and again, so the fourth view may be the first one's twin:
+    Aspects from a list are drawn again and again, so views may be alike:
 
     >>> import ncti
     >>> rows = ncti.dataset(["duncan"], 5, seed=1, rows_per_view=1, aspect=[30.0, 60.0])
     >>> X, y, groups = ncti.to_numpy(rows)
     >>> rows.aspect.values.tolist()
-    [60.0, 60.0, 30.0, 30.0, 30.0]
+    [30.0, 60.0, 60.0, 60.0, 30.0]
     >>> groups.tolist()
-    [0, 0, 2, 2, 2]
+    [0, 1, 1, 1, 0]
     """
     if "profile" not in rows:
         raise ValueError(f"rows has {', '.join(map(str, rows))}, but must have a profile")

@@ -140,11 +140,11 @@ def test_values_are_drawn_as_they_are_given():
     anything, whole = Bounds(), Bounds(1, 9, whole=True)
     uniform = UNIFORM[0]
     assert set(sampler("gain", 3.0, anything)(uniform)) == {3.0}
-    for given, bounds, values in (
+    for several, bounds, values in (
         ([1.0, 5.0, 2.0], anything, (1, 2, 5)),
         ((2, 4), whole, (2, 3, 4)),
     ):
-        drawn, counts = np.unique(sampler("x", given, bounds)(uniform), return_counts=True)
+        drawn, counts = np.unique(sampler("x", several, bounds)(uniform), return_counts=True)
         assert drawn.tolist() == [*values]
         assert stats.chisquare(counts).pvalue > LEVEL
     interval = sampler("x", (2.0, 6.0), anything)(uniform)
