@@ -310,7 +310,7 @@ def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
         found = list(map(simulate, batches))
     else:
         context = get_context("spawn")
-        with ProcessPoolExecutor(workers, context, initializer=_one_thread) as pool:
+        with ProcessPoolExecutor(workers, context, initializer=_lines_alone) as pool:
             found = list(pool.map(simulate, batches))
     arrays = {}
     for name in list(found[0]):
@@ -320,12 +320,9 @@ def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
     return arrays
 
 
-def _one_thread() -> None:
-    """Keep a process to one thread, of which there are as many as processes."""
-    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
-
+def _lines_alone() -> None:
+    """Have this process sweep lines without threads, which other processes leave no room for."""
     os.environ["OMP_NUM_THREADS"] = "1"
-    threadpool_limits(1)
 
 
 def _labelled(

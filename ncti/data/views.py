@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -94,7 +94,7 @@ class Recipe:
 
 
 def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
-    """Return the signatures of rows, those of equal views beside one another.
+    """Return the signatures of rows, in which equal views are beside one another.
 
     Parameters
     ----------
@@ -107,8 +107,20 @@ def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
     -------
     dict of (row, ...) ndarray
         `profile` and perhaps `expected`, noise floor included, and `error_bound`.
+
+    Notes
+    -----
+    The last bit of a matrix product depends on its number of threads, so there is always one.
     """
-    parts = []
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    with threadpool_limits(1):
+        parts = list(_views(recipe, drawn))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
+    """Yield the signatures of one view after the other."""
     image, seen = None, None
     for rows in equal_rows(drawn, VIEW):
         ship, aspect, depression, slant_range = (drawn[name][rows.start].item() for name in VIEW)
@@ -126,8 +138,7 @@ def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
                 spacing=min(recipe.spacing, recipe.radar.ifov * slant_range),
             )
         of_rows = {name: values[rows] for name, values in drawn.items()}
-        parts.append(profiles(recipe, image, slant_range, of_rows))
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        yield profiles(recipe, image, slant_range, of_rows)
 
 
 def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:
