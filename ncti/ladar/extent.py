@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,6 +149,79 @@ class RangeExtent:
         )
 
 
+    def packed(self) -> dict[str, Any]:
+        """Return what `unpacked` takes: its attributes, without the bins that hold nothing.
+
+        Returns
+        -------
+        dict of str to ndarray or number
+            The attributes by name, `fraction` and `strands` from the first to the last bin that
+            holds something, and the number of that first bin, `begin`. Of a ship in a window of
+            250 m they take a fifth.
+
+        See Also
+        --------
+        unpacked : The way back.
+        """
+        rows = [part.any(axis=0) for part in (self.fraction, self.strands) if len(part)]
+        filled = np.flatnonzero(np.any(rows, axis=0))
+        begin, end = (int(filled[0]), int(filled[-1]) + 1) if filled.size else (0, 0)
+        return {
+            **vars(self),
+            "fraction": self.fraction[:, begin:end],
+            "strands": self.strands[:, begin:end],
+            "begin": begin,
+        }
+
+    @classmethod
+    def unpacked(
+        cls, *, fraction: Floats, strands: Floats, down_range: Floats, begin: int, **others: Any
+    ) -> RangeExtent:
+        """Return the extent that was packed, bit for bit.
+
+        Parameters
+        ----------
+        fraction, strands : (..., bin) float64 ndarray
+            Some neighbouring bins, beyond which there is nothing.
+        down_range : (bin,) float64 ndarray
+            Centres of all range bins [m].
+        begin : int
+            Number of the first of these neighbours.
+        **others
+            The other attributes.
+
+        Returns
+        -------
+        RangeExtent
+
+        See Also
+        --------
+        packed : What it is made of.
+
+        Examples
+        --------
+        >>> import trimesh
+        >>> from ncti.ladar import RangeExtent, range_extent
+        >>> from ncti.render import line_image
+        >>> plate = trimesh.creation.box(extents=(4.0, 30.0, 30.0))
+        >>> lines = line_image(plate, aspect=0, depression=0, spacing=0.5)
+        >>> extent = range_extent(lines, slant_range=100e3)
+        >>> packed = extent.packed()
+        >>> extent.fraction.shape, packed["fraction"].shape, packed["begin"]
+        ((4, 250), (4, 1), 123)
+        >>> bool((RangeExtent.unpacked(**packed).fraction == extent.fraction).all())
+        True
+        """
+
+        def whole(part: Floats) -> Floats:
+            every = np.zeros((len(part), down_range.size))
+            every[:, begin : begin + part.shape[1]] = part
+            return every
+
+        strands = whole(strands) if len(strands) else strands
+        return cls(fraction=whole(fraction), strands=strands, down_range=down_range, **others)
+
+
 def range_extent(
     image: RangeImage | LineImage,
     *,
@@ -281,7 +355,7 @@ def binned_extent(
     half_window, bin_count = bins_of(window, bin_width)
     right, up = shift
     lambertian = reflectance == "lambertian"
-    strands = np.zeros((0, bin_count))
+    strands = np.zeros((0, 0))
     # Pieces of lines are integrated exactly, and in strands for the error estimate.
     if isinstance(image, LineImage):
         parts = image.bin(

@@ -113,11 +113,12 @@ RECEIVED = {
 }
 SIGNAL = {name: RECEIVED[name] for name in ("cnr", "target_free_ifovs")}  # of any receiver
 SIGNAL["pulse_width"] = Grid.pulse_width
-EXTENT = (  # arrays of a `RangeExtent`
-    Output("fraction", ("ifov", "down_range"), "f8"),
+EXTENT = (  # arrays of a packed `RangeExtent`
+    Output("fraction", ("ifov", "bin"), "f8"),
     Output("cell", ("ifov", "side"), "i8"),
     Output("down_range", ("down_range",), "f8"),
-    Output("strands", ("strand", "down_range"), "f8"),
+    Output("strands", ("strand", "bin"), "f8"),
+    Output("begin", dtype="i8"),
     Output("shift", ("side",), "f8"),
     Output("line_count", dtype="i8"),
     *(Output(name, dtype="f8") for name in ("bin_width", "ifov", "slant_range")),
@@ -163,13 +164,13 @@ def seen_shift(subpixel_offsets: int, aspect: float, drawn_aspect: float) -> Shi
 @stage(*EXTENT, reads={"image": "image", "shift": "shift", **BEAM})
 def extent(image: RangeImage | LineImage, **beam: Any) -> Arrays:
     """Return the fractions of the IFOVs that see the ship, bin by range bin."""
-    return vars(library.range_extent(image, **beam))
+    return library.range_extent(image, **beam).packed()
 
 
 @in_memory(uses=(Grid,))
 def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
     """Return the library's range extent, mirrored where the other side was drawn."""
-    drawn = views.restored(RangeExtent, extent)
+    drawn = views.restored(RangeExtent.unpacked, extent)
     return drawn if aspect == drawn_aspect else drawn.mirrored()
 
 

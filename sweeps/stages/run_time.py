@@ -69,13 +69,13 @@ def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
     """Return the visible areas of the sampling-free reference, bin by range bin."""
     from ncti.ladar.accuracy import exact_extent
 
-    return vars(exact_extent(mesh, **view))
+    return exact_extent(mesh, **view).packed()
 
 
 @in_memory()
 def exact_ifovs(exact_extent: Arrays) -> RangeExtent:
     """Return the exact extent as the library has it."""
-    return views.restored(RangeExtent, exact_extent)
+    return views.restored(RangeExtent.unpacked, exact_extent)
 
 
 exact_signature = stage(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from plates import hit_area, plane
 
 import ncti.ships
-from ncti.ladar import range_extent
+from ncti.ladar import RangeExtent, no_return, range_extent
 from ncti.ladar.pixels import bin_boxes
 from ncti.ladar.pulse import target_response
 from ncti.render import LineImage, line_image, range_image
@@ -123,6 +123,19 @@ def test_a_shift_moves_what_ifovs_hold_and_not_their_sum(image, shift):
     slope = 2 / np.sin(2 * np.radians(image.roll))
     error = (image.resolution / 15) ** 2 * slope / 3 if isinstance(image, LineImage) else 0.0
     assert moved.fraction.sum(axis=1).max() < 1 + error + 1e-9
+
+
+@pytest.mark.parametrize("image", sights(), ids=["lines", "pixels"])
+def test_a_packed_extent_comes_back_bit_for_bit(image):
+    whole = range_extent(image, slant_range=1e5)
+    for extent in (whole, whole.mirrored(), no_return(250.0, 1.0)):
+        packed = extent.packed()
+        back = vars(RangeExtent.unpacked(**packed))
+        for name, value in vars(extent).items():
+            assert np.asarray(back[name]).tobytes() == np.asarray(value).tobytes(), name
+            assert np.shape(back[name]) == np.shape(value), name
+        filled = (extent.fraction > 0).any(axis=0).nonzero()[0]
+        assert packed["fraction"].shape[1] == (np.ptp(filled) + 1 if filled.size else 0)
 
 
 def test_a_mirrored_shift_is_that_of_the_mirrored_face():
