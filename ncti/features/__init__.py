@@ -1,5 +1,9 @@
-"""Features: profile vectors, silhouettes and their log-polar maps, as input of classifiers."""
+"""Features: profile vectors, silhouettes and their log-polar maps, as input of classifiers.
 
+And how different ships are by them.
+"""
+
+from ncti.features.distance import ship_distance, sister
 from ncti.features.log_polar import cyclic_similarity, log_polar
 from ncti.features.profile import profile_vector
 from ncti.features.segmentation import segment
@@ -9,4 +13,6 @@ __all__ = [
     "log_polar",
     "profile_vector",
     "segment",
+    "ship_distance",
+    "sister",
 ]

@@ -1,7 +1,7 @@
 """Ships: watertight solids above the waterline, from sheets or a user's own meshes."""
 
 from ncti.ships.errors import ShipError
-from ncti.ships.loading import Description, describe, digest, load, names
+from ncti.ships.loading import Description, describe, digest, load, names, variants
 from ncti.ships.symmetry import is_symmetric
 from ncti.ships.transform import Transform
 
@@ -14,4 +14,5 @@ __all__ = [
     "is_symmetric",
     "load",
     "names",
+    "variants",
 ]

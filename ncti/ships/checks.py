@@ -28,6 +28,7 @@ def number(value: Any, low: float = -1000.0, high: float = 1000.0) -> float:
 
 size = partial(number, low=0.001, high=500.0)  # [m]
 spacing = partial(number, low=0.2, high=100.0)  # [m]
+spread = partial(number, low=0.0, high=20.0)  # [m]
 angle = partial(number, low=-360.0, high=360.0)  # [deg]
 slope = partial(number, low=-80.0, high=80.0)  # [deg]
 

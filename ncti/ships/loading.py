@@ -5,19 +5,29 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache as memoised
+from functools import lru_cache
 from importlib import metadata, resources
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ncti.ships import cache as store
-from ncti.ships import meshes, sheets
+from ncti.ships import checks, meshes, sheets
 from ncti.ships.build import Ship, build
 from ncti.ships.errors import ShipError, shown
 from ncti.ships.orientation import Diagnosis
+from ncti.ships.perturbation import (
+    LEAST_SCALE,
+    MOST_SCALE,
+    Carriage,
+    Variant,
+    build_variant,
+    carriage,
+)
 from ncti.ships.transform import Transform
 
 if TYPE_CHECKING:
@@ -34,11 +44,12 @@ LONGEST_LABEL = 100  # characters
 
 @dataclass(frozen=True)
 class _Source:
-    """Content of a sheet or mesh file."""
+    """Content of a sheet or mesh file, and which variant of a sheet it stands for."""
 
     name: str
     suffix: str
     content: bytes
+    variant: Variant | None = None
 
     @property
     def is_sheet(self) -> bool:
@@ -49,6 +60,8 @@ class _Source:
         parts = [_builder(), self.suffix.encode(), self.content]
         if self.is_sheet:
             parts.append(_templates())
+        if self.variant is not None:
+            parts.append(str(self.variant).encode())
         return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 
@@ -120,8 +133,9 @@ def load(
     Parameters
     ----------
     name_or_path : str or Path
-        One of `names()`, or the path of a sheet (.yaml, .yml) or of a mesh (.stl, .obj, .glb). The
-        name of a file, without its suffix, labels the ship.
+        One of `names()`, a variant of it such as ``duncan@0.7`` (see `variants`), or the path of a
+        sheet (.yaml, .yml) or of a mesh (.stl, .obj, .glb). The name of a file, without its suffix,
+        labels the ship.
     up, forward : {"x", "y", "z", "-x", "-y", "-z"}
         Axes of the file that point up and to the bow; see `Transform`. `forward` is x where it is
         not given and `up` is not along x.
@@ -137,8 +151,8 @@ def load(
     trimesh.Trimesh
         Vertices in ship axes [m]: x to the bow, y to port, z up, origin amidships on the
         waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
-        and `beam` [m], which for a sheet are those of the hull without overhanging parts, and
-        `findings` and `mend` of `describe`.
+        and `beam` [m], which for a sheet are those of the hull without overhanging parts,
+        `findings` and `mend` of `describe`, and `variant_of`, the ship of a variant, or None.
 
     Raises
     ------
@@ -171,8 +185,88 @@ def load(
     mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
     mesh.metadata.update(name=source.name, digest=transform.digest(source.digest))
     mesh.metadata.update(loa=ship.loa, beam=ship.beam)
+    mesh.metadata.update(variant_of=source.variant.base if source.variant else None)
     mesh.metadata.update(findings=diagnosis.findings, mend=_whole(transform, diagnosis))
     return mesh
+
+
+def variants(
+    name: str,
+    count: int,
+    *,
+    seed: int = 0,
+    scale: float = 1.0,
+    cache: str | Path | None = None,
+) -> tuple[trimesh.Trimesh, ...]:
+    """Return ships that may have been meant by a sheet: perturbed within its uncertainty.
+
+    Parameters
+    ----------
+    name : str
+        One of `names()`.
+    count : int
+        Number of variants, 1 or more; those of a smaller number come first.
+    seed : int
+        Of the draws, 0 or more.
+    scale : float
+        Factor of all uncertainties, 0.001 to 4, to six digits. The same draws are scaled, so that
+        a variant of half the scale lies about half as far from the ship.
+    cache : str or Path, optional
+        As for `load`.
+
+    Returns
+    -------
+    tuple of trimesh.Trimesh
+        Watertight meshes as of `load`. The `name` in their metadata, as ``duncan@0.7`` for the
+        seventh of seed 0 or ``duncan@0.7x0.5`` at half the scale, is the name of a ship wherever
+        ships have names; `variant_of` is the ship.
+
+    Raises
+    ------
+    ShipError
+        If there is no such ship, or count, seed or scale is not allowed.
+
+    See Also
+    --------
+    load : Loads a variant by its name.
+    ncti.features.ship_distance : How different two ships are.
+
+    Notes
+    -----
+    A line of a sheet states how far its place may be off, or its provenance tag does
+    (`ncti/ships/sheets/README.md`). Length, beam and equipment are published, and stay. Everything
+    else is moved by a smooth map of the ship's space, of as many metres as the most certain line
+    may be off, so that what touches goes on touching. Each component with all that it carries is
+    then moved on its carrier by what its line is less certain, but not off it; a carrier is as
+    certain as the most certain component on it. Parts which carry nothing have sizes of their own.
+    Normal deviates are cut off at two sigma. Port and starboard are moved alike, and what stands
+    amidships stays there.
+
+    A variant that does not build, because something has lost its hold, is drawn again: the random
+    stream is keyed by the ship, the seed, the number and the try.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> first, second = ncti.ships.variants("duncan", 2)
+    >>> first.metadata["name"], first.metadata["variant_of"], first.is_watertight
+    ('duncan@0.1', 'duncan', True)
+    """
+    if name not in names():
+        raise ShipError(f"name {shown(name)} must be one of {', '.join(names())}.")
+    for what, value, least in (("count", count, 1), ("seed", seed, 0)):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, Integral)
+            or not least <= value < 10**18
+        ):
+            raise ShipError(f"{what} {shown(value)} must be a whole number of at least {least}.")
+    try:
+        scale = checks.number(scale, low=LEAST_SCALE, high=MOST_SCALE)
+    except checks.Refused as allowed:
+        raise ShipError(f"scale is {shown(scale)}, but must be {allowed}.") from None
+    labels = [str(Variant(name, int(seed), number, scale)) for number in range(1, int(count) + 1)]
+    return tuple(load(label, cache=cache) for label in labels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,14 +398,34 @@ def _solid(
     path = folder / f"{source.digest}.npz"
     ship = store.read(path)
     if ship is None:
-        text, templates = _text(source), _templates().decode()
-        ship = build(sheets.parse(text, templates, where=source.name))
+        ship = _built(source)
         store.write(path, ship)
     if transform.is_identity:
         return ship, Diagnosis()
     placed = meshes.place(ship.vertices, ship.faces, transform, where=f"ship {source.name}")
     loa, beam = ship.loa * transform.scale, ship.beam * transform.scale
     return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis
+
+
+def _built(source: _Source) -> Ship:
+    if source.variant is None:
+        return build(_parsed(source))
+    sheet, borne = _carried(replace(source, name=source.variant.base, variant=None))
+    return build_variant(sheet, borne, source.variant)
+
+
+def _parsed(source: _Source) -> sheets.Sheet:
+    return sheets.parse(_text(source), _templates().decode(), where=source.name)
+
+
+@lru_cache(maxsize=8)
+def _carried(source: _Source) -> tuple[sheets.Sheet, Carriage]:
+    sheet = _parsed(source)
+    return sheet, carriage(sheet)
+
+
+def _packaged(name: str) -> bytes:
+    return (resources.files("ncti.ships") / "sheets" / f"{name}.yaml").read_bytes()
 
 
 def _find(name_or_path: str | Path) -> _Source:
@@ -321,8 +435,10 @@ def _find(name_or_path: str | Path) -> _Source:
     if not isinstance(name_or_path, str | Path):
         raise ShipError(f"ship {shown(name_or_path)} must be one of {known}, or a path ({kinds}).")
     if name_or_path in packaged:
-        sheet = resources.files("ncti.ships") / "sheets" / f"{name_or_path}.yaml"
-        return _Source(str(name_or_path), ".yaml", sheet.read_bytes())
+        return _Source(str(name_or_path), ".yaml", _packaged(str(name_or_path)))
+    variant = Variant.read(name_or_path) if isinstance(name_or_path, str) else None
+    if variant is not None and variant.base in packaged:
+        return _Source(str(variant), ".yaml", _packaged(variant.base), variant)
     path = Path(name_or_path)
     suffix = path.suffix.lower()
     if suffix not in SHEET_SUFFIXES + MESH_SUFFIXES:
@@ -379,7 +495,7 @@ def _text(source: _Source) -> str:
 
 @memoised
 def _templates() -> bytes:
-    return (resources.files("ncti.ships") / "sheets" / "templates.yaml").read_bytes()
+    return _packaged("templates")
 
 
 @memoised

@@ -6,6 +6,7 @@ is allowed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -27,6 +28,7 @@ from ncti.ships.vocabulary import (
     REMARKS,
     SHEET,
     TEMPLATE,
+    UNCERTAINTY,
     Primitive,
 )
 
@@ -38,6 +40,11 @@ class Part:
     prim: str
     at: tuple[float, float, float]
     sizes: Mapping[str, Any]
+
+    @property
+    def place(self) -> str:
+        """Those of x, y and z that position it."""
+        return PRIMITIVES[self.prim].place
 
     @property
     def cuts(self) -> bool:
@@ -52,11 +59,16 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Component(Part):
-    """A named part of a ship with its copies: plan offsets [m], mirrored or not."""
+    """A named part of a ship with its copies: plan offsets [m], mirrored or not.
+
+    `sigma` is how far its place may be off along x [m], `size_sigma` its sizes, relative.
+    """
 
     name: str
     offsets: tuple[tuple[float, float], ...]
     mirror: bool
+    sigma: float
+    size_sigma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +152,7 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
     entry = _mapping(where, given, frozenset({"name", "prim", "src"}))
     name = _value(where, "name", entry["name"], checks.text)
     where = f"{where} {shown(name)}"
-    _value(where, "src", entry["src"], checks.text)
+    place_sigma, size_sigma = _uncertainty(_value(where, "src", entry["src"], checks.text))
     prim = _prim(where, entry["prim"], PRIMITIVES)
     place = PRIMITIVES[prim].place
     for key in place:
@@ -171,9 +183,18 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
         name=name,
         offsets=tuple(offsets),
         mirror=_value(where, "mirror", entry.get("mirror", False), checks.flag),
+        sigma=_value(where, "unc", entry.get("unc", place_sigma), checks.spread),
+        size_sigma=size_sigma,
     )
     fitted = _value(where, "fitted", entry.get("fitted", True), checks.flag)
     return component if fitted else None
+
+
+def _uncertainty(src: str) -> tuple[float, float]:
+    """Return how far place [m] and sizes (relative) may be off, of the least certain tag."""
+    tags = [UNCERTAINTY[tag] for tag in re.findall(r"\b[PMGE]\b", src)]
+    place, size = np.max(tags or [UNCERTAINTY["E"]], axis=0)
+    return float(place), float(size)
 
 
 def _hull(where: str, sheet: Mapping[str, Any]) -> Hull:

@@ -118,3 +118,11 @@ PRINCIPAL = (
 TEMPLATE = (frozenset({"parts"}), frozenset({"desc", "overall_lwh", "src", "unc", "note"}))
 REMARKS = frozenset({"name", "prim", "src", "unc", "note", "ir", "fitted"})
 COPIES = frozenset({"mirror", "repeat", "n", "dx_n"})
+# Sigma of a place along x [m] where a line does not state it (`unc`), which is what most lines of
+# the tag state, and of sizes, relative: the 10 to 20 % to which they are good are two of it.
+UNCERTAINTY = {
+    "P": (0.5, 0.0),  # published
+    "M": (0.6, 0.05),  # scaled from a model of the published length
+    "G": (1.2, 0.08),  # second-hand positions, scaled and shifted
+    "E": (1.5, 0.1),  # assumed from the class layout
+}

@@ -1,0 +1,440 @@
+"""Variants of ships: sheets perturbed within what they say they may be off.
+
+What touches in a sheet has to touch in its variants. So the sheet's space is warped as a whole
+first, and components are moved on what carries them after that. A variant is built as any sheet.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from manifold3d import Manifold
+from numpy.typing import NDArray
+
+from ncti.ships.build import Ship, build, piece
+from ncti.ships.errors import ShipError, shown
+from ncti.ships.hull import Hull
+from ncti.ships.sheets import Component, Sheet
+
+Floats = NDArray[np.float64]
+
+TRIES = 100  # of draws for a variant, until one builds
+LEAST_SCALE, MOST_SCALE = 0.001, 4.0  # beyond, warps would fold
+LIMIT = 2.0  # sigmas that no place or size goes beyond
+ACROSS, UPWARD = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
+MODES = 6  # half waves along the ship of what its parts have in common
+SHEER_MODES = 2  # of heights, so that what stands on two neighbours goes on standing on both
+MAST = 10.0  # height [m] from which on heights may be off by all of their sigma
+OFFSETS = 0.03  # sigma of half-breadths, relative: 0.2 m of generic lines
+KEPT = 0.5  # share of its contact with its carrier that a moved component keeps, at least
+HALVINGS = 5
+
+# Sizes along x, y and z of what is stretched with the space about it. Equipment is not: it is of
+# a type whose sizes are known, and neither are bars and bodies of revolution.
+ALONG = ("length", "top_length", "top_shift")
+BREADTH = ("width", "top_width")
+STRETCHED = ("box", "prism", "poly", "lattice", "recess", "step", "yard", "cyl", "pole")
+# Sizes of a component which carries nothing have an error of their own.
+SIZES = ("length", "width", "height", "top_length", "top_width", "radius", "top_radius")
+FREE = ("box", "prism", "cyl", "pole", "sphere", "yard")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Name of a variant: a packaged ship, seed, number from 1, and scale of uncertainties."""
+
+    base: str
+    seed: int
+    number: int
+    scale: float = 1.0
+
+    def __str__(self) -> str:
+        scaled = "" if self.scale == 1 else f"x{self.scale:g}"
+        return f"{self.base}@{self.seed}.{self.number}{scaled}"
+
+    @classmethod
+    def read(cls, name: str) -> Variant | None:
+        """Return the variant of a name that has the form of one; `ShipError` if it is none."""
+        match = re.fullmatch(r"([^@]*)@(\d{1,18})\.(\d{1,18})(?:x([\d.]{1,10}))?", name)
+        if match is None:
+            return None
+        base, seed, number, scale = match.groups(default="1")
+        try:
+            variant = cls(base, int(seed), int(number), float(scale))
+        except ValueError:
+            variant = None
+        if variant is None or str(variant) != name or variant.number < 1:
+            raise ShipError(
+                f"variant {shown(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
+                "SHIP@SEED.NUMBERxSCALE, without needless digits."
+            )
+        if not LEAST_SCALE <= variant.scale <= MOST_SCALE:
+            raise ShipError(
+                f"variant {shown(name)} has the scale {variant.scale:g}, but must have one between "
+                f"{LEAST_SCALE:g} and {MOST_SCALE:g}."
+            )
+        return variant
+
+    def stream(self, attempt: int) -> np.random.Generator:
+        """Return the random stream of a try, which the scale has no part in."""
+        ship = int.from_bytes(hashlib.sha256(self.base.encode()).digest()[:8])
+        return np.random.default_rng([ship, self.seed, self.number, attempt])
+
+
+@dataclass(frozen=True, eq=False)
+class Carriage:
+    """What carries what: a tree over the components of a sheet, whose root is the hull.
+
+    Attributes
+    ----------
+    order : tuple of int
+        Numbers of all components, each after its carrier.
+    carrier : tuple of int
+        Number of the carrier of each component; -1 is the hull.
+    contact : tuple of float64 ndarray
+        Volume that each copy of a component shares with the carrier [m^3].
+    """
+
+    order: tuple[int, ...]
+    carrier: tuple[int, ...]
+    contact: tuple[Floats, ...]
+
+    def feet(self) -> tuple[int, ...]:
+        """Return for each component the one below it, or itself, that stands on the hull."""
+        feet = list(range(len(self.order)))
+        for number in self.order:
+            if self.carrier[number] >= 0:
+                feet[number] = feet[self.carrier[number]]
+        return tuple(feet)
+
+    def sigmas(self, sheet: Sheet) -> Floats:
+        """Return the least sigma of each component and of all that it carries [m]."""
+        least = np.array([component.sigma for component in sheet.components])
+        for number in reversed(self.order):
+            carrier = self.carrier[number]
+            if carrier >= 0:
+                least[carrier] = min(least[carrier], least[number])
+        return least
+
+
+def _copies(sheet: Sheet, component: Component) -> list[Manifold]:
+    """Return the copies of a component where the sheet puts them, without mirror images."""
+    return [
+        piece(sheet, replace(component, mirror=False, offsets=(offset,))).solid
+        for offset in component.offsets
+    ]
+
+
+def _shared(copies: list[Manifold], bearers: list[Manifold]) -> Floats:
+    """Return the volume that each copy has in common with its carrier [m^3]."""
+    return np.array([sum((copy ^ bearer).volume() for bearer in bearers) for copy in copies])
+
+
+def _bounds(solids: list[Manifold]) -> Floats:
+    """(2, 3) least and greatest coordinates of solids [m]."""
+    boxes = np.reshape([solid.bounding_box() for solid in solids], (-1, 2, 3))
+    return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+def carriage(sheet: Sheet) -> Carriage:
+    """Return what carries what on a ship: each component hangs on its strongest contacts.
+
+    It is the spanning tree of most common volume, grown from the hull (Prim's algorithm). Cuts
+    carry nothing. A component that touches nothing is carried by the hull.
+    """
+    count = len(sheet.components)
+    solids = [_copies(sheet, component) for component in sheet.components]
+    solids.append([sheet.hull.solid()])
+    low, high = np.array([_bounds(copies) for copies in solids]).transpose(1, 0, 2)
+    touching = (low[:, None] <= high[None]).all(axis=-1)
+    touching &= touching.T
+
+    def shared(number: int, other: int) -> Floats:
+        if not touching[number, other]:
+            return np.zeros(len(solids[number]))
+        return _shared(solids[number], solids[other])
+
+    carrier, contact = [-1] * count, [shared(number, -1) for number in range(count)]
+    waiting, order = set(range(count)), []
+    while waiting:
+        best = max(waiting, key=lambda number: (contact[number].sum(), -number))
+        waiting.remove(best)
+        order.append(best)
+        if sheet.components[best].cuts:
+            continue
+        for number in waiting:
+            volumes = shared(number, best)
+            if volumes.sum() > contact[number].sum():
+                carrier[number], contact[number] = best, volumes
+    return Carriage(tuple(order), tuple(carrier), tuple(contact))
+
+
+@dataclass(frozen=True, eq=False)
+class _Wave:
+    """A smooth displacement along the ship, zero at both ends, of a stated sigma between them."""
+
+    length: float
+    amplitudes: Floats
+
+    @classmethod
+    def drawn(
+        cls, rng: np.random.Generator, length: float, sigma: float, modes: int = MODES
+    ) -> _Wave:
+        wave = cls(length, sigma * np.sqrt(2 / modes) * rng.standard_normal(modes))
+        highest = np.abs(wave(np.linspace(0, length, 200))).max()
+        beyond = max(1.0, highest / (LIMIT * sigma)) if sigma else 1.0
+        return replace(wave, amplitudes=wave.amplitudes / beyond)
+
+    def __call__(self, x: Any) -> Floats:
+        share = np.clip(np.asarray(x, dtype=np.float64) / self.length, 0, 1)
+        return (
+            np.sin(np.pi * share[..., None] * np.arange(1, len(self.amplitudes) + 1))
+            @ self.amplitudes
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Warp:
+    """A smooth map of the sheet's space on to itself, odd in y; ends, keel and beam stay."""
+
+    hull: Hull
+    along: _Wave
+    across: _Wave
+    upward: _Wave
+    deck: _Wave
+    water: _Wave
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, hull: Hull, sigma: float, scale: float) -> _Warp:
+        return cls(
+            hull,
+            along=_Wave.drawn(rng, hull.loa, sigma),
+            across=_Wave.drawn(rng, hull.loa, ACROSS * sigma),
+            upward=_Wave.drawn(rng, hull.loa, UPWARD * sigma, modes=SHEER_MODES),
+            deck=_Wave.drawn(rng, hull.loa, OFFSETS * scale),
+            water=_Wave.drawn(rng, hull.loa, OFFSETS * scale),
+        )
+
+    def x(self, x: Any) -> Floats:
+        return np.asarray(x, dtype=np.float64) + self.along(x)
+
+    def z(self, x: Any, z: Any) -> Floats:
+        height = np.asarray(z, dtype=np.float64)
+        return height + self.upward(x) * np.clip(height / MAST, 0, 1)
+
+    def half(self, x: Any, half: Floats, wave: _Wave) -> Floats:
+        """Return half-breadths of the hull; the widest stays, so that its beam does."""
+        widest = self.hull.stations[:, 2].max()
+        return half * (1 + wave(x) * np.clip(1 - half / widest, 0, 1))
+
+    def y(self, x: Any, y: Any) -> Floats:
+        """Move what lies between middle line and deck edge, and the edge as the hull's is."""
+        edge, _ = self.hull.deck_edge(x)
+        edge = np.maximum(edge, 0.5)
+        share = np.abs(np.asarray(y, dtype=np.float64)) / edge
+        inside = np.clip(share, 0, 1)
+        moved = share * edge + self.across(x) * 2.6 * inside * (1 - inside**2)
+        moved = np.maximum(moved, 0) * self.half(x, edge, self.deck) / edge
+        return np.sign(y) * moved
+
+    def lines(self) -> Hull:
+        """Return the hull as it is moved."""
+        x, deck, half, water = self.hull.stations.T
+        stations = np.column_stack(
+            [
+                self.x(x),
+                self.z(x, deck),
+                self.half(x, half, self.deck),
+                self.half(x, water, self.water),
+            ]
+        )
+        return replace(
+            self.hull,
+            stations=stations,
+            stem_foot=float(self.x(self.hull.stem_foot)),
+            transom_head=float(self.z(self.hull.loa, self.hull.transom_head)),
+        )
+
+
+def _middle(component: Component) -> float:
+    """Return the middle of a component along the ship [m]."""
+    for key in ("outline", "path"):
+        if key in component.sizes:
+            return float(component.sizes[key][:, 0].mean())
+    return component.at[0]
+
+
+def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, float, float]:
+    """Return by how much the space about a component is stretched along x, y and z."""
+    (x, y, z), sizes = component.at, component.sizes
+    length, width, height = (sizes.get(key, 0.1) for key in ("length", "width", "height"))
+    along = np.ptp(warp.x([x - length / 2, x + length / 2])) / length
+    across = np.ptp(warp.y(column, [y - width / 2, y + width / 2])) / width
+    up = np.ptp(warp.z(column, [z, z + height])) / height
+    return float(along), float(across), float(up)
+
+
+def _warped(component: Component, warp: _Warp, column: float) -> Component:
+    """Return a component where the warp puts it, and as the warp stretches it.
+
+    `column` is the place along the ship [m] of what carries it on the hull: heights and breadths
+    are moved as there, so that what stands on it goes on standing on it.
+    """
+    (x, y, z), sizes = component.at, dict(component.sizes)
+    at = (
+        float(warp.x(x)) if "x" in component.place else x,
+        float(warp.y(column, y)) if "y" in component.place else y,
+        float(warp.z(column, z)) if "z" in component.place else z,
+    )
+    if component.prim in STRETCHED:
+        along, across, up = _stretch(component, warp, column)
+        factors = dict.fromkeys(ALONG, along) | dict.fromkeys(BREADTH, across) | {"height": up}
+        sizes |= {key: size * factors[key] for key, size in sizes.items() if key in factors}
+    if "outline" in sizes:
+        px, py = sizes["outline"].T
+        sizes["outline"] = np.column_stack([warp.x(px), warp.y(column, py)])
+    if "path" in sizes:
+        px, py, pz = sizes["path"].T
+        sizes["path"] = np.column_stack([warp.x(px), warp.y(column, py), warp.z(column, pz)])
+    for key, end in (("stem_top", 0), ("aft_top", 1)):
+        if key in sizes:
+            sizes[key] = float(warp.z(sizes["edge"][end], sizes[key]))
+    if "edge" in sizes:
+        sizes["edge"] = tuple(map(float, warp.x(sizes["edge"])))
+    if "end" in sizes:
+        sizes["end"] = float(warp.x(sizes["end"]))
+    px, py = np.add(component.offsets, (x, y)).T
+    moved = np.column_stack([warp.x(px), warp.y(column, py)])
+    offsets = tuple((float(dx), float(dy)) for dx, dy in moved - moved[0])
+    return replace(component, at=at, sizes=sizes, offsets=offsets)
+
+
+def _moved(component: Component, shift: Floats) -> Component:
+    """Return a component moved by (x, y, z) [m]."""
+    sizes = dict(component.sizes)
+    own = [axis in component.place for axis in "xyz"]
+    if "outline" in sizes:
+        sizes["outline"] = sizes["outline"] + shift[:2]
+    if "path" in sizes:
+        sizes["path"] = sizes["path"] + shift
+    x, y, z = map(float, component.at + np.where(own, shift, 0))
+    return replace(component, at=(x, y, z), sizes=sizes)
+
+
+def _is_amidships(component: Component) -> bool:
+    """Return whether a component stands on the ship's middle line, where it stays."""
+    if "outline" in component.sizes:
+        return bool(abs(component.sizes["outline"][:, 1].mean()) < 0.01)
+    return component.at[1] == 0 and "path" not in component.sizes
+
+
+def _own_size(component: Component, factor: float, beam: float) -> Component:
+    """Return a component that is larger by a factor, but does not reach beyond the beam."""
+    if abs(component.at[1]) + component.sizes.get("width", 0.0) * factor / 2 > beam / 2:
+        factor = min(factor, 1.0)
+    sizes = {key: size * factor if key in SIZES else size for key, size in component.sizes.items()}
+    return replace(component, sizes=sizes)
+
+
+def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale: float) -> Sheet:
+    """Return a sheet with places and sizes moved within their uncertainty.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The ship.
+    borne : Carriage
+        What carries what on it.
+    rng : numpy.random.Generator
+        Source of the draw; the same for any scale.
+    scale : float
+        Factor of all uncertainties.
+
+    Returns
+    -------
+    Sheet
+        Of the same hull length and beam, and the same components. It need not build: what hangs
+        together by little may be torn apart.
+
+    Raises
+    ------
+    ShipError
+        If the warp folds the hull.
+
+    Notes
+    -----
+    A component's own move is halved until each of its copies keeps half of its contact with its
+    carrier and none reaches farther out than the hull, or than it did; after some halvings there
+    is none.
+    """
+    common = scale * min((component.sigma for component in sheet.components), default=0.5)
+    warp = _Warp.drawn(rng, sheet.hull, common, scale)
+    if (np.diff(warp.x(sheet.hull.stations[:, 0])) <= 0).any():
+        raise ShipError(f"{sheet.name}: a warp of scale {scale:g} folds the hull.")
+    fresh = replace(sheet, hull=warp.lines())
+    hull = [fresh.hull.solid()]
+    sigma, feet, carriers = scale * borne.sigmas(sheet), borne.feet(), set(borne.carrier)
+    places = np.clip(rng.standard_normal((len(sigma), 2)), -LIMIT, LIMIT) * [1, ACROSS]
+    sizes = np.clip(rng.standard_normal(len(sigma)), -LIMIT, LIMIT)
+    moves, made, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
+
+    def placed(number: int, move: Floats) -> Component:
+        component, column = sheet.components[number], _middle(sheet.components[feet[number]])
+        plan = move if feet[number] == number else moves[feet[number]]
+        # The deck where the foot now stands, against where the warp alone would put it.
+        _, before = sheet.hull.deck_edge(column)
+        _, after = fresh.hull.deck_edge(warp.x(column) + plan[0])
+        rise = float(after - warp.z(column, before))
+        changed = _moved(_warped(component, warp, column), np.array([*move, rise]))
+        if number not in carriers and component.prim in FREE:
+            factor = float(np.exp(scale * component.size_sigma * sizes[number]))
+            changed = _own_size(changed, factor, 2 * sheet.hull.stations[:, 2].max())
+        return changed
+
+    def holds(number: int, base: Floats, copies: list[Manifold]) -> bool:
+        low, high = _bounds([*hull, *_copies(fresh, placed(number, base))])[:, :2]
+        reach = _bounds(copies)[:, :2]
+        if (reach[0] < low).any() or (reach[1] > high).any():
+            return False
+        kept = _shared(copies, solids[borne.carrier[number]])
+        return bool((kept >= KEPT * borne.contact[number]).all())
+
+    for number in borne.order:
+        component, carrier = sheet.components[number], borne.carrier[number]
+        base = moves[carrier] if carrier >= 0 else np.zeros(2)
+        below = max(common, sigma[carrier]) if carrier >= 0 else common
+        own = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
+        if _is_amidships(component):
+            base, own = base * [1, 0], own * [1, 0]
+        if component.cuts or "edge" in component.sizes:
+            own[:] = 0.0  # their place is that of the deck's edge, or of what they are cut from
+        for halving in range(HALVINGS):
+            if not own.any() or holds(number, base, _copies(fresh, placed(number, base + own))):
+                break
+            own = own / 2 if halving < HALVINGS - 1 else np.zeros(2)
+        moves[number] = base + own
+        made[number] = placed(number, moves[number])
+        if number in carriers:
+            solids[number] = _copies(fresh, made[number])
+    return replace(fresh, components=tuple(made))
+
+
+def build_variant(sheet: Sheet, borne: Carriage, variant: Variant) -> Ship:
+    """Return the ship of the first try that builds; `ShipError` if none does.
+
+    The stream of a try is keyed by ship, seed, number and try.
+    """
+    for attempt in range(TRIES):
+        try:
+            rng = variant.stream(attempt)
+            return build(perturbed(sheet, borne, rng=rng, scale=variant.scale))
+        except ShipError:
+            continue
+    raise ShipError(
+        f"{variant}: none of {TRIES} draws of scale {variant.scale:g} gives one whole ship, so the "
+        "scale must be smaller."
+    )

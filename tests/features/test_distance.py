@@ -1,0 +1,58 @@
+"""Distance of ships, and sisters at a stated one."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import ncti
+from ncti.features import ship_distance, sister
+
+ASPECTS = [30.0, 150.0, 260.0]
+
+
+def plate(*, away: float) -> trimesh.Trimesh:
+    """Two thin plates across the line of sight from the bow, the second one further on."""
+    plates = [trimesh.creation.box((0.2, 10, height)) for height in (5.0, 10.0)]
+    plates[0].apply_translation((0, 0, 2.5))
+    plates[1].apply_translation((-away, 0, 5.0))
+    return trimesh.util.concatenate(plates)
+
+
+def test_is_nought_for_a_ship_and_itself_and_symmetric() -> None:
+    first, second = map(ncti.ships.load, ("connole", "horne"))
+    assert ship_distance(first, first, aspects=ASPECTS) == pytest.approx(0, abs=1e-12)
+    apart = ship_distance(first, second, aspects=ASPECTS)
+    assert apart == pytest.approx(ship_distance(second, first, aspects=ASPECTS), rel=1e-12)
+    assert 0.02 < apart < 0.5
+
+
+def test_grows_with_what_is_moved() -> None:
+    apart = [
+        ship_distance(plate(away=20), plate(away=20 + move), aspects=[0.0], depression=0.0)
+        for move in (0.0, 1.0, 2.0, 4.0)
+    ]
+    assert apart[0] == pytest.approx(0, abs=1e-12)
+    assert (np.diff(apart) > 0).all()
+
+
+def test_sister_is_at_its_distance_and_named() -> None:
+    near = sister("connole", 0.004, aspects=ASPECTS, number=2)
+    ship = ncti.ships.load("connole")
+    assert ship_distance(ship, near, aspects=ASPECTS) == pytest.approx(0.004, rel=0.05)
+    again = ncti.ships.load(near.metadata["name"])
+    np.testing.assert_array_equal(again.vertices, near.vertices)
+    assert near.metadata["name"].startswith("connole@0.2x")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"distance": 0.4}, "distance is 0.4"),
+        ({"distance": 0.0}, "distance"),
+        ({"aspects": []}, "aspects"),
+        ({"name": "connole@0.1"}, "connole"),
+    ],
+)
+def test_wrong_arguments_are_refused(change, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        sister(**({"name": "connole", "distance": 0.01, "aspects": [30.0]} | change))

@@ -1,0 +1,231 @@
+"""Variants: whole ships within the uncertainty of their sheets, the same whoever asks for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from shipyard import barge, packaged_sheet
+
+from ncti import ships
+from ncti.ships import build, sheets
+from ncti.ships.perturbation import Variant, build_variant, carriage, perturbed
+
+DRAWS = 10
+
+
+def parsed(document) -> sheets.Sheet:
+    return sheets.parse(yaml.safe_dump(document), "{}", where="barge")
+
+
+def feet(sheet: sheets.Sheet) -> np.ndarray:
+    """(component, 3) middles of footprints [m]."""
+    return np.array(
+        [
+            (*c.sizes["outline"].mean(axis=0), c.at[2]) if "outline" in c.sizes else c.at
+            for c in sheet.components
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def drawn() -> dict[str, list[sheets.Sheet]]:
+    """Ten perturbed sheets of each of the six ships."""
+    made = {}
+    for name in ships.names():
+        sheet = packaged_sheet(name)
+        borne = carriage(sheet)
+        made[name] = [
+            perturbed(sheet, borne, rng=Variant(name, 0, number).stream(0), scale=1.0)
+            for number in range(1, DRAWS + 1)
+        ]
+    return made
+
+
+@pytest.mark.parametrize("name", ships.names())
+def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
+    mesh, nominal = ships.load(f"{name}@0.1"), ships.load(name)
+    assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
+    assert mesh.body_count == 1
+    assert mesh.metadata["name"] == f"{name}@0.1"
+    assert mesh.metadata["variant_of"] == name and nominal.metadata["variant_of"] is None
+    for size in ("loa", "beam"):
+        assert mesh.metadata[size] == pytest.approx(nominal.metadata[size], abs=0.01)
+    assert mesh.metadata["digest"] != nominal.metadata["digest"]
+    assert mesh.metadata["digest"] == ships.digest(f"{name}@0.1")
+    assert ships.describe(f"{name}@0.1").findings == ()
+
+
+@pytest.mark.parametrize("name", ships.names())
+def test_places_are_within_their_uncertainty(drawn, name) -> None:
+    """Two parts, each cut off at two sigma, and variances that add up to one of one at most."""
+    sheet = packaged_sheet(name)
+    sigma = np.array([c.sigma for c in sheet.components])[:, None] * [1, 0.5, 0.7]
+    moved = np.array([feet(variant) - feet(sheet) for variant in drawn[name]]) / sigma
+    assert np.abs(moved[..., 0]).max() <= 2 * np.sqrt(2)
+    assert np.sqrt((moved[..., :1] ** 2).mean()) <= 1
+    # Heights follow the deck on which a part is put, breadths its edge: another sigma at most.
+    assert np.quantile(np.abs(moved), 0.99) <= 3
+    lines = sheet.hull.stations
+    for variant in drawn[name]:
+        assert variant.hull.loa == sheet.hull.loa
+        assert variant.hull.stations[:, 2].max() == lines[:, 2].max()
+        assert np.abs(variant.hull.stations[:, 2:] / lines[:, 2:] - 1)[:, 0].max() <= 2 * 0.03
+        amidships = [c.at[1] == 0 for c in sheet.components]
+        assert all(
+            c.at[1] == 0 for c, is_so in zip(variant.components, amidships, strict=True) if is_so
+        )
+
+
+def test_uncertainty_is_used(drawn) -> None:
+    """What stands on the deck by itself, an E line of 1.5 m, moves by most of that."""
+    sheet = packaged_sheet("spruance")
+    number = [c.name for c in sheet.components].index("capstans/windlass")
+    x = [feet(variant)[number, 0] for variant in drawn["spruance"]]
+    # The deviation of ten draws is within 0.5 to 1.5 of that of all at a level of 2 %.
+    assert 0.5 * 1.5 * 0.8 < np.std(x) < 1.5 * 1.5
+
+
+def test_sixty_ships_are_distinct(drawn) -> None:
+    for variants in drawn.values():
+        places = np.array([feet(variant)[:, 0] for variant in variants])
+        apart = np.sqrt(((places[:, None] - places[None]) ** 2).mean(axis=-1))
+        assert apart[~np.eye(DRAWS, dtype=bool)].min() > 0.3
+
+
+def test_same_ship_from_any_cache_and_count(tmp_path) -> None:
+    (first,) = ships.variants("connole", 1, seed=3, cache=tmp_path / "a")
+    again, second = ships.variants("connole", 2, seed=3, cache=tmp_path / "b")
+    np.testing.assert_array_equal(first.vertices, again.vertices)
+    np.testing.assert_array_equal(first.faces, again.faces)
+    kept = ships.load("connole@3.1", cache=tmp_path / "a")
+    np.testing.assert_array_equal(kept.vertices, first.vertices)
+    assert first.metadata["digest"] != second.metadata["digest"]
+    assert len(list((tmp_path / "b").glob("*.npz"))) == 2
+
+
+def test_small_scale_is_the_ship_itself() -> None:
+    sheet = packaged_sheet("duncan")
+    borne, variant = carriage(sheet), Variant("duncan", 0, 1)
+    near, far = (
+        feet(perturbed(sheet, borne, rng=variant.stream(0), scale=scale)) - feet(sheet)
+        for scale in (1e-3, 2e-3)
+    )
+    assert np.abs(near).max() < 0.01
+    # Nothing is halved yet: moves are in proportion, to second order of the warp's slope.
+    np.testing.assert_allclose(far, 2 * near, atol=1e-4)
+
+
+def test_symmetric_ship_stays_symmetric() -> None:
+    document = barge()
+    document["components"] = [
+        line
+        for line in document["components"]
+        if line.get("mirror") or (line.get("y", 1) == 0 and line["prim"] != "eq")
+    ]
+    sheet = parsed(document)
+    mirrored = build.build(sheet)
+    for number in (1, 2, 3):
+        ship = build_variant(sheet, carriage(sheet), Variant("barge", 0, number, 0.3))
+        for made in (mirrored, ship):
+            low, high = made.vertices.min(axis=0)[1], made.vertices.max(axis=0)[1]
+            assert low == pytest.approx(-high, abs=1e-6)
+        assert ships.is_symmetric(trimesh_of(ship))
+
+
+def trimesh_of(ship: build.Ship):
+    import trimesh
+
+    return trimesh.Trimesh(ship.vertices, ship.faces, process=False)
+
+
+def test_a_part_goes_with_what_carries_it() -> None:
+    """The tree of a packaged sheet, and an antenna on its platform, on its mast, on its house."""
+    sheet = packaged_sheet("duncan")
+    borne = carriage(sheet)
+    names = [c.name for c in sheet.components]
+    number, chain = names.index("Mk 92 CAS egg radome"), []
+    while number >= 0:
+        chain.append(names[number])
+        number = borne.carrier[number]
+    assert chain == [
+        "Mk 92 CAS egg radome",
+        "CAS tower platform",
+        "CAS tower (quadrupod)",
+        "pilot house 02-03",
+        "superstructure front block main-02",
+    ]
+    assert sorted(borne.order) == list(range(len(names)))
+
+
+def test_tag_says_what_a_line_does_not() -> None:
+    document = barge()
+    line = document["components"][0]
+    line.pop("unc", None)
+    sigmas = {}
+    for tag in ("P", "M", "G", "E", "M+E", "E/M", "somewhere"):
+        line["src"] = tag
+        sigmas[tag] = parsed(document).components[0].sigma
+    assert sigmas["P"] < sigmas["M"] < sigmas["G"] < sigmas["E"]
+    assert sigmas["M+E"] == sigmas["E/M"] == sigmas["somewhere"] == sigmas["E"]
+    line["unc"] = 0.25
+    assert parsed(document).components[0].sigma == 0.25
+
+
+def test_draw_that_does_not_build_is_drawn_again() -> None:
+    sheet = packaged_sheet("spruance")
+    borne = carriage(sheet)
+    for number in range(1, 20):
+        variant = Variant("spruance", 0, number)
+        try:
+            build.build(perturbed(sheet, borne, rng=variant.stream(0), scale=1.0))
+        except ships.ShipError:
+            break
+    ship, attempt = None, 0
+    while ship is None:
+        attempt += 1
+        try:
+            ship = build.build(perturbed(sheet, borne, rng=variant.stream(attempt), scale=1.0))
+        except ships.ShipError:
+            continue
+    np.testing.assert_array_equal(build_variant(sheet, borne, variant).vertices, ship.vertices)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("duncan@0.0", "numbered from 1"),
+        ("duncan@0.01", "needless digits"),
+        ("duncan@00.1", "needless digits"),
+        ("duncan@0.1x1", "needless digits"),
+        ("duncan@0.1x1.2.3", "needless digits"),
+        ("duncan@0.1x5", "scale 5"),
+        ("duncan@0.1x0", "scale 0"),
+        ("duncan@0", "unknown ship"),
+        ("duncan@-1.1", "unknown ship"),
+        ("bismarck@0.1", "unknown ship"),
+    ],
+)
+def test_what_is_no_variant_is_refused(value, message) -> None:
+    for door in (ships.load, ships.digest, ships.describe):
+        with pytest.raises(ships.ShipError, match=message):
+            door(value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": "duncan@0.1"}, "name"),
+        ({"name": None}, "name"),
+        ({"count": 0}, "count"),
+        ({"count": 1.5}, "count"),
+        ({"seed": -1}, "seed"),
+        ({"seed": True}, "seed"),
+        ({"scale": 0.0}, "scale"),
+        ({"scale": float("nan")}, "scale"),
+        ({"scale": "1"}, "scale"),
+    ],
+)
+def test_wrong_arguments_are_refused(change, message) -> None:
+    with pytest.raises(ships.ShipError, match=message):
+        ships.variants(**({"name": "duncan", "count": 1} | change))
