@@ -53,7 +53,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     """
 
     def declared(name: str) -> tuple[Any, ...]:
-        return tuple(one for module in modules for one in getattr(module, name, ()))
+        return tuple(value for module in modules for value in getattr(module, name, ()))
 
     def named(name: str) -> Word:
         return Word(tuple(getattr(module, name) for module in modules if hasattr(module, name)))
@@ -65,10 +65,10 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         Classifier.name.key: named("NAME"),
     }
     settings = tuple(
-        replace(one, kind=kinds[one.key]) if one.key in kinds else one
+        replace(setting, kind=kinds[setting.key]) if setting.key in kinds else setting
         for module in modules
         for group in groups_of(module)
-        for one in group.declared
+        for setting in group.declared
     )
 
     def check(choices: Choices) -> Choices:
@@ -108,7 +108,7 @@ def about(modules: Sequence[Any], choices: Choices) -> list[str]:
     return [
         f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
         for name in (() if own else idle(stages_of(modules), choices))
-    ] + [line for one in modules if hasattr(one, "about") for line in one.about(choices)]
+    ] + [line for module in modules if hasattr(module, "about") for line in module.about(choices)]
 
 
 def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
@@ -164,9 +164,9 @@ def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
     names = choices[Classifier.name]
 
     def without(name: str) -> Choices:
-        return choices.having(Classifier.name, tuple(one for one in names if one != name))
+        return choices.having(Classifier.name, tuple(other for other in names if other != name))
 
-    return [name for name in names if all(one.when(without(name)) for one in asked)]
+    return [name for name in names if all(group.when(without(name)) for group in asked)]
 
 
 EXPERIMENT = assemble(*MODULES)

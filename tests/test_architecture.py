@@ -10,6 +10,7 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent
 
 ROOMS = yaml.safe_load(Path(__file__).with_name("rooms.yaml").read_text())
+OTHERS = "ncti.*"  # packages of the library that have no rule of their own
 PROJECT = {"ncti", "sweeps", "benchmarks"}
 ONLY_THE_ENGINE = {"hydra", "omegaconf", "dask", "distributed", "zarr"}
 ALLOWED_OTHERS = {("sweeps.report", "zarr")}  # it reads stores
@@ -52,7 +53,7 @@ def violations(path: Path) -> list[str]:
     for name in imports(path):
         top = name.split(".")[0]
         if top in PROJECT and name != own.split(".")[0]:
-            if not {top, room(name)} & {own, *ROOMS[own]}:
+            if not {top, room(name)} & {own, *ROOMS.get(own, ROOMS[OTHERS])}:
                 found.append(f"{own} imports {name}")
         elif top in ONLY_THE_ENGINE and own != "sweeps.engine" and (own, top) not in ALLOWED_OTHERS:
             found.append(f"{own} imports {name}")
@@ -67,8 +68,10 @@ def test_imports_go_one_way(path):
     assert violations(path) == []
 
 
-def test_every_room_has_a_rule():
-    assert {room(name_of(path)) for path in CODE} == set(ROOMS)
+def test_every_rule_is_of_a_room():
+    rooms = {room(name_of(path)) for path in CODE}
+    assert set(ROOMS) - {OTHERS} <= rooms
+    assert all(name in ROOMS or name.startswith("ncti.") for name in rooms)
 
 
 @pytest.mark.parametrize("path", modules("sweeps/engine"), ids=lambda p: p.name)

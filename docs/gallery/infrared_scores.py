@@ -20,8 +20,8 @@ for axes, name in zip(panels, bins, strict=True):
         ends = [part.percent_correct - part.ci_low, part.ci_high - part.percent_correct]
         at, colour = part.range_km + 1.5 * (place - 1), f"C{place}"
         axes.errorbar(at, part.percent_correct, ends, fmt="o-", color=colour, capsize=2, label=way)
-        if "source_percent_correct" in part:
-            axes.plot(at, part.source_percent_correct, "x", color=colour, ms=8)
+        if "article_percent_correct" in part:
+            axes.plot(at, part.article_percent_correct, "x", color=colour, ms=8)
     axes.axhline(here.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
     axes.set(title=f"aspect {name} [°]", xlabel="slant range [km]", ylim=(0, 104))
 panels[0].set_ylabel("percent correct, 95 % intervals")

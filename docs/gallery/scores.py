@@ -23,10 +23,10 @@ for axes, name in zip(panels, bins, strict=True):
         axes.errorbar(
             part.frame_count, part.percent_correct, ends, fmt="o-", capsize=2, label=label
         )
-    if "source_percent_correct" in here:
-        theirs = here.dropna(subset="source_percent_correct").sort_values("frame_count")
+    if "article_percent_correct" in here:
+        theirs = here.dropna(subset="article_percent_correct").sort_values("frame_count")
         axes.plot(
-            theirs.frame_count, theirs.source_percent_correct, "s--", label="article, Table 4"
+            theirs.frame_count, theirs.article_percent_correct, "s--", label="article, Table 4"
         )
     axes.axhline(here.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
     axes.set(title=f"aspect {name} [°]", xlabel="frames averaged", xscale="log", ylim=(0, 104))

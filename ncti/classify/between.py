@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Cell:
+class TemplateCells:
     """Change of profiles within the cell of aspects that each template represents.
 
     Attributes
@@ -31,7 +31,9 @@ class Cell:
     residual: Floats
 
 
-def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: ArrayLike) -> Cell:
+def cells(
+    mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: ArrayLike
+) -> TemplateCells:
     """Return tangent and residual of every template, from its neighbours of the same label.
 
     Parameters
@@ -47,7 +49,7 @@ def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: Ar
 
     Returns
     -------
-    Cell
+    TemplateCells
         Tangents and residuals; both 0 for a label with a single template, whose surroundings are
         unknown.
 
@@ -105,7 +107,7 @@ def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: Ar
         step[own] = (before + behind) / 2
         curvature.append((aspects[own], bend**2))
     if not curvature:
-        return Cell(tangent, np.zeros_like(means))
+        return TemplateCells(tangent, np.zeros_like(means))
     # Curvatures smoothed over bins and averaged over labels at the nearest aspect.
     whole = np.concatenate([kernel[:0:-1], kernel]) / (2 * kernel.sum() - kernel[0])
     pooled = np.zeros_like(means)
@@ -114,7 +116,7 @@ def cells(mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: Ar
         nearest = np.minimum(apart, CIRCLE - apart).argmin(axis=1)
         smooth = np.stack([_smoothed(row, whole) for row in square])
         pooled += smooth[nearest] / len(curvature)
-    return Cell(tangent, np.sqrt(pooled) * (step**2 / 2)[:, None])
+    return TemplateCells(tangent, np.sqrt(pooled) * (step**2 / 2)[:, None])
 
 
 def every_other(

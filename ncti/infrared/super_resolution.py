@@ -107,7 +107,7 @@ def shift_and_add(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     of the scene as the detector blurs it.
 
     Root-mean-square error against the fine template, over the contrast: expected value (closed
-    form) over the source's four ships at 0, 45 and 90 deg, two phases, windows with 4 half pixels
+    form) over the article's four ships at 0, 45 and 90 deg, two phases, windows with 4 half pixels
     of sea and a spread of 0.1 K.
 
     =====  ======  =====  =======  =============  =======

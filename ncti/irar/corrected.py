@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 EXACT = "exact"
 RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
-"""Meaning of f in the source's printed corrections: the line rate, or the pulse-repetition
-frequency, as the source states."""
+"""Meaning of f in the article's printed corrections: the line rate, or the pulse-repetition
+frequency, as the article states."""
 
 CELLS = 8
 """Of the truth along a pixel; 4 or 10 move tilts of noiseless ships by 0.1 deg."""
@@ -72,7 +72,7 @@ class Chain:
     Attributes
     ----------
     chain : str
-        `exact`, or as printed by the source, `printed` or `printed_pulse_rate`.
+        `exact`, or as printed by the article [1]_, `printed` or `printed_pulse_rate`.
     azimuth, mirror, range_filter : str
         As of `ncti.irar.Correction`, for the exact chain.
     segmentation_threshold : float or None
@@ -81,6 +81,11 @@ class Chain:
     See Also
     --------
     correct, correct_as_printed : The corrections.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
+       The Lincoln Laboratory Journal, MIT Lincoln Laboratory, 'Data Processing'.
 
     Examples
     --------

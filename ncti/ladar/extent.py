@@ -148,7 +148,6 @@ class RangeExtent:
             self, fraction=self.fraction[order], cell=cell[order], shift=(0.0 - right, up)
         )
 
-
     def packed(self) -> dict[str, Any]:
         """Return what `unpacked` takes: its attributes, without the bins that hold nothing.
 

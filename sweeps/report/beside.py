@@ -98,7 +98,7 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     for name, values in theirs.items():
         if values:
             numbers = pd.Series(values).reindex(frame.rows.index)
-            frame = _with_column(frame, name, f"source_{name}", "source", numbers)
+            frame = _with_column(frame, name, f"article_{name}", "article", numbers)
     return frame
 
 

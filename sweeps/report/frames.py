@@ -39,7 +39,7 @@ class Column:
     words: str
     unit: str = ""
     meaning: str = ""
-    role: str = "axis"  # or figure, low, high, beside, source, chance
+    role: str = "axis"  # or figure, low, high, beside, article, chance
     format: str = ".4g"
     listed: bool = True
     digits: int | None = None  # decimals in files; None: all

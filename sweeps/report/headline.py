@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sweeps.report.frames import Frame, values_of
-from sweeps.report.pivot import FEW, at_main, cell, constants, ordered
+from sweeps.report.pivot import FEW, at_main, constants, entry, ordered
 from sweeps.report.words import MAIN, preferred
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
@@ -88,7 +88,7 @@ def _ends(frame: Frame, axis: str) -> str:
     rows = frame.rows.sort_values(axis) if axis else frame.rows[:1]
     figure, ends = frame.columns[frame.figures[0]], []
     for label in dict.fromkeys([rows.index[0], rows.index[-1]]):
-        percent = cell(frame, label, figure.name)
+        percent = entry(frame, label, figure.name)
         words = [percent.text, figure.unit, f"[{percent.interval}]" * bool(percent.interval)]
         words += [f"at {frame.columns[axis].in_words(rows.at[label, axis])}"] if axis else []
         ends.append(" ".join(word for word in words if word))

@@ -13,12 +13,12 @@ FEW = 30  # answers below which a score is said to rest on few
 
 
 @dataclass(frozen=True)
-class Cell:
+class Entry:
     """A figure as printed: its interval, and what stands beside it."""
 
     text: str
     interval: str = ""
-    source: str = ""
+    article: str = ""
     spread: str = ""
     row: Any = None  # label of the frame's row, and column
     column: str = ""
@@ -30,7 +30,7 @@ class Line:
 
     place: tuple[Any, ...]
     keys: tuple[str, ...]
-    cells: tuple[Cell, ...]
+    cells: tuple[Entry, ...]
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,8 @@ def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
     lines = []
     for place in sorted(groups, key=lambda place: _rank(place, down, order)):
         at = groups[place]
-        cells = [cell(frame, at.get(head), main) for head in heads]
-        cells += [cell(frame, next(iter(at.values())), name) for name in extra]
+        cells = [entry(frame, at.get(head), main) for head in heads]
+        cells += [entry(frame, next(iter(at.values())), name) for name in extra]
         keys = tuple(
             "" if value is None else frame.columns[name].text(value)
             for name, value in zip(down, place, strict=True)
@@ -181,14 +181,14 @@ def constants(frame: Frame) -> dict[str, str]:
     return values_in_words
 
 
-def cell(frame: Frame, label: Any, figure: str) -> Cell:
+def entry(frame: Frame, label: Any, figure: str) -> Entry:
     """Return a figure of a row with its interval, and the article's figure."""
     if label is None:
-        return Cell("")
+        return Entry("")
     row, column = frame.records[label], frame.columns[figure]
     value = row[figure]
     if missing(value):
-        return Cell(NOTHING, row=label, column=figure)
+        return Entry(NOTHING, row=label, column=figure)
 
     def beside(role: str, end: str = "") -> str:
         names = [name for name in frame.of_role(role, figure) if name.endswith(end)]
@@ -198,10 +198,10 @@ def cell(frame: Frame, label: Any, figure: str) -> Cell:
     low, high = beside("low"), beside("high")
     # Without an interval, the standard deviation over draws.
     spread = "" if frame.of_role("low", figure) else beside("beside", "spread")
-    return Cell(
+    return Entry(
         column.text(value),
         f"{low}–{high}" if low and high else "",
-        beside("source"),
+        beside("article"),
         f"±{spread}" if spread.strip("0.") else "",
         label,
         figure,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from rich.cells import cell_len
 from rich.console import Console
-from rich.text import Text
+from rich.table import Table as Grid
 
-from sweeps.report.pivot import Cell, Table
-from sweeps.report.screen import note
-from sweeps.report.words import printable
+from sweeps.report.pivot import Entry, Table
+from sweeps.report.screen import note, plain
 
 GAP = 2  # blanks between columns
 WIDEST, WIDEST_FIGURE, LEAST = 26, 40, 4  # cells of a column of labels, of figures, of any
@@ -52,7 +52,9 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
         if number:
             note("(further columns of the same table)", console)
         columns = [*shown, *(figures[k] for k in share)]
-        _print_row(columns, [column.head for column in columns], console, style="bold", low=True)
+        _print_row(
+            columns, [column.head for column in columns], console, style="bold", vertical="bottom"
+        )
         note("─" * _sum(columns), console)
         before: tuple[str, ...] = ()
         for line, row in zip(lines, texts, strict=True):
@@ -70,11 +72,11 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
         note(text, console)
 
 
-def text_of(cell: Cell) -> str:
+def text_of(cell: Entry) -> str:
     """Return a figure with its interval or spread, and the article's below."""
     interval = f" [{cell.interval}]" if cell.interval else ""
     spread = f" {cell.spread}" if cell.spread else ""
-    return cell.text + interval + spread + (f"\narticle {cell.source}" if cell.source else "")
+    return cell.text + interval + spread + (f"\narticle {cell.article}" if cell.article else "")
 
 
 def _column(head: str, texts: Sequence[str], widest: int) -> _Column:
@@ -113,31 +115,15 @@ def _print_row(
     console: Console,
     *,
     style: str = "",
-    low: bool = False,
+    vertical: Literal["top", "bottom"] = "top",
 ) -> None:
-    """Print cells beside each other, folded at blanks; of headings the last lines are level."""
-    cells = [
-        _folded(text, column.width, console) for column, text in zip(columns, texts, strict=True)
-    ]
-    tall = max(map(len, cells), default=0)
-    cells = [[""] * (tall - len(c)) + c if low else c + [""] * (tall - len(c)) for c in cells]
-    for parts in zip(*cells, strict=True):
-        padded = []
-        for column, part in zip(columns, parts, strict=True):
-            blank = " " * (column.width - cell_len(part))
-            padded.append(blank + part if column.right else part + blank)
-        console.print(Text((" " * GAP).join(padded).rstrip(), style=style), soft_wrap=True)
-
-
-def _folded(text: str, width: int, console: Console) -> list[str]:
-    """Return a text in lines of some cells, broken at blanks; only a longer word is broken."""
-    lines = []
-    for line in map(printable, text.split("\n")):
-        fits = cell_len(line) <= width
-        lines += (
-            [line] if fits else [part.plain.strip() for part in Text(line).wrap(console, width)]
-        )
-    return lines
+    """Print texts beside each other, folded at blanks; only a longer word is broken."""
+    grid = Grid.grid(padding=(0, GAP, 0, 0), pad_edge=False)
+    for column in columns:
+        justify: Literal["left", "right"] = "right" if column.right else "left"
+        grid.add_column(width=column.width, justify=justify, vertical=vertical)
+    grid.add_row(*map(plain, texts), style=style)
+    console.print(grid)
 
 
 def _unrepeated(keys: Sequence[str], before: Sequence[str]) -> list[str]:

@@ -46,7 +46,7 @@ class Network(Settings, key="classifier", single="coordinate"):
     learn_in_test = switch(
         False,
         label="learning during the test",
-        help="test vectors move categories, as in the source; unknown ships are presented last",
+        help="test vectors move categories, as in the article; unknown ships are presented last",
     )
     orders = draws(
         1,

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
-OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the source's chain
+OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the article's chain
 
 
 receivers = plain(reads=views.by_name(RECORDED[1:]), name="receivers")(views.keywords)

@@ -88,7 +88,7 @@ class Infrared(Settings, key="infrared"):
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
         help="assumed, and decisive at 100 km; per pixel of the detector, and not reduced by "
         "averaging frames (half pixels of shifted scenes have twice as much, which the detector "
-        "averages out); with perfect per half pixel, as the source assumes",
+        "averages out); with perfect per half pixel, as the article assumes",
     )
     sea_spread = quantity(
         library.SPREAD,
@@ -117,8 +117,8 @@ class Infrared(Settings, key="infrared"):
         list(library.SUPER_RESOLUTIONS),
         library.SUPER_RESOLUTIONS,
         label="super-resolution method",
-        help="perfect: half pixels with the noise of whole ones, the source's assumption; shifted: "
-        "recombined from frame_count frames at each of four places of the detector, so "
+        help="perfect: half pixels with the noise of whole ones, the article's assumption; "
+        "shifted: recombined from frame_count frames at each of four places of the detector, so "
         "4 x frame_count in all",
         single="dimension",
     )
@@ -139,14 +139,14 @@ class Infrared(Settings, key="infrared"):
     inner_radius = number(
         *(0.5, 0.01, 2),
         label="inner radius of the log-polar map, in sqrt(area / pi)",
-        help="a compromise between scores and categories of the source's Table 5",
+        help="a compromise between scores and categories of the article's Table 5",
         single="coordinate",
     )
     interpolation = word(
         "nearest",
         INTERPOLATIONS,
         label="interpolation of the log-polar map",
-        help="nearest: the plain map, as the source's; bilinear is the more invariant one and "
+        help="nearest: the plain map, as the article's; bilinear is the more invariant one and "
         "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
         single="coordinate",
     )

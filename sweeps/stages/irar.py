@@ -103,7 +103,7 @@ _word = partial(word, single="coordinate")
 class Course(Settings, key="irar", single="coordinate"):
     """Course and radar of a flight: what the pass and the truth depend on.
 
-    The source gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
+    The article gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
     gate, samples and carrier-to-noise ratio are assumptions that lead to its 8 to 12 lines a pixel.
     """
 
@@ -208,8 +208,8 @@ class Irar(Course, Receivers, Passive, key="irar"):
     chain = _word(
         EXACT,
         (EXACT, *RATES),
-        label="chain of corrections: exact, or as printed by the source",
-        help="in the printed chains f is the line rate, or the pulse rate as the source states",
+        label="chain of corrections: exact, or as printed by the article",
+        help="in the printed chains f is the line rate, or the pulse rate as the article states",
     )
     azimuth = _word(
         "pixel",

@@ -52,7 +52,7 @@ class Ladar(Settings, key="ladar"):
     cnr_range = quantity(100, 1, 1000, "km", "range at which cnr is stated")
     extinction = quantity(
         *(0, 0, 10, "dB km-1", "extinction of the air at 10.6 um, one way"),
-        help="the source's 32 dB at 100 km includes extinction",
+        help="the article's 32 dB at 100 km includes extinction",
     )
     target_free_ifovs = count(
         4000, 0, 10**7, label="target-free IFOVs accumulated per frame", single="coordinate"
@@ -257,7 +257,9 @@ profile_bins = PROFILE.stage(
     name="profile_bins",
 )(library.bin_centres)
 
-_SIGHT = views.by_name((Grid.range, Ladar.cnr, Ladar.cnr_range, Ladar.extinction))
+_SIGHT = {  # what the carrier-to-noise ratio depends on
+    name: getattr(Grid if hasattr(Grid, name) else Ladar, name) for name in cnr_at_range.arguments
+}
 
 
 @MOMENTS.stage(

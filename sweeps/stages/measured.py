@@ -1,7 +1,7 @@
 """Range profiles of the proposed sensor, and their identification.
 
 Of synthetic ships, made by the stages of the laser radar at the range that measured images stand in
-for, and of ships in simulated flights (the source, 'Conclusions': synthetic profiles are learned).
+for, and of ships in simulated flights (the article, 'Conclusions': synthetic profiles are learned).
 """
 
 from __future__ import annotations
@@ -134,11 +134,11 @@ acn_settings = plain(
 TRAINED = ("acn", "mnn", "correlation")
 """Classifiers of measured profiles: those that need no moments, which are unknown for them."""
 
-Lesson = tuple[str, Keywords]
-
 
 @plain(uses=(Classifier,))
-def lesson(name: str, acn_settings: Keywords, mnn_settings: Keywords) -> Lesson:
+def training_method(
+    name: str, acn_settings: Keywords, mnn_settings: Keywords
+) -> tuple[str, Keywords]:
     """Return the classifier and its own settings, so that others do not repeat its training."""
     return name, {"acn": acn_settings, "mnn": mnn_settings}.get(name, ())
 
@@ -150,7 +150,7 @@ def lesson(name: str, acn_settings: Keywords, mnn_settings: Keywords) -> Lesson:
     uses=(Grid,),
 )
 def namer(
-    lesson: Lesson,
+    training_method: tuple[str, Keywords],
     learned_signature: Profiles,
     valid: Views,
     training_views: Views,
@@ -158,7 +158,7 @@ def namer(
     rng: np.random.Generator,
 ) -> Namer:
     """Return a classifier trained on synthetic profiles, for all flights."""
-    name, own = lesson
+    name, own = training_method
     settings = dict(own)
     if name == "acn":
         see = classifier.profile_vectors

@@ -1,4 +1,4 @@
-"""The source's multilayered network with gain annealing, trained on expected range profiles."""
+"""The article's multilayered network with gain annealing, trained on expected range profiles."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Mnn(Settings, key="classifier.mnn", single="coordinate"):
     tolerance = number(
         *(0.35, 1e-6, 0.999),
         label="root mean square error at which training stops",
-        help="fitted to the training row of the source's Table 2, which needs a short training",
+        help="fitted to the training row of the article's Table 2, which needs a short training",
     )
     inputs = word(
         STANDARDISED,

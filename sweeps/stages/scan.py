@@ -44,7 +44,7 @@ DEGREE = Unit("degree", math.pi / 180)
 class Scan(Settings, key="scan"):
     """The search of the field of regard.
 
-    The source gives both fields (12 x 12 deg of the imager, 2 x 3 deg of the laser radar), the
+    The article gives both fields (12 x 12 deg of the imager, 2 x 3 deg of the laser radar), the
     IFOV and the 2 x 2 detector. Rates, the imager's array and the decoy are assumptions.
     """
 

@@ -22,14 +22,14 @@ def found(tmp_path, attributes=SOURCE, **more):
 
 def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
     rows = found(tmp_path)
-    theirs = rows[rows.source_percent_correct.notna()]
+    theirs = rows[rows.article_percent_correct.notna()]
     assert set(theirs.pulse_width_ns) == {30.0} and set(theirs.vigilance) == {0.95}
     printed = source_figures()["table4_percent_correct"]
     for frames, kind in ((4, "test"), (16, "test"), (None, "training")):
         here = theirs[theirs.kind == kind]
         here = here[here.frame_count == frames] if frames else here
         wanted = printed["frames"][frames] if frames else printed["training"]
-        assert here.sort_values("aspect_bin_deg").source_percent_correct.tolist() == wanted
+        assert here.sort_values("aspect_bin_deg").article_percent_correct.tolist() == wanted
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_nothing_stands_beside_other_views_or_settings(changed, tmp_path):
         rows = read_frames(path)["scores"].rows
     else:
         rows = found(tmp_path, given, **more)
-    assert "source_percent_correct" not in rows
+    assert "article_percent_correct" not in rows
 
 
 def test_of_a_setting_that_is_swept_only_rows_at_its_default_are_compared(tmp_path):
@@ -67,15 +67,15 @@ def test_of_a_setting_that_is_swept_only_rows_at_its_default_are_compared(tmp_pa
     given["configuration"]["ladar"] = {"cnr": [29.0, 32.0]}
     rows = found(tmp_path, given, cnr=[29.0, 32.0])
     cnr = next(name for name in rows if name.startswith("cnr"))
-    assert set(rows[rows.source_percent_correct.notna()][cnr]) == {32.0}
+    assert set(rows[rows.article_percent_correct.notna()][cnr]) == {32.0}
 
 
 def test_table_3_stands_beside_categories(tmp_path):
     table = categories(20, pulse_width=[10.0, 30.0], vigilance=[0.9, 0.95], range=[100.0])
     path = stored(tmp_path / "s.zarr", SOURCE, tables__categories_acn=table)
     rows = read_frames(path)["categories"].rows
-    theirs = rows[rows.source_categories.notna()]
-    assert theirs.source_categories.tolist() == [26, 18] and set(theirs.vigilance) == {0.95}
+    theirs = rows[rows.article_categories.notna()]
+    assert theirs.article_categories.tolist() == [26, 18] and set(theirs.vigilance) == {0.95}
 
 
 def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):

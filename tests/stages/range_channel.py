@@ -7,6 +7,7 @@ import numpy as np
 from sweeps.engine.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import classifier
+from sweeps.stages.views import by_key
 
 SHIPS = 3
 # Both sides of every edge between aspect bins, and their numbers.
@@ -28,6 +29,13 @@ def choose(**given):
     return read_choices(
         EXPERIMENT.declared, {key.replace("__", "."): value for key, value in given.items()}
     )
+
+
+def called(stage, **given):
+    """What a stage returns, with the default in SI of every setting that is not given."""
+    named = {name: setting for group in stage.uses for name, setting in by_key(group).items()}
+    own = {key: named[key].in_si(named[key].default) for key in stage.arguments if key in named}
+    return stage(**own | given)
 
 
 def learned(unknown=None, training_aspect=None):

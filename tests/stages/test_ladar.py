@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from range_channel import choose
+from range_channel import called, choose
 
 from ncti.features.profile import EDGE
 from ncti.ladar import banded_frame_moments, expected_profile, noise_floor
@@ -29,7 +29,7 @@ def ifovs(image):
 
 
 def test_signals_are_in_the_units_of_the_library(ifovs):
-    cnr = ladar.cnr_at_range(100e3, 32.0, 100e3, 0.0)
+    cnr = called(ladar.cnr_at_range, range=100e3)
     assert cnr == pytest.approx(10**3.2)
     band = ladar.covariance(ifovs, cnr=cnr, **SIGNAL)
     _, moments = banded_frame_moments(ifovs, cnr=cnr, **SIGNAL)
@@ -49,8 +49,8 @@ def test_the_floor_is_that_of_every_ifov(ifovs):
 
 def test_extinction_reaches_the_profile_in_its_units():
     """0.1 dB/km over the 50 km less than the reference, both ways: 10 dB more, besides 4 times."""
-    hazy = ladar.cnr_at_range(50e3, 20.0, 100e3, 0.1e-3)
-    assert hazy == pytest.approx(ladar.cnr_at_range(50e3, 30.0, 100e3, 0.0))
+    hazy = called(ladar.cnr_at_range, range=50e3, cnr=20.0, extinction=0.1e-3)
+    assert hazy == pytest.approx(called(ladar.cnr_at_range, range=50e3, cnr=30.0))
     assert hazy == pytest.approx(10**3 * 4)
 
 

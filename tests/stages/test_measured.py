@@ -12,7 +12,7 @@ from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.stages import classifier
 from sweeps.stages.acn import profile_order
-from sweeps.stages.measured import KINDS, acn_settings, lesson, measured, namer
+from sweeps.stages.measured import KINDS, acn_settings, measured, namer, training_method
 from sweeps.stages.mnn import Mnn, mnn_settings
 
 SHIPS, ASPECTS, BINS = ("a", "b", "c"), (0.0, 30.0, 60.0, 90.0), 120
@@ -51,7 +51,7 @@ def training_views(name, **changes):
     given["presentation"] = given["profile_order"]
     given["orders"] = given["order"]
     given["acn_settings"] = acn_settings(**{key: given[key] for key in acn_settings.arguments})
-    return lesson(**{key: given[key] for key in lesson.arguments})
+    return training_method(**{key: given[key] for key in training_method.arguments})
 
 
 class Fixed:
