@@ -15,9 +15,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_word
-from ncti.data.draws import Bounds, Floats, sampler, uniform_numbers
-from ncti.data.views import OF_ROWS, OF_VIEWS, VIEW, Arrays, Radar, Recipe, equal_rows, simulated
+from ncti.data.draws import Bounds, sampler, uniform_numbers
+from ncti.data.views import (
+    OF_ROWS,
+    OF_VIEWS,
+    SENSORS,
+    VIEW,
+    Arrays,
+    Radar,
+    Recipe,
+    equal_rows,
+    simulated,
+)
+from ncti.features.map_vector import map_cells
 from ncti.features.profile import shortest_window
+from ncti.infrared import (
+    CONTRAST_AT_ZERO,
+    EXTINCTION,
+    IFOV,
+    NEDT,
+    SPREAD,
+    SUPER_RESOLUTIONS,
+    Imager,
+)
 from ncti.labels import labelled
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
 from ncti.ladar.extent import bin_centres, bins_of
@@ -30,16 +50,18 @@ from ncti.simulate.subject import FARTHEST, NEAREST, SPACING, Ship, check_sight,
 if TYPE_CHECKING:
     import xarray as xr
 
-SENSORS = ("range",)
 ANYWHERE = "random"
+IMAGER = Imager(0.25, CONTRAST_AT_ZERO, EXTINCTION, NEDT, SPREAD, SPREAD)
 MOST_ROWS = 10_000_000  # of a call: 10 GB of profiles
 MOST_FRAMES = 10_000
-FINEST = 0.01  # m between lines
+MOST_WORKERS = 1024
+FINEST, COARSEST = 0.01, 2.0  # m between lines
 ROWS_AT_ONCE = 2000  # of a batch: some seconds of a process
 
-COORDINATES = {
-    "ship": ("", "ship"),
-    "view": ("", "number of the view"),
+ROWS = {
+    "row": "number of the row",
+    "ship": "ship",
+    "view": "number of the view",
     "aspect": ("degree", "aspect, 0 bow-on, 90 port beam"),
     "depression": ("degree", "depression of the line of sight"),
     "slant_range": ("m", "slant range"),
@@ -50,10 +72,22 @@ COORDINATES = {
     "floor": ("1", "shift of the noise floor, in rms deviations of a frame"),
     "error_bound": ("1", "bound on the error of the range extent after the pulse"),
 }
-PROFILES = {
-    "profile": "frame-averaged range profile, noise floor included",
-    "expected": "expected range profile, noise floor included",
+"""Coordinates of rows, with their units if they have any, and labels."""
+
+BINS = ("row", "down_range")
+VARIABLES = {
+    "profile": (BINS, "frame-averaged range profile, noise floor included"),
+    "expected": (BINS, "expected range profile, noise floor included"),
+    "silhouette": (("row", "angle", "radius"), "log-polar map of the segmented silhouette, 255ths"),
 }
+OF_RADAR: dict[str, Any] = {
+    "pulse_width": 30e-9,
+    "cnr": None,
+    "gain": 1.0,
+    "floor": 0.0,
+    "expected": False,
+}
+"""Arguments of the laser radar alone, and what they are where there is none."""
 
 
 def dataset(
@@ -67,19 +101,21 @@ def dataset(
     aspect: Any = ANYWHERE,
     depression: Any = DEPRESSION,
     slant_range: Any = 100e3,
-    pulse_width: Any = 30e-9,
-    cnr: Any = None,
+    pulse_width: Any = OF_RADAR["pulse_width"],
+    cnr: Any = OF_RADAR["cnr"],
     frames: Any = 16,
-    gain: Any = 1.0,
-    floor: Any = 0.0,
+    gain: Any = OF_RADAR["gain"],
+    floor: Any = OF_RADAR["floor"],
     rows_per_view: int = 25,
-    ifov: float = 150e-6,
+    ifov: float = IFOV,
     bin_width: float = 1.0,
     window: float = 250.0,
     target_free_ifovs: int = TARGET_FREE_IFOVS,
     spacing: float = SPACING,
     far_field_error: float = NEGLIGIBLE,
-    expected: bool = False,
+    expected: bool = OF_RADAR["expected"],
+    imager: Imager = IMAGER,
+    super_resolution: str = "none",
 ) -> xr.Dataset:
     """Return labelled rows of simulated signatures, with every parameter that was drawn.
 
@@ -98,8 +134,8 @@ def dataset(
         Number of the first row: rows of one seed can be made in parts, in any order.
     workers : int
         Processes. In a script, more than one needs the guard ``if __name__ == "__main__":``.
-    sensor : {"range"}
-        The laser radar.
+    sensor : {"range", "infrared", "both"}
+        The laser radar, the passive-infrared imager, or both at the same view.
     aspect : "random", or drawn
         Bearing of the sensor from the ship [deg], 0 at the bow, growing to port; `random` for
         (0, 360).
@@ -113,7 +149,7 @@ def dataset(
         Carrier-to-noise ratio of a filled IFOV [dB]; when not given,
         `ncti.ladar.carrier_to_noise` at the slant range, 32 dB at 100 km.
     frames : drawn
-        Frames averaged. An interval includes both its ends.
+        Frames averaged, by each sensor; an interval includes both its ends.
     gain : drawn
         Amplitude gain of the target: the factor of its expected profile above the floor.
     floor : drawn
@@ -123,7 +159,7 @@ def dataset(
         Rows of a view, numbered one after the other: ship, aspect, depression and slant range are
         drawn for each view, all else for each row. Views are rendered once.
     ifov : float
-        Side of the square instantaneous field of view [rad].
+        Side of the square instantaneous field of view, or of the imager's pixels [rad].
     bin_width, window : float
         Range bin, and range window centred on the ship origin [m].
     target_free_ifovs : int
@@ -134,20 +170,26 @@ def dataset(
         Largest relative error of range extents by drawing the far field in place of the slant
         range; an attribute of the result. Where it allows, ranges share an image.
     expected : bool
-        Whether the expectation of each row is returned, too.
+        Whether the expectation of each profile is returned, too.
+    imager : ncti.infrared.Imager
+        The imager, its noise, the air and the scene; those of sweeps when not given.
+    super_resolution : {"none", "perfect", "shifted"}
+        Pixels of the imager, or half of them, as of `ncti.infrared.image`.
 
     Returns
     -------
     xarray.Dataset
-        `profile` (row, down_range), the average of frames, noise floor included, as float32, and
-        perhaps `expected`. Coordinates of rows: `ship`, `view` (its number), all parameters by
-        their names here, and `error_bound`, an estimate of the error of the range extent.
+        Of the laser radar `profile` (row, down_range), the average of frames, noise floor included,
+        as float32, and perhaps `expected`; of the imager `silhouette` (row, angle, radius), the
+        log-polar map of the segmented silhouette in 255ths. Coordinates of rows: `ship`, `view`
+        (its number), all parameters by their names here, and `error_bound`, an estimate of the
+        error of the range extent.
 
     Raises
     ------
     ValueError
-        If a ship cannot be loaded or does not fit into the window, or a parameter is out of range;
-        before anything is simulated.
+        If a ship cannot be loaded or does not fit into the window, a parameter is out of range, or
+        one of the laser radar is given where there is none; before anything is simulated.
 
     See Also
     --------
@@ -156,14 +198,15 @@ def dataset(
 
     Notes
     -----
-    Speckle and noise follow Equations A and B of [1]_, frame by frame. A distribution is drawn by
-    its inverse from a number of the row, so that each parameter is the same whatever the others
-    are.
+    Speckle and noise follow Equations A and B of [1]_, frame by frame, and images Appendix 2. The
+    ship lies anywhere on the imager's pixels, and its silhouette is the matched segmentation's of
+    `ncti.features.segment`. A distribution is drawn by its inverse from a number of the row, so
+    that each parameter is the same whatever the others are.
 
     References
     ----------
     .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, MIT Lincoln Laboratory, Appendix 1.
+       Laboratory Journal, MIT Lincoln Laboratory, Appendices 1 and 2.
 
     Examples
     --------
@@ -180,29 +223,29 @@ def dataset(
     >>> X.shape, len(set(groups))
     ((60, 250), 3)
     """
-    bounds = {
-        "aspect": Bounds(-360.0, 360.0),
-        "depression": Bounds(0.0, 90.0),
-        "slant_range": Bounds(NEAREST, FARTHEST),
-    }
     require("count", count, minimum=1, maximum=MOST_ROWS, whole=True)
     require("first", first, minimum=0, maximum=2**53 - MOST_ROWS, whole=True)
     require("rows_per_view", rows_per_view, minimum=1, maximum=MOST_ROWS, whole=True)
-    require("workers", workers, minimum=1, maximum=1024, whole=True)
+    require("workers", workers, minimum=1, maximum=MOST_WORKERS, whole=True)
     require("seed", seed, minimum=0, maximum=2**63, whole=True)
-    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
-    require("spacing", spacing, minimum=FINEST, maximum=2.0)
-    require("far_field_error", far_field_error, positive=True, maximum=1.0)
     require_word("sensor", sensor, SENSORS)
+    require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
+    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
+    require("spacing", spacing, minimum=FINEST, maximum=COARSEST)
+    require("far_field_error", far_field_error, positive=True, maximum=1.0)
+    if not isinstance(imager, Imager):
+        raise ValueError(f"imager is {imager!r:.60}, but must be an ncti.infrared.Imager")
     bins_of(window, bin_width)
-    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # rounding of it
-    bounds |= {
-        "pulse_width": Bounds(shortest, max(LONGEST, shortest)),
-        "cnr": Bounds(-LOUDEST, LOUDEST),
-        "frames": Bounds(1, MOST_FRAMES, whole=True),
-        "gain": Bounds(0.0, 1000.0),
-        "floor": Bounds(-1000.0, 1000.0),
+    names = _names(ships)
+    of_radar = {
+        "pulse_width": pulse_width,
+        "cnr": cnr,
+        "gain": gain,
+        "floor": floor,
+        "expected": expected,
     }
+    if sensor == "infrared":
+        _check_unused(of_radar)
     given = {
         "aspect": (0.0, 360.0) if isinstance(aspect, str) and aspect == ANYWHERE else aspect,
         "depression": depression,
@@ -213,36 +256,54 @@ def dataset(
         "gain": gain,
         "floor": floor,
     }
+    bounds = _bounds(bin_width)
     samplers = {name: sampler(name, given[name], bounds[name]) for name in bounds}
-    names = _names(ships)
     numbers = np.arange(int(first), int(first) + int(count))
     drawn = _drawn(samplers, numbers, int(seed), int(rows_per_view), len(names))
     if cnr is None:
         budget = [10 * math.log10(carrier_to_noise(far)) for far in drawn["slant_range"].tolist()]
         drawn["cnr"] = np.array(budget)
     check_sight(float(drawn["slant_range"].min()), ifov)
-    longest = float(drawn["pulse_width"].max())
-    _check_window(ships, names, window, longest)
+    if sensor != "infrared":
+        _check_window(ships, names, window, float(drawn["pulse_width"].max()))
     recipe = Recipe(
-        tuple(ships),
-        int(seed),
-        Radar(ifov, bin_width, window, int(target_free_ifovs)),
-        spacing,
-        far_field_error,
-        bool(expected),
+        ships=tuple(ships),
+        seed=int(seed),
+        sensor=sensor,
+        radar=Radar(ifov, bin_width, window, int(target_free_ifovs)),
+        imager=imager,
+        super_resolution=super_resolution,
+        spacing=spacing,
+        far_field_error=far_field_error,
+        expected=bool(expected),
     )
     arrays = _gathered(recipe, drawn, int(workers))
-    attributes = {
-        "seed": int(seed),
-        "sensor": sensor,
-        "rows_per_view": int(rows_per_view),
-        "ifov_urad": round(ifov * 1e6, 9),
-        "target_free_ifovs": int(target_free_ifovs),
-        "spacing_m": float(spacing),
-        "far_field_error": float(far_field_error),
-    }
     drawn["ship"] = np.array(names)[drawn["ship"]]
-    return _labelled(drawn, arrays, bin_centres(window, bin_width), attributes)
+    return _labelled(recipe, drawn | arrays, int(rows_per_view))
+
+
+def _check_unused(of_radar: dict[str, Any]) -> None:
+    """Raise `ValueError` for arguments of the laser radar that are given where there is none."""
+    for name, value in of_radar.items():
+        if value is not OF_RADAR[name] and not (np.isscalar(value) and value == OF_RADAR[name]):
+            raise ValueError(
+                f"{name} is {value!r:.60}, but must not be given without a laser radar"
+            )
+
+
+def _bounds(bin_width: float) -> dict[str, Bounds]:
+    """Return what parameters may be, by name: those of views before those of rows."""
+    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # or a rounding of it
+    return {
+        "aspect": Bounds(-360.0, 360.0),
+        "depression": Bounds(0.0, 90.0),
+        "slant_range": Bounds(NEAREST, FARTHEST),
+        "pulse_width": Bounds(shortest, max(LONGEST, shortest)),
+        "cnr": Bounds(-LOUDEST, LOUDEST),
+        "frames": Bounds(1, MOST_FRAMES, whole=True),
+        "gain": Bounds(0.0, 1000.0),
+        "floor": Bounds(-1000.0, 1000.0),
+    }
 
 
 def _names(ships: Sequence[Ship]) -> list[str]:
@@ -325,21 +386,45 @@ def _lines_alone() -> None:
     os.environ["OMP_NUM_THREADS"] = "1"
 
 
-def _labelled(
-    drawn: Arrays, arrays: Arrays, down_range: Floats, attributes: dict[str, Any]
-) -> xr.Dataset:
+def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
     """Return rows as a data set of xarray."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
-    drawn["error_bound"] = arrays.pop("error_bound")
-    coords: dict[str, Any] = {"row": ("row", drawn["row"], {"long_name": "number of the row"})}
-    for name, (units, label) in COORDINATES.items():
-        about = {"long_name": label} | ({"units": units} if units else {})
-        coords[name] = ("row", drawn[name], about)
-    coords["down_range"] = labelled("down_range", down_range, "m", "down-range")
+    radar = recipe.radar
+    attributes: dict[str, Any] = {
+        "seed": recipe.seed,
+        "sensor": recipe.sensor,
+        "rows_per_view": rows_per_view,
+        "ifov_urad": round(radar.ifov * 1e6, 9),
+        "spacing_m": float(recipe.spacing),
+        "far_field_error": float(recipe.far_field_error),
+    }
+    rows = dict(ROWS)
+    coords: dict[str, Any] = {}
+    if "range" in SENSORS[recipe.sensor]:
+        attributes["target_free_ifovs"] = radar.target_free_ifovs
+        bins = bin_centres(radar.window, radar.bin_width)
+        coords["down_range"] = labelled("down_range", bins, "m", "down-range")
+    else:
+        rows = {
+            name: about for name, about in ROWS.items() if name not in (*OF_RADAR, "error_bound")
+        }
+    if "infrared" in SENSORS[recipe.sensor]:
+        attributes |= {**vars(recipe.imager), "super_resolution": recipe.super_resolution}
+        angle, radius = map_cells()
+        coords["angle"] = labelled("angle", angle, "degree", "angle about the centroid")
+        coords["radius"] = labelled(
+            "radius", radius, "1", "place between inner and outer log radius"
+        )
+    for name, about in rows.items():
+        if isinstance(about, str):
+            coords[name] = "row", arrays[name], {"long_name": about}
+        else:
+            coords[name] = labelled("row", arrays[name], *about)
     variables = {
-        name: labelled(("row", "down_range"), values, "1", PROFILES[name])
-        for name, values in arrays.items()
+        name: labelled(dims, arrays[name], "1", label)
+        for name, (dims, label) in VARIABLES.items()
+        if name in arrays
     }
     return xr.Dataset(variables, coords, attributes)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.features.profile import profile_vector
+from ncti.features import map_vector, profile_vector
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Vectors = tuple[NDArray[Any], NDArray[np.str_], NDArray[np.int64]]
+
+VECTORS: dict[str, Callable[[Any], NDArray[Any]]] = {
+    "profile": profile_vector,
+    "silhouette": map_vector,
+}
 
 GROUP = ("ship", "aspect", "depression")
 """Coordinates in which the rows of a group agree."""
@@ -30,7 +36,8 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
     -------
     X : (row, feature) ndarray
         Profile vectors, as the project's classifiers take them: the noise floor, read off the edges
-        of the window, removed and the peak set to 1.
+        of the window, removed and the peak set to 1. Of an imager vectors of its maps, and of both
+        sensors those beside one another, a profile's first.
     y : (row,) str ndarray
         Names of the ships.
     groups : (row,) int64 ndarray
@@ -40,12 +47,13 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
     Raises
     ------
     ValueError
-        If there is no profile.
+        If there is neither a profile nor a silhouette.
 
     See Also
     --------
     dataset : Makes rows.
     ncti.features.profile_vector : The vector of a profile.
+    ncti.features.map_vector : The vector of a map.
 
     Examples
     --------
@@ -59,10 +67,14 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
     >>> groups.tolist()
     [0, 1, 1, 1, 0]
     """
-    if "profile" not in rows:
-        raise ValueError(f"rows has {', '.join(map(str, rows))}, but must have a profile")
-    y = rows.ship.values.astype(str)
-    return profile_vector(rows.profile.values), y, groups_of(rows)
+    parts = [see(rows[name].values) for name, see in VECTORS.items() if name in rows]
+    if not parts:
+        raise ValueError(
+            f"rows has {', '.join(map(str, rows)) or 'nothing'}, but must have a profile or a "
+            "silhouette"
+        )
+    X = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+    return X, rows.ship.values.astype(str), groups_of(rows)
 
 
 def groups_of(rows: xr.Dataset) -> NDArray[np.int64]:

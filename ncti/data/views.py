@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.features import segment, silhouette_map
+from ncti.infrared import DetectorView, Hits, Imager, footprint
 from ncti.ladar.budget import power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import range_extent
@@ -32,8 +34,11 @@ VIEW = ("ship", "aspect", "depression", "slant_range")
 SIGNAL = ("pulse_width", "cnr", "frames", "gain", "floor")
 """Parameters of a row besides, of the laser radar."""
 
-OF_VIEWS, OF_ROWS, SPECKLE = range(3)
-"""Streams of random numbers: parameters of a view, of a row, and its speckle and noise."""
+OF_VIEWS, OF_ROWS, SPECKLE, IMAGE = range(4)
+"""Streams of random numbers: parameters of a view, of a row, its speckle, and its image."""
+
+SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "infrared")}
+"""Sensors by what a data set calls them."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,14 @@ class Recipe:
         A name, path or mesh of each ship.
     seed : int
         Seed of the data set.
+    sensor : str
+        A word of `SENSORS`.
     radar : Radar
         The laser radar.
+    imager : ncti.infrared.Imager
+        The passive-infrared imager, whose pixels are as wide as the IFOVs.
+    super_resolution : str
+        Its method, as of `ncti.infrared.image`.
     spacing : float
         Distance between lines across a ship [m].
     far_field_error : float
@@ -78,7 +89,10 @@ class Recipe:
 
     ships: tuple[Ship, ...]
     seed: int
+    sensor: str
     radar: Radar
+    imager: Imager
+    super_resolution: str
     spacing: float
     far_field_error: float
     expected: bool
@@ -106,7 +120,8 @@ def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
     Returns
     -------
     dict of (row, ...) ndarray
-        `profile` and perhaps `expected`, noise floor included, and `error_bound`.
+        Of the laser radar `profile` and perhaps `expected`, noise floor included, and
+        `error_bound`; of the imager `silhouette`, log-polar maps in bytes.
 
     Notes
     -----
@@ -138,7 +153,12 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
                 spacing=min(recipe.spacing, recipe.radar.ifov * slant_range),
             )
         of_rows = {name: values[rows] for name, values in drawn.items()}
-        yield profiles(recipe, image, slant_range, of_rows)
+        found: Arrays = {}
+        if "range" in SENSORS[recipe.sensor]:
+            found |= profiles(recipe, image, slant_range, of_rows)
+        if "infrared" in SENSORS[recipe.sensor]:
+            found["silhouette"] = silhouettes(recipe, image, slant_range, of_rows)
+        yield found
 
 
 def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:
@@ -186,3 +206,22 @@ def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
             found["expected"][k] = mean + change
         found["error_bound"][k] = extent.error_after(pulse_width)
     return found
+
+
+def silhouettes(
+    recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
+) -> NDArray[np.uint8]:
+    """Return the log-polar maps of the rows of one view, each at a place on the pixels of its own.
+
+    They are of the silhouettes that the matched segmentation returns.
+    """
+    imager, method = recipe.imager, recipe.super_resolution
+    patches = Hits.of(image).patches()
+    side, contrast = footprint(slant_range, recipe.radar.ifov), imager.contrast(slant_range)
+    images = []
+    for row, frames in zip(drawn["row"].tolist(), drawn["frames"].tolist(), strict=True):
+        rng = recipe.rng(IMAGE, row)
+        view = DetectorView(patches, side, contrast, imager, lambda rng=rng, **_: rng)
+        images.append(view.images(method, (0,), (frames,))[0, 0])
+    known: Any = imager.sigmas(drawn["frames"], method)
+    return silhouette_map(segment(images, method="matched", contrast=contrast, **known))

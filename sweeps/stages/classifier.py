@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ncti.evaluate import aspect_bins, tabulate_categories, tabulate_rejection, tabulate_scores
 from ncti.evaluate.answers import VIEW
 from ncti.evaluate.scores import BIN_WIDTH
-from ncti.features import profile_vector
+from ncti.features import map_vector, profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
@@ -270,8 +270,7 @@ def vectors_of(profiles: Profiles | Floats) -> Floats:
 
 def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Return (..., ship, aspect, angle, radius) maps as (..., view, feature) shares of cells."""
-    flat = maps.reshape(*maps.shape[:-4], -1, maps.shape[-2] * maps.shape[-1])
-    return np.asarray(flat * np.float32(1 / np.iinfo(maps.dtype).max), dtype=np.float32)
+    return map_vector(maps.reshape(*maps.shape[:-4], -1, *maps.shape[-2:]))
 
 
 # Answers

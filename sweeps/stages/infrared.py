@@ -15,6 +15,8 @@ from ncti import infrared as library
 from ncti.evaluate import aspect_bins
 from ncti.evaluate.answers import with_bins
 from ncti.features.log_polar import INTERPOLATIONS
+from ncti.features.map_vector import INNER_RADIUS, INTERPOLATION
+from ncti.features.map_vector import map_cells as cells
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
 from ncti.infrared.detector_view import MOST_OFFSETS
@@ -53,9 +55,6 @@ VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  #
 PLACE = "{} place on the target, the ship origin within a pixel"
 SEEN = ("range", "frame_count")  # axes of the sensor
 OVER = (*VIEW, "phase")  # what tables of images are means over
-
-ANGLES, RADII = 64, 32  # cells of the log-polar map
-STEPS = 255  # of a cell between empty and full
 
 OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
 
@@ -137,13 +136,13 @@ class Infrared(Settings, key="infrared"):
         single="coordinate",
     )
     inner_radius = number(
-        *(0.5, 0.01, 2),
+        *(INNER_RADIUS, 0.01, 2),
         label="inner radius of the log-polar map, in sqrt(area / pi)",
         help="a compromise between scores and categories of the article's Table 5",
         single="coordinate",
     )
     interpolation = word(
-        "nearest",
+        INTERPOLATION,
         INTERPOLATIONS,
         label="interpolation of the log-polar map",
         help="nearest: the plain map, as the article's; bilinear is the more invariant one and "
@@ -306,10 +305,7 @@ reconstruction_error = OF_VIEWS.stage(
 )
 def map_cells() -> dict[str, NDArray[Any]]:
     """Return the angles and radii of the cells of log-polar maps."""
-    return {
-        "angle": 360 / ANGLES * (np.arange(ANGLES) + 0.5),
-        "radius": (np.arange(RADII) + 0.5) / RADII,
-    }
+    return dict(zip(("angle", "radius"), cells(), strict=True))
 
 
 @stage(Output("silhouettes", ("row", "byte"), "u1"), uses=(Infrared,), **BY_PLACE)
@@ -332,7 +328,8 @@ def silhouettes(
 def log_polar(silhouettes: Bytes, inner_radius: float, interpolation: str) -> Bytes:
     """Return (offset, frame_count, angle, radius) maps."""
     # Padding bits beyond the last column are sea, which does not change the map.
-    return maps_of(np.unpackbits(silhouettes, axis=-1).astype(bool), inner_radius, interpolation)
+    masks = np.unpackbits(silhouettes, axis=-1).astype(bool)
+    return features.silhouette_map(masks, inner_radius=inner_radius, interpolation=interpolation)
 
 
 @OF_VIEWS.stage(
@@ -361,17 +358,8 @@ def template_log_polar(
         for offset in subpixel_offsets
     ]
     # Without noise every segmentation gives the same mask.
-    return maps_of(features.segment(targets, method="otsu"), inner_radius, interpolation)
-
-
-def maps_of(masks: NDArray[np.bool_], inner_radius: float, interpolation: str) -> Bytes:
-    """Return (..., angle, radius) maps of (..., row, col) masks.
-
-    In 255ths of a cell: half a step is nothing beside what a pixel's noise does.
-    """
-    how: Any = {"inner_radius": inner_radius, "interpolation": interpolation}
-    cells = features.log_polar(masks, **how, angles=ANGLES, radii=RADII)
-    return np.rint(STEPS * cells).astype(np.uint8)
+    masks = features.segment(targets, method="otsu")
+    return features.silhouette_map(masks, inner_radius=inner_radius, interpolation=interpolation)
 
 
 # Checks

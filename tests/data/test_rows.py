@@ -1,5 +1,8 @@
 """Rows of data sets: what they depend on, their mean and covariance, and the draws."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +11,9 @@ from scipy import stats
 
 import ncti
 from ncti.data.draws import Bounds, sampler, uniform_numbers
+from ncti.data.rows import IMAGER
+from ncti.data.views import IMAGE, Recipe
+from ncti.features import map_vector, profile_vector, segment, silhouette_map
 from ncti.ladar import frame_moments, range_extent
 from ncti.render import drawn_range, line_image
 from ncti.render.far_field import SHARE, reach_of
@@ -26,6 +32,7 @@ MIXED = {
     "cnr": [26.0, 32.0],
     "target_free_ifovs": 100,
     "expected": True,
+    "sensor": "both",
 }
 
 
@@ -88,9 +95,8 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
     """
     count, directions = 3000, 20
     how = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
-    rows = ncti.dataset(
-        ["duncan"], count, seed=11, rows_per_view=count, **{**MIXED, **how, "frames": (8, 12)}
-    )
+    how |= {"frames": (8, 12), "sensor": "range"}
+    rows = ncti.dataset(["duncan"], count, seed=11, rows_per_view=count, **{**MIXED, **how})
     mesh = ncti.ships.load("duncan")
     lines = line_image(
         mesh,
@@ -121,6 +127,33 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
     # These tests have power: a wrong number of frames by one fails.
     wrong = sample * np.mean(rows.frames.values / (rows.frames.values + 1))
     assert stats.chi2.sf(count * ((np.diag(wrong) - 1) ** 2).sum() / 2, directions) < LEVEL
+
+
+def test_silhouettes_without_noise_are_those_of_a_simulation():
+    """Each at its own place on the pixels, the first of its stream; whole pixels do not matter."""
+    nothing = {"nedt": 1e-3, "target_spread": 0.0, "sea_spread": 0.0}
+    imager = replace(IMAGER, **nothing)
+    how = {"sensor": "infrared", "slant_range": [50e3, 100e3], "super_resolution": "perfect"}
+    rows = ncti.dataset(SHIPS, 8, seed=5, rows_per_view=2, imager=imager, **how)
+    for row in range(8):
+        kept = rows.isel(row=row)
+        across, up = 2 * Recipe.rng(SimpleNamespace(seed=5), IMAGE, row).random(2) % 1
+        seen = ncti.simulate.infrared_image(
+            str(kept.ship.values),
+            aspect=float(kept.aspect),
+            slant_range=float(kept.slant_range),
+            phase=(across, up),
+            super_resolution="perfect",
+            **nothing,
+        )
+        wanted = silhouette_map(segment(seen.values, method="otsu"))
+        np.testing.assert_array_equal(kept.silhouette, wanted)
+
+
+def test_parameters_of_the_laser_radar_are_refused_without_it():
+    for name, value in {"cnr": 32.0, "gain": stats.norm(1), "floor": [0.0, 1.0]}.items():
+        with pytest.raises(ValueError, match=rf"^{name} is .* without a laser radar"):
+            ncti.dataset(SHIPS, 1, seed=0, sensor="infrared", **{name: value})
 
 
 # Parameters
@@ -167,7 +200,10 @@ def test_other_kinds_and_values_are_refused_by_name(given):
 
 def test_vectors_are_those_of_classifiers_and_groups_hold_whole_views(whole):
     X, y, groups = ncti.to_numpy(whole)
-    np.testing.assert_array_equal(X, ncti.features.profile_vector(whole.profile.values))
+    np.testing.assert_array_equal(X[:, :250], profile_vector(whole.profile.values))
+    np.testing.assert_array_equal(X[:, 250:], map_vector(whole.silhouette.values))
+    for name, part in (("profile", X[:, :250]), ("silhouette", X[:, 250:])):
+        np.testing.assert_array_equal(ncti.to_numpy(whole[[name]])[0], part)
     assert y.tolist() == whole.ship.values.tolist()
     sights = list(zip(y, whole.aspect.values, whole.depression.values, strict=True))
     pairs = {(sight, group) for sight, group in zip(sights, groups, strict=True)}
