@@ -15,8 +15,8 @@ Packages, in the order of the data flow, each imported when it is first used:
 - `data`: labelled data sets of many rows, for training and comparing classifiers
 
 `simulate` joins the first of them: one call returns a range profile, an infrared image or a flight
-as an xarray object, with units, ready to plot. `ncti.dataset` and `ncti.to_numpy` are those of
-`data`.
+as an xarray object, with units, ready to plot. `ncti.dataset`, `ncti.load_xy` and
+`ncti.to_numpy` are those of `data`.
 
 Examples
 --------
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         simulate,
     )
     from ncti.data import dataset as dataset
+    from ncti.data import load_xy as load_xy
     from ncti.data import to_numpy as to_numpy
 
 __all__ = [
@@ -70,7 +71,7 @@ __all__ = [
     "simulate",
 ]
 
-OF_DATA = ("dataset", "to_numpy")
+OF_DATA = ("dataset", "load_xy", "to_numpy")
 """Functions of `data` that are here, too."""
 
 

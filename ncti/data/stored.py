@@ -1,0 +1,210 @@
+"""Vectors, labels and groups of what a sweep has stored, as its classifiers take them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require_word
+from ncti.data.vectors import VECTORS, Vectors, to_numpy
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ROWS = "dataset"
+"""Group of a store of rows of `ncti.dataset`."""
+
+SPLITS = ("train", "learned", "test", "unknown")
+CLASSIFIERS = "classification/{}"  # groups of their answers
+AS_STORED = ("likelihood", "mnn")  # they take averages themselves, floor included
+
+
+class Signatures(NamedTuple):
+    """Signatures of a sensor in a store: variables of a group, and a dimension that only it has."""
+
+    learned: str
+    measured: str
+    kind: str
+    axes: tuple[str, ...]
+    dimension: str
+
+
+SENSORS = {
+    "range_profile": Signatures("expected", "averaged", "profile", ("down_range",), "pulse_width"),
+    "infrared": Signatures(
+        "template_log_polar", "log_polar", "silhouette", ("angle", "radius"), "super_resolution"
+    ),
+}
+"""Signatures by the sensor's group."""
+
+
+def load_xy(
+    store: str | Path, classifier_group: str | None = None, split: str = "train", **where: Any
+) -> Vectors:
+    """Return the vectors of a sweep's views, the ships that they are of, and groups.
+
+    Parameters
+    ----------
+    store : str or Path
+        Store of a sweep.
+    classifier_group : str, optional
+        A classifier of one sensor, as ``acn`` or ``acn_infrared``, or a sensor, ``range_profile``
+        or ``infrared``; the first of these that is in the store when not given.
+    split : {"train", "learned", "test", "unknown"}
+        `train`: what classifiers learn, the expected profiles or noiseless silhouettes of the
+        learned aspects of known ships; `learned`: measured ones, averages of frames, of the same
+        views; `test`: measured ones at all other aspects of known ships; `unknown`: measured ones
+        of ships absent from training.
+    **where
+        Values of dimensions, in the store's units, as ``pulse_width=30, frame_count=16``. Of other
+        dimensions all values are taken, one after the other. One that a split lacks is ignored:
+        what is learned has no number of frames.
+
+    Returns
+    -------
+    X : (row, feature) ndarray
+        Vectors as the classifier takes them, see `to_numpy`; of ``likelihood`` and ``mnn`` averages
+        as they are stored, floor included. Views that failed are left out.
+    y : (row,) str ndarray
+        Names of the ships.
+    groups : (row,) int64 ndarray
+        Number of the view, a ship at an aspect, the same in every split.
+
+    Raises
+    ------
+    ValueError
+        If there is no such store, group or value, or the split has no views.
+
+    See Also
+    --------
+    to_numpy : The same of rows of `ncti.dataset`.
+
+    Notes
+    -----
+    What is learned is read from the coordinates `learned` of aspects and `known` of ships. A store
+    of rows, of ``ncti-sweep +experiment=dataset``, has one split, `train`.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> ncti.load_xy("no.zarr")
+    Traceback (most recent call last):
+    ValueError: store is 'no.zarr', but must be a store of a sweep
+    """
+    require_word("split", split, SPLITS)
+    if (made := _opened(store, ROWS)) is not None:
+        return _of_rows(made, classifier_group, split, where)
+    sensor = _sensor(store, classifier_group)
+    group = _opened(store, sensor)
+    if group is None:
+        raise ValueError(f"classifier_group is {classifier_group!r}, but the store lacks {sensor}")
+    of_sensor = SENSORS[sensor]
+    views = _selected(group, where)
+    if views.learned.ndim > 1:
+        spacing = next(str(dim) for dim in views.learned.dims if dim != "aspect")
+        raise ValueError(f"{spacing} is not given, but must be: the aspects learned depend on it")
+    # Ships and aspects of the split, so that nothing else is read.
+    known, learned = views.known.values, views.learned.values
+    aspects = {"test": ~learned, "unknown": learned | ~learned}.get(split, learned)
+    ships = ~known if split == "unknown" else known
+    if not (ships.any() and aspects.any()):
+        raise ValueError(f"split is {split!r}, but {NOTHING[split]}")
+    name = of_sensor.learned if split == "train" else of_sensor.measured
+    signatures = views[name].isel(ship=np.flatnonzero(ships), aspect=np.flatnonzero(aspects))
+    axes = of_sensor.axes
+    rows = signatures.stack(row=[d for d in signatures.dims if d not in axes], create_index=False)
+    rows = rows.transpose("row", *axes)
+    values = rows.values
+    there = (values == values) if of_sensor.kind == "profile" else (values >= 0)  # NaN, or -1
+    there = there.reshape(len(values), -1).all(axis=1)
+    of_view = [group.get_index(at).get_indexer(rows[at].values[there]) for at in ("ship", "aspect")]
+    groups = np.ravel_multi_index(of_view, (group.sizes["ship"], group.sizes["aspect"]))
+    return (
+        _seen(values[there], of_sensor.kind, classifier_group),
+        rows.ship.values[there].astype(str),
+        groups.astype(np.int64),
+    )
+
+
+NOTHING = {
+    "train": "the store has no learned view",
+    "learned": "the store has no learned view",
+    "test": "must be learned where the sweep learned every aspect: see classifier.training_aspect",
+    "unknown": "the sweep learned every ship: see classifier.unknown",
+}
+"""Reasons of splits without views."""
+
+
+def _seen(values: NDArray[Any], kind: str, classifier: str | None) -> NDArray[Any]:
+    """Return signatures as a classifier takes them."""
+    if kind == "silhouette":
+        return VECTORS[kind](values.astype(np.uint8))
+    as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in AS_STORED
+    return values if as_stored else VECTORS[kind](values)
+
+
+def _opened(store: str | Path, group: str) -> xr.Dataset | None:
+    """Return a group of a store, its integers as they are; None if there is no such group."""
+    # Imported where it is used: xarray takes a third of a second.
+    import xarray as xr
+
+    try:
+        return xr.open_dataset(store, group=group, engine="zarr", mask_and_scale=False)
+    except KeyError:
+        return None
+    except (OSError, ValueError, TypeError) as error:
+        raise ValueError(f"store is {str(store)!r}, but must be a store of a sweep") from error
+
+
+def _sensor(store: str | Path, classifier: str | None) -> str:
+    """Return the group of the sensor whose signatures a classifier takes."""
+    if classifier is None:
+        return next((name for name in SENSORS if _opened(store, name) is not None), "range_profile")
+    if classifier in SENSORS:
+        return classifier
+    answers = _opened(store, CLASSIFIERS.format(classifier.removeprefix(CLASSIFIERS[:-2])))
+    sensors = [
+        name
+        for name, of_sensor in SENSORS.items()
+        if answers is not None and of_sensor.dimension in answers.coords
+    ]
+    if len(sensors) != 1:
+        raise ValueError(
+            f"classifier_group is {classifier!r}, but must be {' or '.join(SENSORS)}, or a "
+            "classifier of the store that takes one of them"
+        )
+    return sensors[0]
+
+
+def _selected(views: xr.Dataset, where: dict[str, Any]) -> xr.Dataset:
+    """Return the views that have some values of dimensions, of which all stay dimensions."""
+    for name, value in where.items():
+        if name not in views.coords:
+            raise ValueError(
+                f"{name} is no dimension, but must be among {', '.join(map(str, views.coords))}"
+            )
+        values = np.atleast_1d(views[name].values)
+        wanted = np.atleast_1d(value)
+        if not np.isin(wanted, values).all():
+            raise ValueError(
+                f"{name} is {value!r:.60}, but must be among {', '.join(map(str, values[:20]))}"
+            )
+        if views[name].ndim:
+            views = views.isel({name: np.flatnonzero(np.isin(values, wanted))})
+    return views
+
+
+def _of_rows(
+    made: xr.Dataset, classifier: str | None, split: str, where: dict[str, Any]
+) -> Vectors:
+    """Return the vectors of a store of rows, which has no split."""
+    if split != "train":
+        raise ValueError(f"split is {split!r}, but must be 'train' for rows, which are not split")
+    if where:
+        raise ValueError(f"{next(iter(where))} is given, but rows have no dimension but row")
+    if classifier is not None:
+        raise ValueError(f"classifier_group is {classifier!r}, but must not be given for rows")
+    return to_numpy(made)

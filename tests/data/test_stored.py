@@ -1,0 +1,116 @@
+"""Vectors of a sweep's store are those of its own classifiers, whose answers they repeat."""
+
+import numpy as np
+import pytest
+from commands import opened, swept
+
+import ncti
+from ncti.classify import AdaptiveClusteringNetwork, CorrelationNeighbour
+
+SHIPS, ASPECTS, LEARNED = ["duncan", "spruance", "texas"], [0, 20, 45, 70, 90], [0, 45, 90]
+UNKNOWN = "texas"
+PULSES, FRAMES = [30.0, 50.0], [2, 8]
+SPLITS = ("learned", "test", "unknown")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, cache):
+    path = tmp_path_factory.mktemp("stored") / "s.zarr"
+    swept(
+        path,
+        cache,
+        *(f"grid.ship={SHIPS}", f"grid.aspect={ASPECTS}", f"grid.pulse_width={PULSES}"),
+        *(f"grid.frame_count={FRAMES}", "grid.replicate=2", "sensor=both", "grid.range=50"),
+        *(f"classifier.training_aspect={LEARNED}", f"classifier.unknown=[{UNKNOWN}]"),
+        *("classifier.name=[acn,correlation,likelihood]", "infrared.subpixel_offsets=2"),
+        *("infrared.super_resolution=[none,perfect]", "infrared.orders=1"),
+    )
+    return path
+
+
+def answers(store, classifier, split, **where):
+    """Names that a sweep gave to the views of a split, one ship after the other."""
+    given = opened(store, f"classification/{classifier}").sel(where)
+    known = np.array([ship != UNKNOWN for ship in SHIPS])
+    learned = np.isin(ASPECTS, LEARNED)
+    ships = ~known if split == "unknown" else known
+    aspects = {"test": ~learned, "learned": learned, "unknown": learned | True}[split]
+    cells = given.predicted.isel(ship=ships, aspect=aspects).squeeze()
+    cells = cells.transpose("ship", "aspect", ...) if "ship" in cells.dims else cells
+    return given.ship.values[cells.values.astype(int).reshape(-1)].tolist()
+
+
+@pytest.mark.parametrize("split", SPLITS)
+@pytest.mark.parametrize("pulse_width", PULSES)
+def test_a_nearest_neighbour_answers_as_the_store_has_it(store, split, pulse_width):
+    where = {"pulse_width": pulse_width, "frame_count": 8, "replicate": 1}
+    neighbour = CorrelationNeighbour()
+    neighbour.fit(*ncti.load_xy(store, "correlation", **where)[:2])
+    X, *_ = ncti.load_xy(store, "correlation", split, **where)
+    assert neighbour.predict(X).tolist() == answers(store, "correlation", split, **where)
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_a_clustering_network_answers_as_the_store_has_it(store, split):
+    """Of profiles, and of silhouettes at a place on the pixels."""
+    for classifier, where in (
+        ("acn", {"pulse_width": 30.0, "frame_count": 2, "replicate": 0}),
+        ("acn_infrared", {"super_resolution": "perfect", "frame_count": 8, "phase": 1}),
+    ):
+        given = opened(store, f"classification/{classifier}")
+        network = AdaptiveClusteringNetwork(vigilance=float(given.vigilance.values.item()))
+        network.fit(*ncti.load_xy(store, classifier, **where)[:2])
+        X, *_ = ncti.load_xy(store, classifier, split, **where)
+        assert network.predict(X).tolist() == answers(store, classifier, split, **where)
+
+
+def test_splits_share_no_view_and_hold_all(store):
+    """Learned views are those of training, once for each draw, pulse width and number of frames."""
+    draws = 2 * len(PULSES) * len(FRAMES)
+    views = {split: ncti.load_xy(store, split=split)[1:] for split in ("train", *SPLITS)}
+    groups = {split: set(of_split[1].tolist()) for split, of_split in views.items()}
+    assert groups["train"] == groups["learned"]
+    assert sum(len(groups[split]) for split in SPLITS) == len(SHIPS) * len(ASPECTS)
+    assert len(set.union(*groups.values())) == len(SHIPS) * len(ASPECTS)
+    for split in SPLITS:
+        y, of_row = views[split]
+        assert (np.unique(of_row, return_counts=True)[1] == draws).all()
+        assert set(y) == ({UNKNOWN} if split == "unknown" else {*SHIPS} - {UNKNOWN})
+    assert len(views["train"][0]) == len(PULSES) * len(groups["train"])
+
+
+def test_likelihoods_take_averages_as_they_are_stored(store):
+    kept = opened(store, "range_profile").averaged.sel(ship=UNKNOWN)
+    X, *_ = ncti.load_xy(store, "likelihood", "unknown")
+    kept = kept.transpose("aspect", "pulse_width", "replicate", "frame_count", "range", ...)
+    assert sorted(X.tolist()) == sorted(kept.values.reshape(X.shape).tolist())
+
+
+@pytest.mark.parametrize(
+    ("named", "arguments"),
+    [
+        ("split", {"split": "validation"}),
+        ("classifier_group", {"classifier_group": "nobody"}),
+        ("pulse_width", {"pulse_width": 31.0}),
+        ("speed", {"speed": 3.0}),
+        ("range", {"range": ["far"]}),
+    ],
+)
+def test_wrong_words_are_refused_by_name(store, named, arguments):
+    with pytest.raises(ValueError, match=rf"^{named} is\b"):
+        ncti.load_xy(store, **arguments)
+
+
+def test_a_split_without_views_is_refused(tmp_path, cache):
+    """A sweep that learns every aspect of every ship has nothing else to test."""
+    swept(
+        tmp_path / "all.zarr",
+        cache,
+        *("grid.ship=duncan", "grid.aspect=[0,20]", "grid.pulse_width=30", "sensor=range"),
+        *("grid.frame_count=2", "grid.range=50", "classifier.name=acn"),
+    )
+    for split in ("test", "unknown"):
+        with pytest.raises(ValueError, match=rf"^split is '{split}'"):
+            ncti.load_xy(tmp_path / "all.zarr", split=split)
+    with pytest.raises(ValueError, match=r"^store is '.*none.zarr'"):
+        ncti.load_xy(tmp_path / "none.zarr")
