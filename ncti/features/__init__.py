@@ -16,6 +16,6 @@ __all__ = [
     "profile_vector",
     "segment",
     "ship_distance",
-    "sister",
     "silhouette_map",
+    "sister",
 ]
