@@ -82,6 +82,11 @@ class Spots:
         """Whether each cell is on disk."""
         return self.pack >= 0
 
+    def reshape(self, *shape: int) -> Spots:
+        """Return the same in another shape."""
+        pack, row = self.pack.reshape(shape), self.row.reshape(shape)
+        return Spots(self.paths, pack, row, self.keys.reshape(*pack.shape, 2))
+
     def alone(self) -> Spots:
         """Return the same with no further paths, to be sent away."""
         used, pack = np.unique(self.pack, return_inverse=True)

@@ -18,7 +18,7 @@ from sweeps.engine.index import CellIndex
 from sweeps.engine.keys import Keys, distinct, hashed, joined, spelt_key
 from sweeps.engine.packs import NO_SPOTS, Spots
 from sweeps.engine.plan import Cells, Plan
-from sweeps.engine.stage import Bound
+from sweeps.engine.stage import At, Bound
 from sweeps.engine.tasks import Calls, Column, Made, Outcome, Read, Step, Trouble
 from sweeps.engine.waiting import Job, Waiting
 
@@ -303,7 +303,10 @@ class Schedule:
                 calls = self._calls_at(source, made, np.zeros((), dtype=np.int64), **own)
                 sources[argument.name] = Made(calls, places.astype(np.int32))
             else:
-                sources[argument.name], present = self._read(bound, source, firsts, grid)
+                read, present = self._read(bound, source, firsts, grid)
+                at = bound.stage.reads.get(argument.name)
+                in_blocks = isinstance(at, At) and at.in_blocks
+                sources[argument.name] = replace(read, in_blocks=in_blocks)
                 if valid is not None:
                     valid &= present
         streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)

@@ -132,11 +132,13 @@ NOWHERE = Group("")
 class At:
     """A stage that is read at other settings' values, such as training at one range for all.
 
-    Settings that run together with such a setting are as they are there.
+    Settings that run together with such a setting are as they are there. What is gathered
+    `in_blocks` is read when it is indexed (`sweeps.engine.tasks.Gathered`), not whole before.
     """
 
     stage: str
-    settings: Mapping[Setting, Setting]
+    settings: Mapping[Setting, Setting] = field(default_factory=dict)
+    in_blocks: bool = False
 
 
 @dataclass(frozen=True)

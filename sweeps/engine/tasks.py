@@ -12,8 +12,8 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from itertools import chain, islice
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
@@ -81,6 +81,7 @@ class Read:
 
     step: Step
     spots: Spots
+    in_blocks: bool = False  # each call gets `Gathered`
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,8 +284,8 @@ def _difference(step: Step, first: Arrays, again: Arrays) -> str:
 
 # arguments --------------------------------------------------------------------------------------
 
-Inputs = dict[str, Arrays | Exception]
-"""By argument, the arrays of what a call reads, or why there are none."""
+Inputs = dict[str, Any]
+"""By argument, the arrays of what a call reads, what reads them, or why there are none."""
 
 
 def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Inputs]:
@@ -299,6 +300,10 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
         found: list[Inputs] = [{} for _ in range(start, stop)]
         size = 0
         for name, read in reads.items():
+            if read.in_blocks:
+                for number, inputs in enumerate(found, start):
+                    inputs[name] = Gathered(read.step, read.spots[number], packs)
+                continue
             spots = read.spots[start:stop]
             cells = _each(packs, spots[spots.present])
             for number, inputs in enumerate(found):
@@ -336,7 +341,9 @@ def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dic
             arrays = inputs.pop(name)
             if isinstance(arrays, Exception):
                 raise arrays
-            given[name] = arrays[source.step.outputs[0].name] if len(arrays) == 1 else arrays
+            if not source.in_blocks and len(arrays) == 1:
+                arrays = arrays[source.step.outputs[0].name]
+            given[name] = arrays
     if calls.streams:
         seed, cell = calls.streams[number]
         given[RNG] = cell_rng(seed, **cell)
@@ -359,6 +366,48 @@ def _object(calls: Calls, number: int, packs: Objects) -> Any:
     inputs = next(_with_inputs(calls, packs, number))
     objects[key] = made = calls.step.call(**_arguments(calls, number, inputs, packs))
     return made
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gathered:
+    """The arrays of many cells, of an output, as one array: what is indexed is read then.
+
+    Only axes of cells are indexed, and by `reshape` become others; indices are those of numpy.
+    """
+
+    step: Step
+    spots: Spots
+    packs: Objects
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of cells, and the shape of one."""
+        flat = self.spots.reshape(-1)
+        first = flat[np.flatnonzero(flat.present)[:1]]
+        return *self.spots.pack.shape, *self._read(first).shape[1:]
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def reshape(self, *shape: int) -> Gathered:
+        """Return the same with other axes of cells, whose own shape stays."""
+        own = len(self.shape) - self.spots.pack.ndim
+        return replace(self, spots=self.spots.reshape(*shape[: len(shape) - own]))
+
+    def __getitem__(self, at: Any) -> NDArray[Any]:
+        """Return the arrays of some cells; raise `Damaged` if any are."""
+        spots, own = self.spots[at], self.shape[self.spots.pack.ndim :]
+        if not spots.present.any():
+            [output] = self.step.outputs
+            return np.full((*spots.pack.shape, *own), output.empty, output.dtype)
+        return self._read(spots)
+
+    def _read(self, spots: Spots) -> NDArray[Any]:
+        found = _joined(self.step, spots, _each(self.packs, spots[spots.present]))
+        if isinstance(found, Exception):
+            raise found
+        [array] = found.values()
+        return array
 
 
 def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays | Exception:

@@ -22,9 +22,9 @@ from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Run, Settings, count, draws, number, switch, word
-from sweeps.engine.stage import Output, in_memory, inner, plain
+from sweeps.engine.stage import At, Output, in_memory, inner, plain
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views
+from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views, in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
@@ -90,7 +90,8 @@ class TrainingSet:
         views = np.flatnonzero(valid & training_views)
         vectors = see(flat[:, views]).astype(np.float64)
         if not vectors.any():  # which is refused by name, with all views that there are
-            views, vectors = np.arange(valid.size), see(seen).astype(np.float64)
+            views = np.arange(valid.size)
+            vectors = see(flat[:, views]).astype(np.float64)
         return cls(vectors, Similarities.of(vectors), views, valid, see)
 
     def places(self, views: Indices) -> Indices:
@@ -98,18 +99,18 @@ class TrainingSet:
         return np.searchsorted(self.views, views)
 
     def matches(
-        self, clusterings: Sequence[Clustering], tests: NDArray[Any]
+        self, clusterings: Sequence[Clustering], tests: NDArray[Any], number: int
     ) -> Iterable[tuple[Indices, Floats]]:
-        """Return (view,) categories and cosines of (ship, aspect, ...) tests, by clustering.
+        """Return (view,) categories and cosines of (..., view, ...) tests, by clustering.
 
-        No more than some rows of tests are held against the training set.
+        They are the tests of a number on the first axis, of which some are read at a time.
         """
-        flat = tests.reshape(1, -1, *tests.shape[2:])
-        count = flat.shape[1]
+        count = tests.shape[1]
         category = np.empty((len(clusterings), count), dtype=np.intp)
         cosine = np.empty((len(clusterings), count))
         for rows in row_blocks(count):
-            similarities = self.similarities.to(self.see(flat[:, rows]).astype(np.float64))
+            seen = self.see(tests[number : number + 1, rows])
+            similarities = self.similarities.to(seen.astype(np.float64))
             for c, clustering in enumerate(clusterings):
                 category[c, rows], cosine[c, rows] = clustering.match(similarities)
         return zip(category, cosine, strict=True)
@@ -212,15 +213,16 @@ def answer_tests(
     trainings = [{name: values[at] for name, values in training.items()} for at in places]
     clusterings = [_clustering(formed) for formed in trainings]
     networks = [network_of(training_set, formed) for formed in trainings if learn_in_test]
-    for f, seen in enumerate(tests):
+    flat = tests.reshape(len(tests), -1, *tests.shape[3:])
+    for f in range(len(flat)):
         if learn_in_test:
-            vectors = training_set.see(seen).astype(np.float64)
+            vectors = training_set.see(flat[f : f + 1, :]).astype(np.float64)
             matches: Iterable[tuple[Indices, Floats]] = (
                 match_learning(network, vectors, formed)
                 for network, formed in zip(networks, trainings, strict=True)
             )
         else:
-            matches = training_set.matches(clusterings, seen)
+            matches = training_set.matches(clusterings, flat, f)
         for at, formed, (category, cosine) in zip(places, trainings, matches, strict=True):
             labels = formed["training_category"]
             category = np.where(valid, category.reshape(valid.shape), NONE)
@@ -283,13 +285,13 @@ def match_learning(
 # Declarations
 
 
-@in_memory(gather=GATHERED, keep=4)
+@in_memory(gather=GATHERED, keep=4, reads=in_blocks("expected"))
 def profile_training_set(expected: Profiles, valid: Views, training_views: Views) -> TrainingSet:
     """Return the training views and similarities of expected profiles, shared by all trainings."""
     return TrainingSet.of(expected, valid, training_views, classifier.profile_vectors)
 
 
-@in_memory(gather=GATHERED, keep=4)
+@in_memory(gather=GATHERED, keep=4, reads=in_blocks("template_log_polar"))
 def silhouette_training_set(
     template_log_polar: NDArray[np.uint8], valid: Views, training_views: Views
 ) -> TrainingSet:
@@ -351,7 +353,7 @@ acn = OF_RANGE.answers(
     Output("similarity", VIEW, label="cosine similarity to that category", without=RULES),
     without=RULES[1:],
     uses=(Grid, Network),
-    reads=SEEN | {"training": "acn_training", "tests": "averaged"},
+    reads=SEEN | {"training": "acn_training", "tests": At("averaged", in_blocks=True)},
     along=(Network.orders, Grid.vigilance, Grid.frame_count),
     name=NAME,
 )(answer_tests)
@@ -364,7 +366,8 @@ acn_infrared_training = replace(
 acn_infrared = replace(
     acn,
     name="acn_infrared",
-    reads=SEEN_INFRARED | {"training": "acn_infrared_training", "tests": "log_polar"},
+    reads=SEEN_INFRARED
+    | {"training": "acn_infrared_training", "tests": At("log_polar", in_blocks=True)},
     along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
     **SILHOUETTES,
 )

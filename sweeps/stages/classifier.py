@@ -16,7 +16,7 @@ from ncti.features import map_vector, profile_vector
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
-from sweeps.engine.stage import STATE, Group, Output, Status, coordinate, in_memory, plain
+from sweeps.engine.stage import STATE, At, Group, Output, Status, coordinate, in_memory, plain
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
@@ -271,6 +271,11 @@ def vectors_of(profiles: Profiles | Floats) -> Floats:
 def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Return (..., ship, aspect, angle, radius) maps as (..., view, feature) shares of cells."""
     return map_vector(maps.reshape(*maps.shape[:-4], -1, *maps.shape[-2:]))
+
+
+def in_blocks(*names: str) -> dict[str, At]:
+    """Return reads of stages whose results are gathered of all views, a block at a time."""
+    return {name: At(name, in_blocks=True) for name in names}
 
 
 # Answers

@@ -43,6 +43,7 @@ def profile_draws(averaged: Profiles, training: str) -> Profiles | Floats:
 @ANSWERS.answers(
     Output("similarity", classifier.VIEW, label="cosine similarity to the nearest profile"),
     uses=(Grid, Classifier, Correlation),
+    reads=classifier.in_blocks("expected", "averaged"),
 )
 def correlation(
     profile_draws: Profiles | Floats,
@@ -68,7 +69,7 @@ def correlation(
     if training == NOISY:
         training_set = np.delete(profile_draws, replicate, axis=0)
     else:
-        training_set = classifier.by_view(expected)[None]
+        training_set = expected.reshape(1, -1, expected.shape[-1])
     tests = classifier.by_view(averaged)
     return match_views(training_set, tests, valid, known, left_out, classifier.vectors_of)
 

@@ -110,7 +110,7 @@ class Moments:
         # Imported here because scikit-learn takes a second.
         from ncti.classify.likelihood import GaussianTemplates
 
-        means = self.prior.levelled(self.expected)[self.known]
+        means = self.prior.levelled(self.expected[self.known])
         ship, column = self.known.nonzero()
         at = np.array(self.aspect)[column]
         return GaussianTemplates(
@@ -120,7 +120,12 @@ class Moments:
         ).fit(means, self.covariance[self.known], ship, floor=means[:, :1], aspect=at, rng=rng)
 
 
-profile_moments = in_memory(uses=(Grid,), gather=GATHERED, name="profile_moments")(Moments)
+profile_moments = in_memory(
+    uses=(Grid,),
+    reads=classifier.in_blocks("expected", "covariance"),
+    gather=GATHERED,
+    name="profile_moments",
+)(Moments)
 
 
 @stage(

@@ -90,6 +90,7 @@ mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)
     ),
     uses=(Grid,),
     gather=GATHERED,
+    reads=classifier.in_blocks("expected"),
     # The same initial weights in every setting, so that only the settings differ.
     stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), NAME),
 )
@@ -122,7 +123,7 @@ def mnn_training(
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` shows it
         network.fit(seen(expected[known], inputs), truth[known])
     named = np.full(valid.shape, NONE)
-    named[valid] = predicted(network, expected[valid], inputs)
+    named[valid] = predicted(network, expected.reshape(1, -1, expected.shape[-1]), valid, inputs)
     return {
         "training_correct": np.where(known, named == truth, NONE),
         "presentations": np.array(network.n_iter_),
@@ -135,6 +136,7 @@ def mnn_training(
     Output("predicted_bin", classifier.VIEW, "i2", label="number of the predicted aspect bin"),
     Output("ship_correct", classifier.VIEW, "i1", "1 where the ship is right, for any aspect bin"),
     uses=(Grid, Mnn),
+    reads=classifier.in_blocks("averaged"),
     along=(Grid.frame_count,),
 )
 def mnn(
@@ -143,8 +145,9 @@ def mnn(
     """Return the ships predicted for averaged profiles, one number of frames at a time."""
     network = from_arrays(mnn_training)
     named = np.full(averaged.shape[:-1], NONE)
-    for of_count, profiles in zip(named, averaged, strict=True):
-        of_count[valid] = predicted(network, profiles[valid], inputs)
+    flat = averaged.reshape(len(named), -1, averaged.shape[-1])
+    for f, of_count in enumerate(named):
+        of_count[valid] = predicted(network, flat, valid, inputs, f)
     bins = len(aspect_bins(aspect)[0])
     answers = classifier.judged(named // bins, valid)
     right = np.where(valid, named == classes_of(valid.shape, aspect), NONE)
@@ -164,11 +167,17 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
     return classes
 
 
-def predicted(network: GainAnnealedNetwork, profiles: Profiles, inputs: str) -> NDArray[np.intp]:
-    """Return the classes of (view, bin) profiles, some of which are inputs at a time."""
-    classes = np.empty(len(profiles), dtype=np.intp)
-    for rows in row_blocks(len(profiles)):
-        classes[rows] = network.predict(seen(profiles[rows], inputs))
+def predicted(
+    network: GainAnnealedNetwork, profiles: Profiles, valid: Views, inputs: str, number: int = 0
+) -> NDArray[np.intp]:
+    """Return the classes of existing views, of a number of (number, view, bin) profiles.
+
+    Some of them are read, and are inputs, at a time.
+    """
+    views = np.flatnonzero(valid)
+    classes = np.empty(len(views), dtype=np.intp)
+    for rows in row_blocks(len(views)):
+        classes[rows] = network.predict(seen(profiles[number, views[rows]], inputs))
     return classes
 
 

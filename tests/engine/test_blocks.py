@@ -1,0 +1,102 @@
+"""What is gathered in blocks is read when it is indexed, and is what an array would be."""
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from packed import keys
+from small_stores import opened
+from toys import Few, run_few
+
+from sweeps.engine.packs import Packing, Spots, cells_of
+from sweeps.engine.stage import At, Group, Output, stage
+from sweeps.engine.tasks import Damaged, Gathered, Step
+
+BOTH = Group("both")
+ROWS = 20_000  # of a cell
+SHAPE = (3, 4)
+LACKING = [1, 2, 3, 9]  # cells that are not there
+
+
+@stage(Output("row", ("k",), dtype="f8"), uses=(Few,))
+def row(size):
+    """Some numbers, of which one size has none."""
+    if size == 3:
+        raise ValueError("none")
+    return np.arange(ROWS) + size
+
+
+def backwards(row, valid):
+    """The numbers of each size, the last size first, read one size at a time."""
+    each = [row[k : k + 1] for k in reversed(range(len(row)))]
+    assert row.shape == (len(valid), ROWS) and not np.isfinite(row[~valid]).any()
+    return np.concatenate(each)[:, :2].sum(axis=1) + row.reshape(1, -1, ROWS)[0, 0][1]
+
+
+def of_all(name, **how):
+    outputs = Output("total", ("number",), "f8", label="total")
+    return stage(outputs, gather=(Few.size,), group=BOTH, name=name, **how)(backwards)
+
+
+def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
+    for name, read in {"whole": "row", "blocks": At("row", in_blocks=True)}.items():
+        stages = [row, of_all(name, reads={"row": read})]
+        finished = run_few(stages, tmp_path / f"{name}.zarr", sizes=range(1, 6))
+        assert [*dict(finished.failures)] == ["row size=3"], finished.failures
+    whole, blocks = (opened(tmp_path / f"{name}.zarr", "both") for name in ("whole", "blocks"))
+    assert np.isfinite(whole.total).sum() == 4
+    np.testing.assert_array_equal(blocks.total, whole.total)
+
+
+@pytest.fixture(scope="module")
+def gathered(tmp_path_factory):
+    """Cells in two packs, some of them absent, and the array that they would be."""
+    packs = cells_of(tmp_path_factory.mktemp("cache"))
+    values = np.arange(12.0 * ROWS, dtype="f8").reshape(12, ROWS)
+    pack, place = np.arange(12) % 2, np.arange(12) // 2
+    names = [keys(*range(n, 12, 2)) for n in range(2)]
+    paths = []
+    for number in range(2):
+        packing = Packing()
+        for array in values[number::2]:
+            packing.add({"row": array})
+        paths.append(packing.write(packs, "row", names[number]).path)
+    every = np.array([names[n % 2][n // 2] for n in range(12)])
+    pack[LACKING], values[LACKING] = -1, np.nan
+    spots = Spots(paths, pack.astype("i4"), place.astype("i4"), every).reshape(*SHAPE)
+    return Gathered(Step.of(row), spots, packs), values.reshape(*SHAPE, ROWS)
+
+
+@given(at=st.data())
+def test_indices_are_those_of_an_array(gathered, at):
+    lazy, array = gathered
+    axes = [st.slices(n) | st.integers(-n, n - 1) | st.lists(st.integers(0, n - 1)) for n in SHAPE]
+    index = at.draw(
+        axes[0] | st.just(np.isfinite(array[..., 0])) | st.tuples(axes[0], st.slices(4))
+    )
+    np.testing.assert_array_equal(lazy[index], array[index])
+    flat = at.draw(st.lists(st.integers(0, 11)))
+    np.testing.assert_array_equal(
+        lazy.reshape(1, -1, ROWS)[:, flat], array.reshape(1, -1, ROWS)[:, flat]
+    )
+
+
+def test_what_is_read_is_in_memory_alone(gathered):
+    lazy, array = gathered
+    tracemalloc.start()
+    each = lazy.reshape(12, ROWS)
+    total = sum(np.nansum(each[k]) for k in range(12))
+    held = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert total == np.nansum(array) and held < array.nbytes / 2
+
+
+def test_damage_is_noticed_when_it_is_read(gathered):
+    lazy, _ = gathered
+    lost = replace(lazy.spots, keys=lazy.spots.keys + np.uint64(1))
+    with pytest.raises(Damaged) as error:
+        replace(lazy, spots=lost)[0, :1]
+    assert error.value.keys == (lost.keys[0, 0].tobytes(),)
