@@ -127,7 +127,8 @@ def draw_flights(
 
     def drawn(title: str, flight: xr.Dataset) -> Figure:
         mesh = meshes[flight.ship.item()]
-        return draw_stages(stages(mesh, **scan_of(given, flight, mesh)), title)
+        again = scan_of(given, flight, mesh)
+        return draw_stages(stages(mesh, **again), title, again["scan"].flight.slant_range)
 
     return {
         "flight_{}_{:g}km_{:g}deg.png".format(
