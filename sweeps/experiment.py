@@ -24,6 +24,7 @@ from sweeps.engine.settings import Choices, Setting, Settings
 from sweeps.engine.stage import Experiment, Stage
 from sweeps.stages import views
 from sweeps.stages.classifier import Classifier
+from sweeps.stages.dataset import SENSOR as DATASET
 from sweeps.stages.infrared import silhouette_engine
 from sweeps.stages.views import Grid, Render, Sweep, looks
 
@@ -34,7 +35,7 @@ MODULES = tuple(
     for name in (
         *("views", "portraits", "ladar", "infrared", "irar", "flights"),
         *("classifier", "acn", "mnn", "correlation", "likelihood", "fusion", "measured"),
-        *("run_time", "scan"),
+        *("run_time", "scan", "dataset"),
     )
 )
 
@@ -103,8 +104,8 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return lines on what is swept, of some modules and of classifiers without any use."""
-    # Flights, run times and scans have classifiers of their own.
-    own = {views.IRAR, views.RUN_TIME, views.SCAN} & set(choices.one(Sweep.sensor))
+    # Flights, run times and scans have classifiers of their own, and data sets have none.
+    own = {views.IRAR, views.RUN_TIME, views.SCAN, DATASET} & set(choices.one(Sweep.sensor))
     return [
         f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
         for name in (() if own else idle(stages_of(modules), choices))
@@ -118,8 +119,10 @@ def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
     """
     engines = {*choices[Render.engine]}
     needed = [*map(of_engine, sorted(engines))]
-    if looks(views.RANGE)(choices):
+    if looks(views.RANGE)(choices) or looks(DATASET)(choices):
         needed.append(FRAMES)
+    if looks(DATASET)(choices):
+        needed += [of_engine(LINES), IMAGES]
     if looks(views.INFRARED)(choices):
         needed.append(IMAGES)
         needed += [of_engine(MASK)] if MASK in map(silhouette_engine.function, engines) else []

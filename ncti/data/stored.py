@@ -14,8 +14,12 @@ from ncti.data.vectors import VECTORS, Vectors, to_numpy
 if TYPE_CHECKING:
     import xarray as xr
 
-ROWS = "dataset"
-"""Group of a store of rows of `ncti.dataset`."""
+ROWS = ("dataset", "dataset_infrared")
+"""Groups of a store of rows of `ncti.dataset`, of the laser radar and of the imager."""
+
+PREFIX = "row_"  # of parameters of rows in a store
+OF_ROWS = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
+"""Types of numbers, which a store may keep in others."""
 
 SPLITS = ("train", "learned", "test", "unknown")
 CLASSIFIERS = "classification/{}"  # groups of their answers
@@ -80,6 +84,7 @@ def load_xy(
 
     See Also
     --------
+    open_rows : Rows of a data set's store.
     to_numpy : The same of rows of `ncti.dataset`.
 
     Notes
@@ -95,8 +100,14 @@ def load_xy(
     ValueError: store is 'no.zarr', but must be a store of a sweep
     """
     require_word("split", split, SPLITS)
-    if (made := _opened(store, ROWS)) is not None:
-        return _of_rows(made, classifier_group, split, where)
+    if any(_opened(store, name) is not None for name in ROWS):
+        if split != "train":
+            raise ValueError(
+                f"split is {split!r}, but must be 'train' of rows, which have no other"
+            )
+        if classifier_group is not None:
+            raise ValueError(f"classifier_group is {classifier_group!r}, but must be None of rows")
+        return to_numpy(open_rows(store, **where))
     sensor = _sensor(store, classifier_group)
     group = _opened(store, sensor)
     if group is None:
@@ -129,6 +140,76 @@ def load_xy(
     )
 
 
+def open_rows(
+    store: str | Path, *, chunks: dict[str, int] | None = None, **where: Any
+) -> xr.Dataset:
+    """Return the rows of a store of ``ncti-sweep +experiment=dataset``, as `dataset` does.
+
+    Parameters
+    ----------
+    store : str or Path
+        Store whose groups have dimensions `piece` and `place`, the place of a row in a piece.
+    chunks : dict, optional
+        As of `xarray.open_dataset`: with ``{}`` nothing is read before it is used.
+    **where
+        Values of other dimensions, if the store has any.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables and coordinates of `dataset`, the same to the bit. Rows of pieces that are not
+        there yet are left out.
+
+    Raises
+    ------
+    ValueError
+        If it is no such store, or has another dimension, of which no value is given.
+
+    See Also
+    --------
+    dataset : The rows themselves.
+    load_xy : Their vectors.
+
+    Examples
+    --------
+    >>> from ncti.data import open_rows
+    >>> open_rows("no.zarr")
+    Traceback (most recent call last):
+    ValueError: store is 'no.zarr', but must be a store of a sweep
+    """
+    # Imported where it is used: xarray takes a third of a second.
+    import xarray as xr
+
+    parts = [
+        _row_by_row(_selected(group, where))
+        for name in ROWS
+        if (group := _opened(store, name, chunks)) is not None
+    ]
+    if not parts:
+        raise ValueError(f"store is {str(store)!r}, but must have a group {' or '.join(ROWS)}")
+    return xr.merge(parts, compat="override", join="inner")
+
+
+def _row_by_row(pieces: xr.Dataset) -> xr.Dataset:
+    """Return pieces of rows one after the other, by the names and types of `dataset`."""
+    import xarray as xr
+
+    other = [name for name in pieces.row_view.dims if name not in ("piece", "place")]
+    if any(pieces.sizes[name] > 1 for name in other):
+        raise ValueError(f"{other[0]} is not given, but must be: the store has rows for each value")
+    pieces = pieces.isel(dict.fromkeys(other, 0), drop=True).drop_vars(["rows", "piece"])
+    names = pieces.ship.values.astype(str)
+    rows = pieces.drop_vars("ship").stack(row=["piece", "place"], create_index=False)
+    rows = rows.isel(row=np.flatnonzero(rows.row_view.values >= 0)).transpose("row", ...)
+    # Parameters of rows become coordinates.
+    arrays = {str(k).removeprefix(PREFIX): values.variable for k, values in rows.data_vars.items()}
+    arrays |= {k: arrays[k].astype(dtype) for k, dtype in OF_ROWS.items() if k in arrays}
+    arrays["ship"] = arrays["ship"].copy(data=names[arrays["ship"].values])
+    signatures = {k: arrays.pop(k) for k in list(arrays) if f"{PREFIX}{k}" not in rows}
+    bins = {str(k): values.variable for k, values in rows.coords.items() if values.ndim}
+    return xr.Dataset(signatures, {**bins, **arrays})
+
+
 NOTHING = {
     "train": "the store has no learned view",
     "learned": "the store has no learned view",
@@ -146,13 +227,17 @@ def _seen(values: NDArray[Any], kind: str, classifier: str | None) -> NDArray[An
     return values if as_stored else VECTORS[kind](values)
 
 
-def _opened(store: str | Path, group: str) -> xr.Dataset | None:
+def _opened(
+    store: str | Path, group: str, chunks: dict[str, int] | None = None
+) -> xr.Dataset | None:
     """Return a group of a store, its integers as they are; None if there is no such group."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     try:
-        return xr.open_dataset(store, group=group, engine="zarr", mask_and_scale=False)
+        return xr.open_dataset(
+            store, group=group, engine="zarr", mask_and_scale=False, chunks=chunks
+        )
     except KeyError:
         return None
     except (OSError, ValueError, TypeError) as error:
@@ -195,16 +280,3 @@ def _selected(views: xr.Dataset, where: dict[str, Any]) -> xr.Dataset:
         if views[name].ndim:
             views = views.isel({name: np.flatnonzero(np.isin(values, wanted))})
     return views
-
-
-def _of_rows(
-    made: xr.Dataset, classifier: str | None, split: str, where: dict[str, Any]
-) -> Vectors:
-    """Return the vectors of a store of rows, which has no split."""
-    if split != "train":
-        raise ValueError(f"split is {split!r}, but must be 'train' for rows, which are not split")
-    if where:
-        raise ValueError(f"{next(iter(where))} is given, but rows have no dimension but row")
-    if classifier is not None:
-        raise ValueError(f"classifier_group is {classifier!r}, but must not be given for rows")
-    return to_numpy(made)

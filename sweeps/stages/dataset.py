@@ -1,0 +1,220 @@
+"""Data sets of simulated rows: `ncti.dataset` in pieces, each a cell that is kept.
+
+Ships, ranges, pulse widths and numbers of frames of the grid are drawn from, a value as often as
+another. A piece holds the rows that `ncti.dataset` returns of the same seed and numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncti import ladar
+from ncti.data import dataset
+from ncti.data.rows import OF_RADAR as ONLY_RADAR
+from ncti.data.rows import ROWS, VARIABLES
+from ncti.data.views import SENSORS
+from ncti.features.map_vector import map_cells
+from ncti.infrared import SUPER_RESOLUTIONS
+from sweeps.engine.display import Display, Figure
+from sweeps.engine.settings import Choices, Run, Settings, count, draws, set_of, vector, word
+from sweeps.engine.stage import Condition, Group, Output, coordinate, plain
+from sweeps.stages import views
+from sweeps.stages.infrared import Infrared
+from sweeps.stages.ladar import Ladar
+from sweeps.stages.ships import ShipName
+from sweeps.stages.views import Arrays, Grid, Hull, Render, Scene, looks, quantity
+
+if TYPE_CHECKING:
+    import trimesh
+    import xarray as xr
+
+SENSOR = "dataset"
+IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
+
+
+class Rows(Settings, key="dataset"):
+    """Rows of a data set, and what is drawn for them."""
+
+    sensor = word(
+        "range", tuple(SENSORS), label="sensors of the data set", fixed="it shapes arrays"
+    )
+    pieces = draws(
+        1, 10**6, label="pieces of rows, by number", dimension="piece", single="dimension"
+    )
+    rows = count(1000, 1, 10**6, label="rows of a piece", fixed=views.SHAPES)
+    rows_per_view = count(25, 1, 10**6, label="rows of a view")
+    aspect = vector([0, 360], 2, -360, 360, label="ends of the aspects drawn", unit="degree")
+    cnr = set_of(
+        quantity(
+            *(
+                None,
+                -100,
+                100,
+                "dB",
+                "carrier-to-noise ratios of a filled IFOV that are drawn from",
+            ),
+            help="null: 32 dB at 100 km, and by the square of the range elsewhere",
+        )
+    )
+    gain = vector([1, 1], 2, 0, 1000, label="ends of the gains drawn")
+    floor = vector(
+        *([0, 0], 2, -1000, 1000),
+        label="ends of the shifts of the noise floor drawn, in rms deviations of a frame",
+    )
+    super_resolution = word(
+        "none",
+        SUPER_RESOLUTIONS,
+        label="super-resolution method of silhouettes",
+        dimension="super_resolution",
+        fixed="a data set has one",
+    )
+
+
+def _has(kind: str) -> Condition:
+    """Return the condition that rows of a sensor are asked for."""
+    return lambda choices: looks(SENSOR)(choices) and kind in SENSORS[choices.one(Rows.sensor)]
+
+
+@plain(uses=(Grid,), gather=(Grid.ship,))
+def hulls(ship: tuple[ShipName, ...]) -> tuple[Hull, ...]:
+    """Return the sources of all ships."""
+    return tuple(map(views.hull.function, ship))
+
+
+# Each group has the parameters of its rows, so that either is whole by itself.
+USED = (Rows, Grid, Scene, Ladar, Render, Run)
+PROFILES = Group(SENSOR, _has("range"), USED)
+SILHOUETTES = Group(f"{SENSOR}_infrared", _has("infrared"), (*USED, Infrared))
+
+# Keywords of `ncti.dataset`: settings, of which the grid's are lists to draw from.
+OF_BOTH = {
+    "seed": Run.seed,
+    "piece": Rows.pieces,
+    "count": Rows.rows,
+    "rows_per_view": Rows.rows_per_view,
+    "aspect": Rows.aspect,
+    "depression": Scene.depression,
+    "slant_range": Grid.range,
+    "frames": Grid.frame_count,
+    "ifov": Ladar.ifov,
+    "spacing": Render.pixel,
+}
+OF_RADAR = OF_BOTH | {
+    "pulse_width": Grid.pulse_width,
+    "cnr": Rows.cnr,
+    "gain": Rows.gain,
+    "floor": Rows.floor,
+    "bin_width": Ladar.bin_width,
+    "window": Ladar.window,
+    "target_free_ifovs": Ladar.target_free_ifovs,
+}
+OF_IMAGER = OF_BOTH | {"imager": "imager", "super_resolution": Rows.super_resolution}
+LISTS = ("slant_range", "frames", "pulse_width", "cnr")
+INTEGERS = {"row": "i8", "view": "i8", "frames": "i4", "ship": "i4"}
+
+
+def _parameters(names: Iterable[str]) -> list[Output]:
+    """Declare parameters of rows, which are named `row_aspect` and the like."""
+    outputs = [Output("rows", ("ship",), "i4", label="rows of a ship")]
+    for name in names:
+        about = ROWS[name]
+        unit, label = ("1", about) if isinstance(about, str) else about
+        label += ", as an index into the ship axis" if name == "ship" else ""
+        dtype = INTEGERS.get(name, "f8")
+        outputs.append(Output(f"row_{name}", ("place",), dtype, label=label, unit=unit))
+    return outputs
+
+
+@PROFILES.stage(
+    *_parameters(ROWS),
+    Output("profile", ("place", "down_range"), label=VARIABLES["profile"][1]),
+    reads=OF_RADAR,
+    gather=(Grid.ship, Grid.range, Grid.frame_count, Grid.pulse_width),
+)
+def profile_rows(hulls: tuple[Hull, ...], ship: tuple[str, ...], **given: Any) -> Arrays:
+    """Return a piece of rows of the laser radar."""
+    return made(hulls, ship, "range", **given)
+
+
+@SILHOUETTES.stage(
+    *_parameters(name for name in ROWS if name not in (*ONLY_RADAR, "error_bound")),
+    Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
+    reads=OF_IMAGER,
+    gather=(Grid.ship, Grid.range, Grid.frame_count),
+)
+def silhouette_rows(hulls: tuple[Hull, ...], ship: tuple[str, ...], **given: Any) -> Arrays:
+    """Return a piece of rows of the imager."""
+    return made(hulls, ship, "infrared", **given)
+
+
+def made(
+    hulls: tuple[Hull, ...],
+    ship: tuple[str, ...],
+    sensor: str,
+    *,
+    piece: int,
+    count: int,
+    **given: Any,
+) -> Arrays:
+    """Return the arrays of the rows of a piece, which `ncti.dataset` makes."""
+    drawn = {name: list(given[name]) for name in LISTS if given.get(name) is not None}
+    meshes = [named(*pair) for pair in zip(hulls, map(str, ship), strict=True)]
+    rows = dataset(meshes, count, first=piece * count, sensor=sensor, **{**given, **drawn})
+    index = np.searchsorted(np.array(ship, dtype=str), rows.ship.values)
+    arrays = {f"row_{name}": values.values for name, values in rows.coords.items() if name in ROWS}
+    arrays |= {"row_ship": index, "rows": np.bincount(index, minlength=len(ship))}
+    return arrays | {str(name): values.values for name, values in rows.data_vars.items()}
+
+
+@lru_cache(maxsize=64)
+def named(hull: Hull, label: str) -> trimesh.Trimesh:
+    """Return a ship's mesh by the name that the sweep has for it."""
+    mesh = views.read_mesh(hull)
+    if mesh.metadata.get("name") != label:
+        mesh = mesh.copy()
+        mesh.metadata["name"] = label
+    return mesh
+
+
+row_bins = PROFILES.stage(
+    coordinate("down_range", ("down_range",), "f8", "down-range from the ship origin", "m"),
+    name="row_bins",
+)(ladar.bin_centres)
+
+
+@SILHOUETTES.stage(
+    coordinate("angle", ("angle",), "f8", "angle about the centroid", "degree"),
+    coordinate("radius", ("radius",), "f8", "place between inner and outer log radius"),
+)
+def row_cells() -> Arrays:
+    """Return the angles and radii of the cells of log-polar maps."""
+    return dict(zip(("angle", "radius"), map_cells(), strict=True))
+
+
+def check(choices: Choices) -> Choices:
+    """Refuse (`ConfigurationError`) scenes, ships and ranges of which no rows are made."""
+    if looks(SENSOR)(choices):
+        views.require(choices, Scene.geometry, "fixed", f"with the sensor {SENSOR}")
+        views.require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
+        views.check_ranges(choices, Grid.range, Ladar.ifov)
+    return choices
+
+
+def tabulate(made_rows: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return the number of rows of each ship."""
+    rows = made_rows.rows.where(made_rows.rows >= 0).sum("piece", keep_attrs=True)
+    return rows.to_dataset().assign_attrs(title="Rows of each ship")
+
+
+TABLES = tuple(
+    group.table(
+        group.path,
+        tabulate,
+        Display(group.path, title, (Figure("rows", format=".0f"),), rows=("ship",)),
+    )
+    for group, title in ((PROFILES, "Rows of profiles"), (SILHOUETTES, "Rows of silhouettes"))
+)

@@ -1,0 +1,84 @@
+"""Stores of pieces of rows: the rows of `ncti.dataset`, and more of them at the cost of those."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from commands import swept
+
+import ncti
+from ncti.data import open_rows
+from ncti.data.rows import ROWS
+
+SHIPS = ["duncan", "texas"]
+ROWS_OF_A_PIECE = 30
+GIVEN = (
+    *("sensor=dataset", f"grid.ship={SHIPS}", "grid.range=[50,100]", "grid.pulse_width=[30,50]"),
+    *("grid.frame_count=[1,4]", "dataset.sensor=both", "dataset.gain=[0.8,1.2]"),
+    *("dataset.floor=[-1,1]", "dataset.cnr=[26,32]", "dataset.aspect=[0,90]", "seed=3"),
+    *(f"dataset.rows={ROWS_OF_A_PIECE}", "dataset.rows_per_view=7"),  # views go over pieces
+)
+
+
+def same(count):
+    """The rows of a store of `GIVEN`."""
+    nanoseconds = 1e-9  # in which sweeps multiply
+    return ncti.dataset(
+        SHIPS,
+        count,
+        seed=3,
+        sensor="both",
+        aspect=(0.0, 90.0),
+        slant_range=[50e3, 100e3],
+        pulse_width=[30 * nanoseconds, 50 * nanoseconds],
+        frames=[1, 4],
+        cnr=[26.0, 32.0],
+        gain=(0.8, 1.2),
+        floor=(-1.0, 1.0),
+        rows_per_view=7,
+    )
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, cache):
+    """A store of three pieces, one of which was there before."""
+    path = tmp_path_factory.mktemp("pieces") / "rows.zarr"
+    for pieces in (1, 3):
+        finished = swept(path, cache, *GIVEN, f"dataset.pieces={pieces}")
+    return path, finished
+
+
+def test_rows_are_those_of_the_library_to_the_bit(store):
+    path, _ = store
+    wanted = same(3 * ROWS_OF_A_PIECE)
+    for chunks in (None, {}):
+        xr.testing.assert_equal(open_rows(path, chunks=chunks), wanted)
+    for ours, theirs in zip(ncti.load_xy(path), ncti.to_numpy(wanted), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_more_pieces_compute_those_alone(store):
+    _, finished = store
+    computed = {name: of.done for name, of in finished.progress.items() if "_rows" in name}
+    assert computed == {"profile_rows": 2, "silhouette_rows": 2}
+
+
+def test_rows_of_a_store_have_no_split(store):
+    path, _ = store
+    for wrong in ({"split": "test"}, {"classifier_group": "acn"}, {"pulse_width": 30}):
+        with pytest.raises(ValueError, match=rf"^{next(iter(wrong))} is\b"):
+            ncti.load_xy(path, **wrong)
+
+
+def test_rows_of_other_settings_stand_beside_one_another(tmp_path, cache):
+    few = ("sensor=dataset", "grid.ship=duncan", "grid.frame_count=1", "dataset.rows=4")
+    swept(
+        tmp_path / "s.zarr", cache, *few, "ladar.target_free_ifovs=[0,100]", "grid.pulse_width=30"
+    )
+    with pytest.raises(ValueError, match=r"^target_free_ifovs is not given"):
+        open_rows(tmp_path / "s.zarr")
+    for free in (0, 100):
+        rows = open_rows(tmp_path / "s.zarr", target_free_ifovs=free)
+        how = {"frames": 1, "target_free_ifovs": free, "pulse_width": 30 * 1e-9}
+        alone = ncti.dataset(["duncan"], 4, seed=0, **how)
+        xr.testing.assert_equal(rows, alone)
+        assert set(ROWS) <= set(rows.coords)
