@@ -100,7 +100,7 @@ def load_xy(
     ValueError: store is 'no.zarr', but must be a store of a sweep
     """
     require_word("split", split, SPLITS)
-    if any(_opened(store, name) is not None for name in ROWS):
+    if has_rows(store):
         if split != "train":
             raise ValueError(
                 f"split is {split!r}, but must be 'train' of rows, which have no other"
@@ -188,6 +188,26 @@ def open_rows(
     if not parts:
         raise ValueError(f"store is {str(store)!r}, but must have a group {' or '.join(ROWS)}")
     return xr.merge(parts, compat="override", join="inner")
+
+
+def has_rows(store: str | Path) -> bool:
+    """Return whether a store is one of rows; `ValueError` if it is no store of a sweep."""
+    return any(_opened(store, name) is not None for name in ROWS)
+
+
+def ships_of(store: str | Path) -> list[str]:
+    """Return the names of a store's ships, known or not."""
+    names = (*ROWS, *SENSORS)
+    groups = (group for name in names if (group := _opened(store, name)) is not None)
+    return next(groups).ship.values.astype(str).tolist()
+
+
+def pieces_of(store: str | Path) -> dict[int, int]:
+    """Return the pieces of a store of rows that are there, and the number of rows of each."""
+    group = next(group for name in ROWS if (group := _opened(store, name)) is not None)
+    other = [dim for dim in group.row_view.dims if dim != "piece"]
+    counts = (group.row_view >= 0).sum(other).values.tolist()
+    return {k: n for k, n in zip(group.piece.values.tolist(), counts, strict=True) if n}
 
 
 def _row_by_row(pieces: xr.Dataset) -> xr.Dataset:

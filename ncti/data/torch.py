@@ -1,0 +1,198 @@
+"""Data sets for PyTorch of what a sweep has stored: by row, and as a stream of batches.
+
+They need the extra ``torch`` where `torch.utils.data.DataLoader` reads them, and nothing else: a
+row is a vector of numpy and the number of its ship.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require
+from ncti.data.stored import has_rows, load_xy, pieces_of, ships_of
+
+try:
+    from torch.utils.data import IterableDataset, get_worker_info
+except ImportError:  # classes for a loop of one's own
+    IterableDataset = object
+
+    def get_worker_info() -> None:
+        """Return None: there is one process."""
+
+
+Row = tuple[NDArray[np.float32], int]
+Batch = tuple[NDArray[np.float32], NDArray[np.int64]]
+
+WHOLE = -1
+"""Number of the piece of a store that has none."""
+
+
+class StoredRows:
+    """Rows of a store, a map-style data set for `torch.utils.data.DataLoader`.
+
+    Parameters
+    ----------
+    store, classifier_group, split, **where
+        As of `ncti.load_xy`.
+    classes : sequence of str, optional
+        Names of ships, by the number that is a row's label; those of the store when not given.
+
+    Attributes
+    ----------
+    classes : tuple of str
+        As given, or the store's.
+    sizes : dict of int
+        Number of rows of each piece of the store.
+
+    Raises
+    ------
+    ValueError
+        As of `ncti.load_xy`, or if a ship is not among the classes.
+
+    See Also
+    --------
+    RowStream : Batches in an order by a seed, which read each piece of a store once.
+
+    Notes
+    -----
+    Of a store of rows a piece is read when a row of it is asked for, and the last ones are kept. A
+    `DataLoader` asks for a batch at a time, whose rows are read piece by piece.
+
+    Examples
+    --------
+    ``DataLoader(StoredRows("rows.zarr"), batch_size=256, shuffle=True, num_workers=2)`` gives
+    batches of (row, feature) and (row,) tensors.
+
+    >>> from ncti.data.torch import StoredRows
+    >>> StoredRows("no.zarr")
+    Traceback (most recent call last):
+    ValueError: store is 'no.zarr', but must be a store of a sweep
+    """
+
+    def __init__(
+        self,
+        store: str | Path,
+        classifier_group: str | None = None,
+        split: str = "train",
+        *,
+        classes: Sequence[str] | None = None,
+        **where: Any,
+    ) -> None:
+        self.store, self._how = str(store), (classifier_group, split, tuple(where.items()))
+        pieces = pieces_of(store) if has_rows(store) else {}
+        self.classes = tuple(ships_of(store) if classes is None else classes)
+        if not pieces:
+            pieces = {WHOLE: len(self.piece(WHOLE)[1])}
+        self.sizes = pieces
+        self._ends = list(accumulate(pieces.values()))
+
+    def __len__(self) -> int:
+        return self._ends[-1]
+
+    def __getitem__(self, index: int) -> Row:
+        return self.__getitems__([index])[0]
+
+    def __getitems__(self, indices: Sequence[int]) -> list[Row]:
+        """Return some rows, each piece of which is read once."""
+        rows: dict[int, Row] = {}
+        for index in sorted(set(indices)):
+            if not -len(self) <= index < len(self):
+                raise IndexError(f"row {index} of {len(self)}")
+            at = index % len(self)
+            k = bisect_right(self._ends, at)
+            X, y = self.piece([*self.sizes][k])
+            place = at - (self._ends[k - 1] if k else 0)
+            rows[index] = X[place], int(y[place])
+        return [rows[index] for index in indices]
+
+    def piece(self, number: int) -> Batch:
+        """Return the vectors and labels of one piece."""
+        return _read(self.store, self._how, self.classes, number)
+
+
+class RowStream(IterableDataset):
+    """Batches of a store's rows in an order by a seed, an iterable data set for `DataLoader`.
+
+    Parameters
+    ----------
+    rows : StoredRows
+        The rows.
+    batch_size : int
+        Rows of a batch; the last one of a piece may have fewer.
+    seed : int
+        Seed of the order.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range.
+
+    See Also
+    --------
+    StoredRows : Rows by number.
+
+    Notes
+    -----
+    The pieces of a store are in random order, and so are the rows of a piece; each epoch has an
+    order of its own, `set_epoch`. Batches are dealt to the workers of a loader in turn, which
+    returns them in turn: their order is the same for any number of workers.
+
+    Examples
+    --------
+    ``DataLoader(RowStream(rows, batch_size=256, seed=0), batch_size=None, num_workers=2)`` gives
+    batches of (row, feature) and (row,) tensors.
+
+    >>> from ncti.data.torch import RowStream
+    >>> RowStream(None, batch_size=0, seed=0)
+    Traceback (most recent call last):
+    ValueError: batch_size is 0, but must be a whole number at least 1
+    """
+
+    def __init__(self, rows: StoredRows, *, batch_size: int, seed: int) -> None:
+        require("batch_size", batch_size, whole=True, minimum=1)
+        require("seed", seed, whole=True, minimum=0, maximum=2**63)
+        self.rows, self.batch_size, self.seed, self.epoch = rows, int(batch_size), int(seed), 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Have the next iteration in the order of an epoch."""
+        require("epoch", epoch, whole=True, minimum=0)
+        self.epoch = int(epoch)
+
+    def __iter__(self) -> Iterator[Batch]:
+        worker = get_worker_info()
+        part, parts = (worker.id, worker.num_workers) if worker is not None else (0, 1)
+        number = 0
+        for piece in self._rng().permutation([*self.rows.sizes]).tolist():
+            count = self.rows.sizes[piece]
+            order = self._rng(piece).permutation(count)
+            for start in range(0, count, self.batch_size):
+                if number % parts == part:
+                    X, y = self.rows.piece(piece)
+                    of_batch = order[start : start + self.batch_size]
+                    yield X[of_batch], y[of_batch]
+                number += 1
+
+    def _rng(self, *piece: int) -> np.random.Generator:
+        """Return the source of the order of pieces, or of the rows of one."""
+        key = (self.epoch, *(k + 1 for k in piece))
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+
+
+@lru_cache(maxsize=8)
+def _read(store: str, how: tuple[Any, ...], classes: tuple[str, ...], number: int) -> Batch:
+    """Return vectors and labels of a piece of a store, or of a store without pieces."""
+    classifier, split, where = how
+    piece = {} if number == WHOLE else {"piece": number}
+    X, y, _ = load_xy(store, classifier, split, **{**dict(where), **piece})
+    if unknown := sorted(set(y.tolist()) - set(classes)):
+        raise ValueError(f"classes is {classes!r:.60}, but must have {unknown[0]}")
+    labels = {name: k for k, name in enumerate(classes)}
+    return X.astype(np.float32), np.array([labels[name] for name in y.tolist()], dtype=np.int64)

@@ -1,0 +1,111 @@
+"""Data sets for PyTorch: the rows of `load_xy`, each of them once an epoch, for any loader."""
+
+import pickle
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from commands import swept
+
+import ncti
+import ncti.data.torch
+from ncti.data.torch import RowStream, StoredRows
+
+ROWS, PIECES, BATCH = 12, 3, 5
+GIVEN = (
+    *("sensor=dataset", "grid.ship=[duncan,texas]", "grid.range=100", "grid.pulse_width=30"),
+    *("grid.frame_count=1", "dataset.rows_per_view=2"),
+    *(f"dataset.rows={ROWS}", f"dataset.pieces={PIECES}"),
+)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, cache):
+    path = tmp_path_factory.mktemp("torch") / "rows.zarr"
+    swept(path, cache, *GIVEN)
+    return path
+
+
+@pytest.fixture(scope="module")
+def rows(store):
+    return StoredRows(store)
+
+
+class Worker:
+    """What `torch.utils.data.get_worker_info` returns."""
+
+    def __init__(self, number, workers):
+        self.id, self.num_workers = number, workers
+
+
+def loaded(stream, workers, monkeypatch):
+    """Batches as a loader takes them from its workers: in turn, until each has no more."""
+    parts = []
+    for number in range(workers):
+        worker = Worker(number, workers)
+        monkeypatch.setattr(ncti.data.torch, "get_worker_info", lambda worker=worker: worker)
+        parts.append([*pickle.loads(pickle.dumps(stream))])
+    return [part[turn] for turn in range(len(parts[0])) for part in parts if turn < len(part)]
+
+
+def test_rows_by_number_are_those_of_load_xy(store, rows):
+    X, y, _ = ncti.load_xy(store)
+    assert len(rows) == len(X) == ROWS * PIECES
+    for index in (0, ROWS - 1, ROWS, len(X) - 1, -1):
+        vector, label = rows[index]
+        np.testing.assert_array_equal(vector, X[index].astype(np.float32))
+        assert rows.classes[label] == y[index]
+    several = [30, 2, 2, 17]  # out of order, one of them twice
+    for index, (vector, label) in zip(several, rows.__getitems__(several), strict=True):
+        np.testing.assert_array_equal(vector, X[index].astype(np.float32))
+        assert rows.classes[label] == y[index]
+    for beyond in (len(X), -len(X) - 1):
+        with pytest.raises(IndexError):
+            rows[beyond]
+    assert [label for _, label in rows] == [rows.classes.index(name) for name in y]
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3, 8])
+def test_batches_have_each_row_once_in_an_order_of_the_seed(rows, workers, monkeypatch):
+    """Whatever the number of workers, and another order for another seed or epoch."""
+
+    def batches(seed, epoch, workers):
+        stream = RowStream(rows, batch_size=BATCH, seed=seed)
+        stream.set_epoch(epoch)
+        return loaded(stream, workers, monkeypatch)
+
+    alone, together = batches(4, 0, 1), batches(4, 0, workers)
+    for one, other in zip(alone, together, strict=True):
+        for ours, theirs in zip(one, other, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    every = np.concatenate([X for X, _ in together])
+    of_rows = np.stack([vector for vector, _ in rows])
+    np.testing.assert_array_equal(np.unique(every, axis=0), np.unique(of_rows, axis=0))
+    assert len(every) == len(rows)
+    orders = [batches(*which, workers) for which in ((4, 0), (4, 1), (5, 0))]
+    for one, other in pairwise(orders):
+        assert any(not np.array_equal(a[1], b[1]) for a, b in zip(one, other, strict=True)) or any(
+            not np.array_equal(a[0], b[0]) for a, b in zip(one, other, strict=True)
+        )
+
+
+def test_labels_are_those_of_the_classes_that_are_given(store):
+    rows = StoredRows(store, classes=["roberts", "texas", "duncan"])
+    assert {rows.classes[label] for _, label in rows} == {"texas", "duncan"}
+    with pytest.raises(ValueError, match=r"^classes is .*must have texas"):
+        StoredRows(store, classes=["duncan"])[0]
+
+
+def test_a_loader_of_torch_reads_the_same(store, rows):
+    data = pytest.importorskip("torch.utils.data")
+    X, y, _ = ncti.load_xy(store)
+    whole = data.DataLoader(rows, batch_size=BATCH, num_workers=2)
+    vectors, labels = zip(*whole, strict=True)
+    np.testing.assert_array_equal(np.concatenate(vectors), X.astype(np.float32))
+    assert [rows.classes[label] for label in np.concatenate(labels)] == y.tolist()
+    stream = RowStream(rows, batch_size=BATCH, seed=4)
+    for workers in (0, 2, 3):
+        loader = data.DataLoader(stream, batch_size=None, num_workers=workers)
+        for ours, theirs in zip(stream, loader, strict=True):
+            for one, other in zip(ours, theirs, strict=True):
+                np.testing.assert_array_equal(one, other)
