@@ -18,10 +18,10 @@ from benchmarks.sweeping import CORES, choices_of
 from ncti.classify import Similarities, cluster
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
+from ncti.reproduction import article_figures
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.run import Place
 from sweeps.experiment import EXPERIMENT
-from sweeps.report.beside import source_figures
 from sweeps.stages.views import cache_folder
 
 REPORTS = (
@@ -191,7 +191,7 @@ def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANC
     """MNN tolerance: fitted to Table 2's training rows, judged by its test rows."""
     asked = [*overrides, f"classifier.mnn.tolerance=[{','.join(map(str, values))}]"]
     (answers,) = swept(asked, "classification/mnn")
-    table = source_figures()["table2_percent_correct"]
+    table = article_figures()["table2_percent_correct"]
     answers = answers.squeeze(drop=True)
     trained, tested = percent(answers.training_correct), percent(answers.correct)
     counts = [count for count in FRAMES if count in answers.frame_count]
@@ -224,7 +224,7 @@ def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET
         f"ladar.target_free_ifovs=[{','.join(map(str, values))}]",
     ]
     acn, mnn, table3 = swept(asked, "classification/acn", "classification/mnn", "tables/acn")
-    figures = source_figures()
+    figures = article_figures()
     counts = [count for count in FRAMES if count in acn.frame_count]
     parts, shown = [], {}
     for name, answers, table in (
@@ -271,7 +271,7 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
         f"infrared.inner_radius=[{','.join(map(str, values))}]",
     ]
     answers, formed = swept(asked, "classification/acn_infrared", "tables/acn_infrared")
-    table = source_figures()["table5_percent_correct"]
+    table = article_figures()["table5_percent_correct"]
     score = percent(answers.correct.squeeze(drop=True))
     at = {
         "25 km, fitted": ("none", 25),
@@ -300,7 +300,7 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
 def learning_rate(values: Sequence[float] = RATES, orders: int = ORDERS) -> Report:
     """Learning rate: fitted at 30 ns of Table 3, judged at 10 and 50 ns; orders of presentation."""
     (profiles,) = swept(("grid.pulse_width=[10,30,50]", "grid.frame_count=16"), "range_profile")
-    table = source_figures()["table3_categories"]
+    table = article_figures()["table3_categories"]
     rng, views = np.random.default_rng(0), profiles.sizes["ship"] * profiles.sizes["aspect"]
     turns = [np.arange(views), *(rng.permutation(views) for _ in range(orders))]
     rows: list[dict[str, Any]] = [

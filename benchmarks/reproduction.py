@@ -14,7 +14,7 @@ from benchmarks.fits import INFRARED, Floats, mean_and_error, overall, percent, 
 from benchmarks.reports import Column, Report
 from ncti.features import profile_vector
 from ncti.irar import profile_correlation
-from sweeps.report.beside import source_figures
+from ncti.reproduction import article_figures
 
 CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")
 FLOWN = (
@@ -304,7 +304,7 @@ def depth(profile: xr.DataArray) -> float:
 
 def sensor() -> tuple[str, str, str, str]:
     """Return Table 1 at 50 and 100 km, from its attenuations and its contrast at 25 km alone."""
-    table = source_figures()["table1_sensor"]["ranges"]
+    table = article_figures()["table1_sensor"]["ranges"]
     loss = {km: float(one["attenuation_db"]) for km, one in table.items()}
     contrast = {
         km: float(table[25]["contrast_k"]) * 10 ** ((loss[25] - loss[km]) / 20) for km in loss

@@ -11,6 +11,7 @@ Packages, in the order of the data flow, each imported when it is first used:
 - `features`: profile vectors, segmented silhouettes and log-polar maps
 - `classify`: classifiers of such vectors, as scikit-learn estimators
 - `evaluate`: accuracy with confidence intervals
+- `reproduction`: the article's Tables 2 to 5 over what it leaves open
 
 - `data`: labelled data sets of many rows, for training and comparing classifiers
 
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
         irar,
         ladar,
         render,
+        reproduction,
         search,
         ships,
         simulate,
@@ -66,6 +68,7 @@ __all__ = [
     "irar",
     "ladar",
     "render",
+    "reproduction",
     "search",
     "ships",
     "simulate",

@@ -26,6 +26,7 @@ from sweeps.stages import views
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.dataset import SENSOR as DATASET
 from sweeps.stages.infrared import silhouette_engine
+from sweeps.stages.reproduce import SENSOR as REPRODUCE
 from sweeps.stages.views import Grid, Render, Sweep, looks
 
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
@@ -35,7 +36,7 @@ MODULES = tuple(
     for name in (
         *("views", "portraits", "ladar", "infrared", "irar", "flights"),
         *("classifier", "acn", "mnn", "correlation", "likelihood", "fusion", "measured"),
-        *("run_time", "scan", "dataset"),
+        *("run_time", "scan", "dataset", "reproduce"),
     )
 )
 
@@ -104,11 +105,12 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return lines on what is swept, of some modules and of classifiers without any use."""
-    # Flights, run times and scans have classifiers of their own, and data sets have none.
-    own = {views.IRAR, views.RUN_TIME, views.SCAN, DATASET} & set(choices.one(Sweep.sensor))
+    # Flights, run times, scans and settings have classifiers of their own, and data sets have none.
+    own = {views.IRAR, views.RUN_TIME, views.SCAN, DATASET, REPRODUCE}
+    alone = own & set(choices.one(Sweep.sensor))
     return [
         f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
-        for name in (() if own else idle(stages_of(modules), choices))
+        for name in (() if alone else idle(stages_of(modules), choices))
     ] + [line for module in modules if hasattr(module, "about") for line in module.about(choices)]
 
 

@@ -1,5 +1,13 @@
 """Scores of classifiers by aspect bin, with confidence intervals, and category formation."""
 
+from ncti.evaluate.agreement import (
+    Posterior,
+    Reach,
+    binomial_variance,
+    chi_square,
+    posterior_weights,
+    reached,
+)
 from ncti.evaluate.answers import tabulate_categories, tabulate_scores
 from ncti.evaluate.categories import CategoryFormation, category_formation
 from ncti.evaluate.comparison import Comparison, compare
@@ -16,16 +24,22 @@ __all__ = [
     "Comparison",
     "LearningCurve",
     "OpenSetScores",
+    "Posterior",
+    "Reach",
     "Reliability",
     "Scores",
     "accuracy_by_aspect",
     "aspect_bins",
+    "binomial_variance",
     "category_formation",
+    "chi_square",
     "compare",
     "grouped_accuracy",
     "learning_curve",
     "open_set_scores",
     "paired_difference",
+    "posterior_weights",
+    "reached",
     "rejection_thresholds",
     "replicated_accuracy",
     "score",

@@ -14,6 +14,7 @@ import yaml
 
 from ncti import ships
 from ncti.evaluate.scores import BIN_WIDTH
+from ncti.reproduction import article_figures
 from sweeps.engine.kinds import Draws
 from sweeps.engine.settings import Settings, flatten
 from sweeps.report.words import missing
@@ -43,11 +44,11 @@ OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns tha
 
 
 @lru_cache
-def source_figures() -> dict[str, Any]:
-    """Return the figures of the article."""
-    text = files("sweeps.report").joinpath("source_figures.yaml").read_text(encoding="utf-8")
-    figures: dict[str, Any] = yaml.safe_load(text)
-    return figures
+def _beside() -> list[dict[str, Any]]:
+    """Return where figures of the article stand beside those of a sweep."""
+    text = files("sweeps.report").joinpath("beside.yaml").read_text(encoding="utf-8")
+    where: list[dict[str, Any]] = yaml.safe_load(text)["beside"]
+    return where
 
 
 def article() -> Iterator[tuple[str, str, dict[str, Any], float]]:
@@ -55,8 +56,8 @@ def article() -> Iterator[tuple[str, str, dict[str, Any], float]]:
 
     Aspect bins are named by their lowest aspect [deg].
     """
-    source = source_figures()
-    for given in source["beside"]:
+    source = article_figures()
+    for given in _beside():
         figures = source[given["of"]][given["figures"]]
         for at, value in _nested(figures, given["by"], given["at"]):
             column = given.get("column") or at.pop("column").partition("_")[0]

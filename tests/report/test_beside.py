@@ -7,7 +7,7 @@ import pytest
 from made import SOURCE, categories, scores, shown
 from pages import stored
 
-from sweeps.report.beside import source_figures
+from ncti.reproduction import article_figures
 from sweeps.report.frames import read_frames
 
 AXES = {"pulse_width": [10.0, 30.0], "range": 100.0, "vigilance": [0.9, 0.95]}
@@ -24,7 +24,7 @@ def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
     rows = found(tmp_path)
     theirs = rows[rows.article_percent_correct.notna()]
     assert set(theirs.pulse_width_ns) == {30.0} and set(theirs.vigilance) == {0.95}
-    printed = source_figures()["table4_percent_correct"]
+    printed = article_figures()["table4_percent_correct"]
     for frames, kind in ((4, "test"), (16, "test"), (None, "training")):
         here = theirs[theirs.kind == kind]
         here = here[here.frame_count == frames] if frames else here

@@ -84,6 +84,12 @@ GOOD = {
     "evaluate.category_formation": {
         **{"labels": [0, 1], "ships": ["duncan", "texas"], "aspects": [0.0, 0.0]},
     },
+    "evaluate.binomial_variance": {"percent": [50.0], "trials": [10]},
+    "evaluate.chi_square": {"simulated": [50.0], "given": [40.0], "variance": [25.0]},
+    "evaluate.posterior_weights": {"chi_square": [1.0, 2.0]},
+    "evaluate.reached": {"simulated": [[50.0]], "given": [40.0], "variance": [[25.0]]},
+    "reproduction.assumed": {"number": 0},
+    "reproduction.figures": {"aspects": [0.0, 45.0, 90.0]},
     "irar.Correction": {},
     "irar.Flight": {"slant_range": 3900.0, "ship_heading": 0.0},
     "irar.azimuth_shift": SHIFT,
@@ -258,6 +264,17 @@ OTHERS = {
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
     "evaluate.replicated_accuracy": {"correct": [np.zeros((2, 4, 3)), np.zeros((4, 3), bool)]},
     "evaluate.category_formation": {"labels": [[0], [0.5, 1.0]]},
+    "evaluate.binomial_variance": {"percent": [[-1.0], [101.0], NAN], "trials": [0, NAN]},
+    "evaluate.chi_square": {"variance": [[0.0], [-1.0], NAN], "simulated": [[NAN]]},
+    "evaluate.posterior_weights": {
+        **{"chi_square": [[], [[1.0]], [-1.0], [NAN]], "effective": [0.5, 3, NAN]},
+    },
+    "evaluate.reached": {
+        **{"simulated": [[50.0], [[NAN]]], "given": [[40.0, 30.0]], "level": [0, NAN]},
+        **{"variance": [[25.0], [[0.0]]]},
+    },
+    "reproduction.assumed": {"number": [-1, 0.5, 10**12], "seed": [-1, 0.5]},
+    "reproduction.figures": {"aspects": [[0.0, 45.0]]},
     "irar.Flight": {
         **{
             "slant_range": [99, 0, 1e30, None],

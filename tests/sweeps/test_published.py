@@ -1,4 +1,4 @@
-"""Settings that the source prints, read from `source_figures.yaml` or worked out from it.
+"""Settings that the source prints, read from `article.yaml` or worked out from it.
 
 `docs/settings.md` has all other defaults, and `test_declarations` compares it with them.
 """
@@ -10,10 +10,10 @@ from commands import chosen
 
 from ncti import infrared, ladar
 from ncti.classify import AdaptiveClusteringNetwork, GainAnnealedNetwork
+from ncti.reproduction import article_figures
 from sweeps.experiment import EXPERIMENT
-from sweeps.report.beside import source_figures
 
-SOURCE = source_figures()
+SOURCE = article_figures()
 PROFILES, SILHOUETTES = SOURCE["table4_percent_correct"], SOURCE["table5_percent_correct"]
 FOOT = 0.3048  # [m], exact
 ALTITUDE = 22_000 * FOOT

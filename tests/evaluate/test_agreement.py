@@ -1,0 +1,104 @@
+"""Agreement of figures, and posteriors whose closed forms are known."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chi2, kstest
+
+from ncti.evaluate import binomial_variance, chi_square, posterior_weights, reached
+
+
+def test_binomial_variance_is_that_of_laplaces_rule():
+    """A beta posterior has the mean (k + 1) / (n + 2); many trials leave p (1 - p) / n."""
+    k, n = np.array([0, 3, 10]), 10
+    p = (k + 1) / (n + 2)
+    np.testing.assert_allclose(binomial_variance(100 * k / n, n), 1e4 * p * (1 - p) / n)
+    assert binomial_variance(30, 1e9) == pytest.approx(1e4 * 0.3 * 0.7 / 1e9, rel=1e-7)
+
+
+def test_distances_of_right_figures_have_a_chi_square_distribution():
+    """Given figures about their expectations, and simulated means about these: level 1 in 1,000."""
+    rng = np.random.default_rng(1)
+    count, figures = 4000, 7
+    given_sigma, mean_sigma = rng.uniform(1, 5, figures), rng.uniform(0, 3, figures)
+    given = rng.normal(0, given_sigma)
+    distances = [
+        chi_square(rng.normal(given, mean_sigma), rng.normal(given, given_sigma), variance)
+        for variance in [given_sigma**2 + mean_sigma**2] * count
+    ]
+    assert kstest(distances, chi2(figures).cdf).pvalue > 1e-3
+
+
+def test_the_posterior_of_linear_figures_is_the_normal_one():
+    """Two parameters with a flat prior, three figures A p: covariance (A' S^-1 A)^-1.
+
+    Figures are simulated with noise of variance v, and both variances are taken as the distance's:
+    the posterior then is that of figures with variance s^2 + 2 v.
+    """
+    rng = np.random.default_rng(2)
+    design = np.array([[1.0, 0.5], [0.0, 1.0], [1.0, -1.0]])
+    sigma, noise, truth = np.array([1.0, 1.5, 2.0]), 0.7, np.array([0.5, -1.0])
+    given = design @ truth
+    parameter = rng.uniform(-9, 9, (400_000, 2))
+    simulated = parameter @ design.T + rng.normal(0, noise, (len(parameter), 3))
+    posterior = posterior_weights(chi_square(simulated, given, sigma**2 + noise**2))
+    precision = design.T @ np.diag(1 / (sigma**2 + 2 * noise**2)) @ design
+    covariance = np.linalg.inv(precision)
+    assert posterior.temperature == 1
+    # Standard errors of mean and variance from as many effective draws: five of them.
+    n = posterior.effective
+    mean = posterior.mean(parameter)
+    assert (np.abs(mean - truth) < 5 * np.sqrt(np.diag(covariance) / n)).all()
+    off = parameter - mean
+    ours = np.einsum("n,ni,nj->ij", posterior.weight, off, off)
+    diagonal = np.diag(covariance)
+    error = np.sqrt((np.outer(diagonal, diagonal) + covariance**2) / n)
+    assert (np.abs(ours - covariance) < 5 * error).all()
+
+
+@pytest.mark.parametrize("effective", [40.0, 150.0])
+def test_the_temperature_is_that_of_the_effective_number_asked_for(effective):
+    """On a grid of spacing h normal weights of deviation s count for 2 sqrt(pi) s / h settings."""
+    h, sigma = 0.05, 0.25
+    grid = np.arange(-400, 401) * h
+    posterior = posterior_weights((grid / sigma) ** 2, effective=effective)
+    wide = effective * h / (2 * np.sqrt(np.pi))
+    assert posterior.effective == pytest.approx(effective, rel=1e-6)
+    assert posterior.temperature == pytest.approx((wide / sigma) ** 2, rel=1e-6)
+    assert posterior.mean(grid**2) ** 0.5 == pytest.approx(wide, rel=1e-6)
+
+
+def test_all_settings_are_left_where_nothing_tells_them_apart():
+    for distance in (np.zeros(9), np.full(9, 1e4)):
+        posterior = posterior_weights(distance, effective=9)
+        np.testing.assert_allclose(posterior.weight, 1 / 9)
+        assert posterior.temperature == 1
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 5), st.floats(-9, 9)), min_size=2, max_size=12),
+    st.floats(0.01, 0.99),
+)
+def test_weighted_quantiles_are_those_of_repeated_values(rows, share):
+    """Integers as weights, and each value as often: an independent way to the same quantile."""
+    counts, values = np.array(rows).T
+    if counts.sum() == 0 or (share * counts.sum()) % 1 < 1e-9:
+        return  # nothing, or a step, whose side is left to rounding
+    posterior = posterior_weights(np.zeros(len(values)))
+    posterior = type(posterior)(counts / counts.sum(), 1.0)
+    plain = np.sort(np.repeat(values, counts.astype(int)))
+    wanted = plain[int(share * len(plain))]
+    assert posterior.quantiles(values, [share])[0] == wanted
+    both = posterior.quantiles(np.column_stack([values, -values]), [share])
+    assert both.shape == (1, 2) and both[0, 0] == wanted
+
+
+def test_figures_that_no_setting_reaches_are_counted_by_hand():
+    simulated = np.array([[10.0, 50.0, 3.0], [30.0, 60.0, 5.0], [50.0, 40.0, 7.0]])
+    variance = np.array([[25.0, 25.0, 1.0]] * 3)
+    reach = reached(simulated, [22.0, 90.0, 5.0], variance)
+    np.testing.assert_allclose(reach.share, [1 / 3, 0, 3 / 3])
+    np.testing.assert_allclose(reach.nearest, [8 / 5, 6, 0])
+    np.testing.assert_allclose([reach.low, reach.high], [[10, 40, 3], [50, 60, 7]])
+    assert (reached(simulated, [22.0, 90.0, 5.0], variance, level=6).share > 0).all()
