@@ -21,11 +21,10 @@ from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices, Run, Settings, count, draws, set_of, vector, word
-from sweeps.engine.stage import Condition, Group, Output, coordinate, plain
+from sweeps.engine.stage import Condition, Group, Output, coordinate
 from sweeps.stages import views
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.ships import ShipName
 from sweeps.stages.views import Arrays, Grid, Hull, Render, Scene, looks, quantity
 
 if TYPE_CHECKING:
@@ -77,12 +76,6 @@ class Rows(Settings, key="dataset"):
 def _has(kind: str) -> Condition:
     """Return the condition that rows of a sensor are asked for."""
     return lambda choices: looks(SENSOR)(choices) and kind in SENSORS[choices.one(Rows.sensor)]
-
-
-@plain(uses=(Grid,), gather=(Grid.ship,))
-def hulls(ship: tuple[ShipName, ...]) -> tuple[Hull, ...]:
-    """Return the sources of all ships."""
-    return tuple(map(views.hull.function, ship))
 
 
 # Each group has the parameters of its rows, so that either is whole by itself.

@@ -12,9 +12,9 @@ from ncti import reproduction as library
 from ncti.labels import data_set
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices, Run, Settings, count, draws
-from sweeps.engine.stage import Group, Output, Stream, coordinate, plain
+from sweeps.engine.stage import Group, Output, Stream, coordinate
 from sweeps.stages import views
-from sweeps.stages.ships import ShipName, ship_name
+from sweeps.stages.ships import ship_name
 from sweeps.stages.views import Arrays, Grid, looks
 
 if TYPE_CHECKING:
@@ -52,12 +52,6 @@ SETTINGS = Group(
     (Grid, Reproduce, Run),
     status=views.Status("status:setting", "state of the settings", (Reproduce.setting,)),
 )
-
-
-@plain(uses=(Grid,), gather=(Grid.ship,))
-def hulls(ship: tuple[ShipName, ...]) -> tuple[views.Hull, ...]:
-    """Return the sources of all ships, of which results are."""
-    return tuple(map(views.hull.function, ship))
 
 
 @SETTINGS.stage(

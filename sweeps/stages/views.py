@@ -193,6 +193,12 @@ def hull(ship: ShipName) -> Hull:
         raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
 
 
+@plain(uses=(Grid,), gather=(Grid.ship,))
+def hulls(ship: tuple[ShipName, ...]) -> tuple[Hull, ...]:
+    """Return the sources of all ships."""
+    return tuple(map(hull.function, ship))
+
+
 @plain(uses=(Render,))
 def drawing_engine(engine: str, tolerance: float | None) -> str:
     """Return the name of the rendering engine; `ConfigurationError` if it does not start."""
