@@ -36,7 +36,7 @@ MODULES = tuple(
     for name in (
         *("views", "portraits", "ladar", "infrared", "irar", "flights"),
         *("classifier", "acn", "mnn", "correlation", "likelihood", "fusion", "measured"),
-        *("run_time", "scan", "dataset", "reproduce"),
+        *("run_time", "scan", "dataset", "reproduce", "operate"),
     )
 )
 
@@ -106,7 +106,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return lines on what is swept, of some modules and of classifiers without any use."""
     # Flights, run times, scans and settings have classifiers of their own, and data sets have none.
-    own = {views.IRAR, views.RUN_TIME, views.SCAN, DATASET, REPRODUCE}
+    own = {views.IRAR, views.RUN_TIME, views.SCAN, views.OPERATE, DATASET, REPRODUCE}
     alone = own & set(choices.one(Sweep.sensor))
     return [
         f"classifier.name has {name}, which identifies nothing with these sensors and ranges"

@@ -17,6 +17,13 @@ from ncti.evaluate.rejection import tabulate_rejection
 from ncti.evaluate.replicates import grouped_accuracy, paired_difference, replicated_accuracy
 from ncti.evaluate.rows import Reliability, Scores, score
 from ncti.evaluate.scores import AspectAccuracy, accuracy_by_aspect, aspect_bins, wilson_interval
+from ncti.evaluate.sensitivity import (
+    SobolIndices,
+    grid_interpolant,
+    interpolation_errors,
+    sobol_indices,
+)
+from ncti.evaluate.sufficiency import cheapest, crossing, isotonic
 
 __all__ = [
     "AspectAccuracy",
@@ -28,13 +35,19 @@ __all__ = [
     "Reach",
     "Reliability",
     "Scores",
+    "SobolIndices",
     "accuracy_by_aspect",
     "aspect_bins",
     "binomial_variance",
     "category_formation",
+    "cheapest",
     "chi_square",
     "compare",
+    "crossing",
+    "grid_interpolant",
     "grouped_accuracy",
+    "interpolation_errors",
+    "isotonic",
     "learning_curve",
     "open_set_scores",
     "paired_difference",
@@ -43,6 +56,7 @@ __all__ = [
     "rejection_thresholds",
     "replicated_accuracy",
     "score",
+    "sobol_indices",
     "tabulate_categories",
     "tabulate_rejection",
     "tabulate_scores",
