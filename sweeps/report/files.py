@@ -11,7 +11,7 @@ from typing import Any
 
 from sweeps.engine.places import Where
 from sweeps.report.frames import PART, Frame
-from sweeps.report.own import OwnFiles
+from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
 from sweeps.report.words import missing
 
@@ -25,13 +25,7 @@ def write_tables(store: Where, frames: Iterable[Frame]) -> list[Path]:
     are in the way. Raises OSError if it fails.
     """
     contents = {f"{frame.name}.csv": csv_of(frame) for frame in frames}
-    files = OwnFiles(tables_folder(store))
-    for name, content in contents.items():
-        files.put(name, content)
-    for name in files.names:
-        if name.endswith(".csv") and name not in contents:
-            files.remove(name)
-    return files.kept
+    return write_own(tables_folder(store), contents, instead_of=".csv")
 
 
 def csv_of(frame: Frame) -> bytes:

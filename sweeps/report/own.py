@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 import uuid
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -30,72 +30,59 @@ _LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
 _PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE.encode())
 
 
-class OwnFiles:
-    """The files of a folder, which is made if missing, that were written by means of this class.
+def write_own(folder: Path, contents: Mapping[str, bytes], *, instead_of: str = "") -> list[Path]:
+    """Write files into a folder, which is made if missing, unless others are in their places.
 
-    `kept` has the paths at which others are in the way, so that they were not written. Several
-    processes may write into one folder: a lock keeps the entries of all in the list. OSError if
-    something cannot be written.
+    Parameters
+    ----------
+    folder : Path
+        Folder. Several processes may write into it: a lock keeps the entries of all in its list.
+    contents : mapping of str to bytes
+        Contents by name.
+    instead_of : str
+        End of the names of listed files that are removed, unless they are written or were changed.
+
+    Returns
+    -------
+    list of Path
+        What is in the way, so that it was not replaced: files, the list, or the folder itself.
+
+    Raises
+    ------
+    OSError
+        If something cannot be written.
     """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.kept: list[Path] = []
-        self._listed: Listed = {}
-        if os.path.lexists(folder) and not folder.is_dir():
-            self.kept.append(folder)
-        else:
-            folder.mkdir(FOLDER, exist_ok=True)
-            self._read()
-
-    @property
-    def names(self) -> list[str]:
-        """Return names of the listed files."""
-        return list(self._listed)
-
-    def put(self, name: str, content: bytes) -> None:
-        """Write a file, unless another one is in its place."""
-        path, digest = self.folder / name, _digest(content)
-        if self._is_closed() or _has(path, (digest,)):
-            return
-        with _locked(self.folder):
-            self._read()
-            before = self._listed.get(name, ())
-            if os.path.lexists(path) and not _has(path, before):
-                self.kept.append(path)
-            elif not self._is_closed():
-                # Listed before and after with both digests: an interrupt leaves an own file.
-                self._list({**self._listed, name: (*before, digest)})
-                write_whole(path, content)
-                self._list({**self._listed, name: (digest,)})
-
-    def remove(self, name: str) -> None:
-        """Remove a listed file, unless it was changed; forget it in any case."""
-        if self._is_closed() or name not in self._listed:
-            return
-        with _locked(self.folder):
-            self._read()
-            digests = self._listed.pop(name, ())
-            if _has(self.folder / name, digests):
-                (self.folder / name).unlink()
-            if digests:
-                self._list(self._listed)
-
-    def _is_closed(self) -> bool:
-        """Return whether nothing may be written: another file is the folder, or its list."""
-        return not {self.folder, self.folder / WRITTEN}.isdisjoint(self.kept)
-
-    def _read(self) -> None:
-        """Read the list, which is in the way if it is anything else."""
-        listed = _read_list(self.folder / WRITTEN)
+    if os.path.lexists(folder) and not folder.is_dir():
+        return [folder]
+    folder.mkdir(FOLDER, exist_ok=True)
+    with _locked(folder):
+        listed = _read_list(folder / WRITTEN)
         if listed is None:
-            self.kept.append(self.folder / WRITTEN)
-        self._listed = listed or {}
+            return [folder / WRITTEN]
+        given = {name: _digest(content) for name, content in contents.items()}
+        for name in [name for name in listed if instead_of and name.endswith(instead_of)]:
+            if name not in given and _has(folder / name, listed.pop(name)):
+                (folder / name).unlink()
+        changed = [name for name, digest in given.items() if not _has(folder / name, (digest,))]
+        free = [
+            name
+            for name in changed
+            if not os.path.lexists(folder / name) or _has(folder / name, listed.get(name, ()))
+        ]
+        # Listed before and after with both digests: an interrupt leaves own files.
+        _write_list(folder, listed | {name: (*listed.get(name, ()), given[name]) for name in free})
+        for name in free:
+            write_whole(folder / name, contents[name])
+        _write_list(folder, listed | {name: (given[name],) for name in free})
+    return [folder / name for name in changed if name not in free]
 
-    def _list(self, listed: Listed) -> None:
-        lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
-        write_whole(self.folder / WRITTEN, "".join(lines).encode())
-        self._listed = listed
+
+def _write_list(folder: Path, listed: Listed) -> None:
+    """Write the list of a folder, unless it is the same."""
+    lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
+    path, content = folder / WRITTEN, "".join(lines).encode()
+    if (content or path.exists()) and not _has(path, (_digest(content),)):
+        write_whole(path, content)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from rich.progress import track
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.places import Where
-from sweeps.report.own import OwnFiles
+from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
 from sweeps.report.stores import attributes, groups, nominal, opened, read, reason
@@ -146,21 +146,20 @@ def write_pictures(
     Returns the paths at which other files are in the way. Raises ConfigurationError if one cannot
     be drawn or written.
     """
-    aside = Console(stderr=True)
+    aside, folder, kept = Console(stderr=True), tables_folder(path), list[Path]()
     try:
-        drawn, files = draw_flights(path, ship=ship), OwnFiles(tables_folder(path))
+        drawn = draw_flights(path, ship=ship)
         for name, make in track(drawn.items(), description="  pictures        ", console=aside):
             content = io.BytesIO()
             make().savefig(content, format="png")
-            files.put(name, content.getvalue())
+            kept += write_own(folder, {name: content.getvalue()})
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"pictures are not drawn: {error}") from error
     names = list(drawn)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     with page(console) as paged:
-        folder = printable(str(files.folder))
-        line(f"pictures  {folder}: {', '.join(names[:NAMED])}{more}", paged)
-    return files.kept
+        line(f"pictures  {printable(str(folder))}: {', '.join(names[:NAMED])}{more}", paged)
+    return list(dict.fromkeys(kept))
 
 
 DRAWN: dict[str, Callable[[Where], Figure]] = {

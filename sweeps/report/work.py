@@ -11,7 +11,7 @@ import pandas as pd
 from sweeps.engine.places import Where
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
-from sweeps.report.own import OwnFiles
+from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
 
 if TYPE_CHECKING:
@@ -33,9 +33,8 @@ def write_work(store: Where, stages: Mapping[str, Progress]) -> list[Path]:
     rows = [
         (name, work.done, work.reused, work.failed, work.seconds) for name, work in stages.items()
     ]
-    files = OwnFiles(tables_folder(store))
-    files.put(f"{NAME}.csv", csv_of(_frame(pd.DataFrame(rows, columns=list(COLUMNS)))))
-    return files.kept
+    content = csv_of(_frame(pd.DataFrame(rows, columns=list(COLUMNS))))
+    return write_own(tables_folder(store), {f"{NAME}.csv": content})
 
 
 def read_work(store: Where) -> Frame | None:

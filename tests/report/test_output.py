@@ -306,9 +306,8 @@ def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeyp
 
 def put_each(folder, names):
     """Write files one by one, as a report does."""
-    files = own.OwnFiles(folder)
     for name in names:
-        files.put(name, name.encode())
+        own.write_own(folder, {name: name.encode()})
 
 
 def test_reports_at_once_list_the_files_of_both(tmp_path):
@@ -320,7 +319,8 @@ def test_reports_at_once_list_the_files_of_both(tmp_path):
     for process in processes:
         process.join()
         assert process.exitcode == 0
-    assert sorted(own.OwnFiles(tmp_path).names) == sorted(names[0] + names[1])
+    listed = [line.partition("  ")[2] for line in (tmp_path / WRITTEN).read_text().splitlines()]
+    assert sorted(listed) == sorted(names[0] + names[1])
     assert {one.name for one in tmp_path.iterdir()} == {WRITTEN, *names[0], *names[1]}
 
 
