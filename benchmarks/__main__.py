@@ -149,42 +149,7 @@ MEANINGS = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with 2 when something requested is missing."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks",
-        description="Measure time, memory and error.",
-        epilog="\n".join(f"{name:<17} {meaning}" for name, meaning in MEANINGS.items()),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("report", nargs="?", choices=list(MEANINGS), default="all")
-    parser.add_argument(
-        "--repeats", type=int, default=3, metavar="N", help="how often to measure everything (3)"
-    )
-    parser.add_argument(
-        "--ship", default="duncan", metavar="NAME", help="ship of accuracy and images (duncan)"
-    )
-    parser.add_argument(
-        "--million", action="store_true", help="synthesis: an average of 1,000,000 frames, too"
-    )
-    parser.add_argument(
-        "--seeds",
-        type=int,
-        default=results.SEEDS,
-        metavar="N",
-        help=f"results: number of seeds ({results.SEEDS})",
-    )
-    parser.add_argument(
-        "--most",
-        type=int,
-        default=scale.MOST,
-        metavar="N",
-        help=f"scale: largest number of views ({scale.MOST})",
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
-    parser.add_argument(
-        "--write",
-        action="store_true",
-        help="write tables into the pages that have them too",
-    )
+    parser = _parser()
     asked = parser.parse_args(arguments)
     if asked.repeats < 1:
         parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
@@ -221,6 +186,46 @@ def main(arguments: list[str] | None = None) -> None:
         pages.write(placed)
     if asked.json:
         write_json(asked.json, here, reports)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description="Measure time, memory and error.",
+        epilog="\n".join(f"{name:<17} {meaning}" for name, meaning in MEANINGS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("report", nargs="?", choices=list(MEANINGS), default="all")
+    parser.add_argument(
+        "--repeats", type=int, default=3, metavar="N", help="how often to measure everything (3)"
+    )
+    parser.add_argument(
+        "--ship", default="duncan", metavar="NAME", help="ship of accuracy and images (duncan)"
+    )
+    parser.add_argument(
+        "--million", action="store_true", help="synthesis: an average of 1,000,000 frames, too"
+    )
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=results.SEEDS,
+        metavar="N",
+        help=f"results: number of seeds ({results.SEEDS})",
+    )
+    parser.add_argument(
+        "--most",
+        type=int,
+        default=scale.MOST,
+        metavar="N",
+        help=f"scale: largest number of views ({scale.MOST})",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="write tables into the pages that have them too",
+    )
+    return parser
 
 
 if __name__ == "__main__":

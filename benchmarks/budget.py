@@ -241,88 +241,8 @@ def measure(views: Views | None = None) -> Report:
 
 
 def _measure(views: Views) -> Report:
-    engine = choose_engine("auto")
-    pixels, lines = partial(_drawn, engine=engine), partial(_drawn, engine="lines")
-    truths = [_pulse(views.kept(truth, *view)) for view in views.each(views.aspects)]
     best = views.right(truth, views.averages)
-
-    def against_truth(seen: Seen) -> Sample:
-        return _errors([_pulse(views.kept(seen, *v)) for v in views.each(views.aspects)], truths)
-
-    def row(name: str, setting: str, error: Sample, change: Floats, how: str) -> dict[str, Any]:
-        spread = change.std(axis=0, ddof=1) / math.sqrt(len(change))
-        points = {
-            group: f"{mean:+.1f} ± {2 * sigma:.1f}"
-            for group, mean, sigma in zip(GROUPS, change.mean(axis=0), spread, strict=False)
-        }
-        return {"source": name, "setting": setting, "error": error, "how": how} | points
-
-    def templates(seen: Seen) -> Floats:
-        return views.right(seen, views.averages) - best
-
-    rounded = views.averages.astype(np.float32).astype(np.float64)
-    rows = [
-        row(
-            "pixel",
-            f"{engine}, {Render.pixel.default:g} m, {Render.samples.default:g} samples",
-            _against_reference(views, pixels),
-            templates(pixels),
-            "against the sampling-free reference",
-        ),
-        row(
-            "line",
-            f"lines, {Render.pixel.default:g} m, {Render.samples.default:g} samples",
-            _against_reference(views, lines),
-            templates(lines),
-            "against the sampling-free reference",
-        ),
-        row(
-            "bin",
-            "1 m",
-            _errors(
-                truths, [_pulse(views.kept(_fine_bins, *v)) for v in views.each(views.aspects)]
-            ),
-            templates(_fine_bins),
-            f"against bins of 1/{FINER_BINS} m at the same ranges; names: templates of those",
-        ),
-        row(
-            "far field",
-            "only within a tenth of a tolerance",
-            against_truth(_far),
-            templates(_far),
-            "far-field view, s²/2R added, against the view from 100 km, lines of 1/16 m; at most "
-            f"{_share_of_bound(views):.2f} of its bound, which is part of `profile_error`",
-        ),
-        row(
-            "far field, plane waves",
-            "never",
-            against_truth(_flat),
-            templates(_flat),
-            "the same without s²/2R: effect of that correction",
-        ),
-        row(
-            "float",
-            "float32 mesh, extent, averages",
-            against_truth(_single),
-            views.right(_single, rounded) - best,
-            "against float64, lines of 1/16 m",
-        ),
-        _draws(views, best),
-        row(
-            "template spacing",
-            f"{STEP:g}°",
-            _between(views),
-            views.right(truth, views.averages_between, between=True)
-            - views.right(
-                truth,
-                views.averages_between,
-                between=True,
-                aspects=tuple(sorted((*views.aspects, *views.between))),
-            ),
-            f"{STEP / 2:g}° off, nearest template against the view itself; names: of views "
-            "between templates, against these learned, too",
-        ),
-    ]
+    rows = _rows(views, best)
     percent = ", ".join(
         f"{group}°: {mean:.1f}" for group, mean in zip(GROUPS, best.mean(axis=0), strict=False)
     )
@@ -347,6 +267,84 @@ def _measure(views: Views) -> Report:
             f"With templates of the truth it identifies {percent} % correctly.",
         ],
     )
+
+
+def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
+    """Return a row for each approximation, beside percent correct with templates of the truth."""
+    drawn = f"{Render.pixel.default:g} m, {Render.samples.default:g} samples"
+    sampled = [partial(_drawn, engine=engine) for engine in (choose_engine("auto"), "lines")]
+
+    def profiles(seen: Seen) -> list[Floats]:
+        return [_pulse(views.kept(seen, *view)) for view in views.each(views.aspects)]
+
+    def against_truth(seen: Seen) -> Sample:
+        return _errors(profiles(seen), profiles(truth))
+
+    def templates(seen: Seen) -> Floats:
+        return views.right(seen, views.averages) - best
+
+    between = partial(views.right, truth, views.averages_between, between=True)
+
+    return [
+        *(
+            _row(
+                name,
+                f"{seen.keywords['engine']}, {drawn}",
+                _against_reference(views, seen),
+                templates(seen),
+                "against the sampling-free reference",
+            )
+            for name, seen in zip(("pixel", "line"), sampled, strict=True)
+        ),
+        _row(
+            "bin",
+            "1 m",
+            _errors(profiles(truth), profiles(_fine_bins)),
+            templates(_fine_bins),
+            f"against bins of 1/{FINER_BINS} m at the same ranges; names: templates of those",
+        ),
+        _row(
+            "far field",
+            "only within a tenth of a tolerance",
+            against_truth(_far),
+            templates(_far),
+            "far-field view, s²/2R added, against the view from 100 km, lines of 1/16 m; at most "
+            f"{_share_of_bound(views):.2f} of its bound, which is part of `profile_error`",
+        ),
+        _row(
+            "far field, plane waves",
+            "never",
+            against_truth(_flat),
+            templates(_flat),
+            "the same without s²/2R: effect of that correction",
+        ),
+        _row(
+            "float",
+            "float32 mesh, extent, averages",
+            against_truth(_single),
+            views.right(_single, views.averages.astype(np.float32).astype(float)) - best,
+            "against float64, lines of 1/16 m",
+        ),
+        _draws(views, best),
+        _row(
+            "template spacing",
+            f"{STEP:g}°",
+            _between(views),
+            between() - between(aspects=tuple(sorted((*views.aspects, *views.between)))),
+            f"{STEP / 2:g}° off, nearest template against the view itself; names: of views "
+            "between templates, against these learned, too",
+        ),
+    ]
+
+
+def _row(name: str, setting: str, error: Sample, change: Floats, how: str) -> dict[str, Any]:
+    """Return a row: an error, and the change of percent correct by draw and group."""
+    spread = change.std(axis=0, ddof=1) / math.sqrt(len(change))
+    points = {
+        group: f"{mean:+.1f} ± {2 * sigma:.1f}"
+        for group, mean, sigma in zip(GROUPS, change.mean(axis=0), spread, strict=False)
+    }
+    return {"source": name, "setting": setting, "error": error, "how": how} | points
 
 
 def _share_of_bound(views: Views) -> float:

@@ -115,6 +115,40 @@ class Sizes:
     parts: tuple[str, ...] = ()
     workers: ClusterChoice = WORKERS
 
+    def alone(
+        self, overrides: Sequence[str], groups: Sequence[str], label: str
+    ) -> dict[str, xr.Dataset]:
+        """Return groups of one sweep with all seeds as an axis, at the article's aspects."""
+        aspects = [aspect for aspect in self.learned if aspect % SOURCE_STEP == 0]
+        axes = [f"seed={listed(range(self.seeds))}", f"grid.aspect={listed(aspects)}"]
+        return swept([*overrides, *axes, *self.more], groups, label=label, workers=self.workers)
+
+    def each(self, overrides: Sequence[str], groups: Sequence[str], label: str) -> Answers:
+        """Return groups of a sweep with the random aspects of all seeds."""
+        return swept_by_seed(
+            *([*overrides, *self.more], groups),
+            seeds=self.seeds,
+            learned=self.learned,
+            fresh=self.fresh,
+            label=label,
+            workers=self.workers,
+        )
+
+    def flown(self, overrides: Sequence[str], label: str, group: str = "validation") -> xr.Dataset:
+        """Return a group of a sweep of flights, of several draws."""
+        asked = [*overrides, f"grid.replicate={self.draws}", *self.more]
+        return swept(asked, [group], label=label, workers=self.workers)[group].squeeze(drop=True)
+
+    def past(
+        self, ships: Iterable[str], overrides: Sequence[str], label: str
+    ) -> dict[str, xr.Dataset]:
+        """Return flights past ships, each at its range."""
+        at_range = {ship: (f"grid.ship={ship}", f"irar.range={MISSIONS[ship]}") for ship in ships}
+        return {
+            ship: self.flown([*overrides, *of_ship], f"{label}, {ship}")
+            for ship, of_ship in at_range.items()
+        }
+
 
 def in_group(group: str, *names: str) -> tuple[str, ...]:
     """Return the names of groups of a store that begin alike."""
@@ -123,53 +157,21 @@ def in_group(group: str, *names: str) -> tuple[str, ...]:
 
 def measure(sizes: Sizes) -> dict[str, Report]:
     """Return the tables by name, after the sweeps that they need."""
-    parts, seeds, more = sizes.parts or PARTS, sizes.seeds, sizes.more
-
-    def alone(overrides: Sequence[str], groups: Sequence[str], label: str) -> dict[str, xr.Dataset]:
-        """Return groups of one sweep with all seeds as an axis, at the source's aspects."""
-        source = [one for one in sizes.learned if one % SOURCE_STEP == 0]
-        axes = [f"seed={listed(range(seeds))}", f"grid.aspect={listed(source)}"]
-        return swept([*overrides, *axes, *more], groups, label=label, workers=sizes.workers)
-
-    def each(overrides: Sequence[str], groups: Sequence[str], label: str) -> Answers:
-        """Return groups of a sweep with the random aspects of all seeds."""
-        return swept_by_seed(
-            *([*overrides, *more], groups),
-            seeds=seeds,
-            learned=sizes.learned,
-            fresh=sizes.fresh,
-            label=label,
-            workers=sizes.workers,
-        )
-
-    def flown(overrides: Sequence[str], label: str, group: str = "validation") -> xr.Dataset:
-        """Return a group of a sweep of flights."""
-        asked = [*overrides, *more]
-        return swept(asked, [group], label=label, workers=sizes.workers)[group].squeeze(drop=True)
-
-    def past(ships: Iterable[str], overrides: Sequence[str], label: str) -> dict[str, xr.Dataset]:
-        """Return flights past ships, each at its range, several draws."""
-        at_range = {ship: (f"grid.ship={ship}", f"irar.range={MISSIONS[ship]}") for ship in ships}
-        return {
-            ship: flown([*overrides, *of_ship, drawn], f"{label}, {ship}")
-            for ship, of_ship in at_range.items()
-        }
-
-    drawn = f"grid.replicate={sizes.draws}"
+    parts = sizes.parts or PARTS
     made: dict[str, Report] = {}
     if "new" in parts:
-        answers = each(NEW, GROUPS, "new aspects")
-        shifted = each(SHIFTED, in_group("classification/", "fusion"), "shifted frames")
+        answers = sizes.each(NEW, GROUPS, "new aspects")
+        shifted = sizes.each(SHIFTED, in_group("classification/", "fusion"), "shifted frames")
         made |= new_aspects(answers) | {"fusion": fusion(answers, shifted)}
     if "known" in parts:
         groups = in_group("classification/", "likelihood")
-        made |= prior_knowledge(each(KNOWN, groups, "known gain and floor"))
+        made |= prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
     if "summary" in made and "known" in made:
         made["summary"] = with_known(made["summary"], made["known"])
     if "learners" in parts:
         made |= learners(
             swept_anew(
-                [*LEARNERS, *more],
+                [*LEARNERS, *sizes.more],
                 ["range_profile", "classification/mnn"],
                 seeds=sizes.draws,
                 learned=sizes.learned,
@@ -180,16 +182,16 @@ def measure(sizes: Sizes) -> dict[str, Report]:
         )
     if "protocol" in parts:
         groups = in_group("classification/", *CLASSIFIERS, "mnn", "acn_infrared")
-        made |= protocol(alone(PROTOCOL, groups, "the source's protocol"))
+        made |= protocol(sizes.alone(PROTOCOL, groups, "the article's protocol"))
     if "categories" in parts:
-        made |= categories(alone(FORMED, in_group("classification/", "acn"), "categories"))
+        made |= categories(sizes.alone(FORMED, in_group("classification/", "acn"), "categories"))
     if "unknown" in parts:
         groups = in_group("classification/", *CLASSIFIERS)
-        made |= unknown(each(UNKNOWN, groups, "unknown ships"))
+        made |= unknown(sizes.each(UNKNOWN, groups, "unknown ships"))
     if "flights" in parts:
-        made |= near_stern(past(MISSIONS, NEAR, "near-stern flights"))
-        made |= tilts(past(FLOWN, [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"], "clutter"))
-        made |= chains(flown([*CHAINS, drawn], "chains of corrections"))
-        made |= sensitivity(flown([*SENSITIVITY, drawn], "errors of navigation"))
-        made |= measured(flown([*MEASURED, drawn], "measured profiles", "classification/measured"))
+        made |= near_stern(sizes.past(MISSIONS, NEAR, "near-stern flights"))
+        made |= tilts(sizes.past(FLOWN, [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"], "clutter"))
+        made |= chains(sizes.flown(CHAINS, "chains of corrections"))
+        made |= sensitivity(sizes.flown(SENSITIVITY, "errors of navigation"))
+        made |= measured(sizes.flown(MEASURED, "measured profiles", "classification/measured"))
     return made

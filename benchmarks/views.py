@@ -118,34 +118,15 @@ def measure(
     yardstick is timed beside it, before it in every other view. The processes take turns view
     by view, one at a time: what slows the machine for a while slows all of them.
     """
-    absent: dict[str, str] = {}
-    found: dict[str, list[Timed]] = {}
     with ExitStack() as running:
         running.enter_context(environment(ONE_THREAD))  # which the processes inherit
-        pools: dict[str, ProcessPoolExecutor] = {}
-        ready: dict[str, Future[None]] = {}
-        for name, (engine, _) in METHODS.items():
-            if engine not in available_engines():
-                absent[name] = f"no {engine} library"
-                continue
-            pool = running.enter_context(ProcessPoolExecutor(1, mp_context=get_context("spawn")))
-            pools[name] = pool
-            ready[name] = pool.submit(_prepare, name, ship, pixel, aspects[0])
-        for name, prepared in ready.items():
-            try:
-                prepared.result()
-                found[name] = []
-            except ImportError as error:
-                absent[name] = f"{error.name or error} is missing: dependency group benchmark"
-                del pools[name]
-            except Exception as error:  # any error of a graphics driver
-                absent[name] = f"{type(error).__name__}: {error}"
-                del pools[name]
+        pools, absent = _processes(running, ship, pixel, aspects[0])
+        timed: dict[str, list[Timed]] = {name: [] for name in pools}
         for turn in range(repeats):
             for place, aspect in enumerate(aspects):
                 for name, pool in pools.items():
                     first = (turn + place) % 2 == 0
-                    found[name].append(
+                    timed[name].append(
                         pool.submit(_time, aspect, pixel, yardstick_first=first).result()
                     )
     mesh = ncti.ships.load(ship)
@@ -156,8 +137,8 @@ def measure(
         for aspect in aspects
     ]
     rows = [
-        _row(name, found[name], exact * repeats, pixel)
-        if name in found
+        _row(name, timed[name], exact * repeats, pixel)
+        if name in timed
         else {"method": name, "absent": absent[name]}
         for name in METHODS
     ]
@@ -177,6 +158,29 @@ def measure(
             "view; the depth that pyrender then returns for an orthographic camera is wrong.",
         ],
     )
+
+
+def _processes(
+    running: ExitStack, ship: str, pixel: float, aspect: float
+) -> tuple[dict[str, ProcessPoolExecutor], dict[str, str]]:
+    """Return a process for each method that can run here, and the reasons of the others."""
+    pools: dict[str, ProcessPoolExecutor] = {}
+    ready: dict[str, Future[None]] = {}
+    absent: dict[str, str] = {}
+    for name, (engine, _) in METHODS.items():
+        if engine not in available_engines():
+            absent[name] = f"no {engine} library"
+            continue
+        pool = running.enter_context(ProcessPoolExecutor(1, mp_context=get_context("spawn")))
+        pools[name], ready[name] = pool, pool.submit(_prepare, name, ship, pixel, aspect)
+    for name, prepared in ready.items():
+        try:
+            prepared.result()
+        except ImportError as error:
+            absent[name] = f"{error.name or error} is missing: dependency group benchmark"
+        except Exception as error:  # any error of a graphics driver
+            absent[name] = f"{type(error).__name__}: {error}"
+    return {name: pool for name, pool in pools.items() if name not in absent}, absent
 
 
 def _row(

@@ -17,7 +17,7 @@ from sweeps.engine.places import Where, namesake
 from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
 from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable
-from sweeps.stages.classifier import drawn_aspects
+from sweeps.stages.classifier import drawn_aspects, kinds_of_aspects
 
 NAME = "differences"
 SCORES = "scores"
@@ -166,8 +166,7 @@ def _answers(path: Where, part: Part) -> xr.DataArray:
     ends = float(answers.aspect.min()), float(answers.aspect.max())
     number = given["configuration"]["grid"].get("random_aspects", 0)
     drawn = answers.aspect.isin(drawn_aspects(*ends, number, given["seed"]))
-    kinds = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
-    kinds = {name: where for name, where in kinds.items() if where.any()}
+    kinds = kinds_of_aspects(learned, drawn)
     along = xr.DataArray(list(kinds), dims="aspects", name="aspects", attrs=OF_ASPECTS)
     return xr.concat([answers.where(where, -1) for where in kinds.values()], along)
 

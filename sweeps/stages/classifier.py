@@ -202,12 +202,16 @@ def known_of(choices: Choices) -> xr.DataArray:
 
 
 def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
-    """Return masks of learned, intermediate and random aspects, of kinds that there are."""
+    """Return masks of the kinds of aspects of a sweep: see `kinds_of_aspects`."""
     import xarray as xr
 
-    learned = learned_of(choices).any("ship")
     aspects = choices[Grid.aspect]
     drawn = xr.DataArray(np.isin(aspects, random_test_aspects(choices, aspects)), dims="aspect")
+    return kinds_of_aspects(learned_of(choices).any("ship"), drawn)
+
+
+def kinds_of_aspects(learned: xr.DataArray, drawn: xr.DataArray) -> dict[str, xr.DataArray]:
+    """Return masks of learned, intermediate and random aspects, of kinds that there are."""
     kinds = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
     return {name: where for name, where in kinds.items() if where.any()}
 

@@ -7,16 +7,28 @@ import yaml
 from commands import FAST, chosen
 from company import company
 
-from sweeps.experiment import EXPERIMENT
+from sweeps.experiment import EXPERIMENT, MODULES, stages_of
 
 SWEEPS = yaml.safe_load(Path(__file__).with_name("company.yaml").read_text())
 MOST = 4  # cells of a stage that are computed alone
 
 
+def of_new_sensors(compared):
+    """Overrides of a sweep of each sensor with stages that none above has, with pairs of values."""
+    for module in MODULES:
+        along = [s.along for s in stages_of([module]) if s.name not in compared]
+        settings = {setting for several in along for setting in several}
+        if settings and hasattr(module, "SENSOR"):
+            first = {one.key: one.values(one.default)[0] for one in settings}
+            pairs = [f"{key}=[{value},{value + 1}]" for key, value in first.items()]
+            yield ["grid.ship=[duncan,texas]", "grid.aspect=60", f"sensor={module.SENSOR}", *pairs]
+
+
 def test_every_value_is_the_same_alone_and_in_company():
     compared: Counter[str] = Counter()
-    for overrides in SWEEPS.values():
-        compared.update(company(EXPERIMENT, chosen(*FAST, *overrides), most=MOST))
+    for sweeps in (SWEEPS.values(), of_new_sensors(compared)):
+        for overrides in sweeps:
+            compared.update(company(EXPERIMENT, chosen(*FAST, *overrides), most=MOST))
     together = {stage.name for stage in EXPERIMENT.stages if stage.along}
     assert len(together) > 10
     assert {name for name, cells in compared.items() if cells >= 2} == together
