@@ -229,7 +229,7 @@ def measure(views: Views | None = None) -> Report:
     Parameters
     ----------
     views : Views, optional
-        Views; the source's four ships by default.
+        Views; the article's four ships by default.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Time of the whole classification part of the source's experiment, by stage."""
+"""Time of the whole classification part of the article's experiment, by stage."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def source_task(
     aspects: Sequence[float] = ASPECTS,
     replicates: int = REPLICATES,
 ) -> Task:
-    """Return the source's profiles at 30 ns and 100 km, of some ships and aspects."""
+    """Return the article's profiles at 30 ns and 100 km, of some ships and aspects."""
     expected, bands, averaged = [], [], []
     for i, ship in enumerate(ships):
         mesh = ncti.ships.load(ship)
@@ -220,7 +220,7 @@ def measure(*, repeats: int, task: Task | None = None) -> Report:
     repeats : int
         How often each of them is fitted and names all tests.
     task : Task, optional
-        Profiles; the source's when not given.
+        Profiles; the article's when not given.
 
     Returns
     -------
@@ -295,7 +295,7 @@ def measure_vigilances(
     repeats : int
         How often.
     task : Task, optional
-        Profiles; the source's when not given.
+        Profiles; the article's when not given.
     vigilances : sequence of sequences of float
         Vigilances that are asked for together.
 

@@ -1,4 +1,4 @@
-"""Effect of gain annealing on the training of the multilayered network, on the source's task."""
+"""Effect of gain annealing on the training of the multilayered network, on the article's task."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def measure(
     repeats : int
         How often every network is trained.
     task : Task, optional
-        Profiles; the source's when not given.
+        Profiles; the article's when not given.
     states : int
         Random states, each of a network.
     rates : sequence of float
@@ -114,7 +114,7 @@ def measure_course(
     Parameters
     ----------
     task : Task, optional
-        Profiles; the source's when not given.
+        Profiles; the article's when not given.
     states : int
         Random states, each of a network.
     epochs : sequence of int

@@ -1,4 +1,4 @@
-"""The source's statements on the design of its sensors, beside its own tables and simulation."""
+"""The article's statements on the design of its sensors, beside its own tables and simulation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 
 
 def passive_ratio() -> list[tuple[str, str, str]]:
-    """Compare the passive sensor's ratio of 32 dB at 100 km with the source's Table 1."""
+    """Compare the passive sensor's ratio of 32 dB at 100 km with the article's Table 1."""
     ours = float(snr(SLANT_RANGE))
     # The ratio is one of powers, the square of contrast over noise.
     noise = contrast(SLANT_RANGE) / math.sqrt(ours)
@@ -182,11 +182,11 @@ def pixels(
 
 
 def measure() -> Report:
-    """Return the source's statements on design beside what its tables and simulation give."""
+    """Return the article's statements on design beside what its tables and simulation give."""
     rows = [*passive_ratio(), *range_precision(), *annealing(), *pixels()]
     return Report(
-        "The source's statements on the design of its sensors",
-        (Column("what", "what"), Column("source", "source"), Column("ours", "ours")),
+        "The article's statements on the design of its sensors",
+        (Column("what", "what"), Column("source", "article"), Column("ours", "ours")),
         [dict(zip(("what", "source", "ours"), row, strict=True)) for row in rows],
         [
             f"Range: {FRAMES} frames; the bound is that of Cramér and Rao over the fading of "

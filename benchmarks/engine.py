@@ -20,7 +20,7 @@ from sweeps.engine.run import Place
 from sweeps.engine.settings import Choices
 
 GOAL = 0.2  # ms a cell
-GRIDS = ((4, 31, 3, 4, 3, 5), (4, 50, 10, 4, 5, 5))  # 22,320 cells, as the source's, and 200,000
+GRIDS = ((4, 31, 3, 4, 3, 5), (4, 50, 10, 4, 5, 5))  # 22,320 cells, as the article's, and 200,000
 CELLS = (4_000, 16_000, 64_000)
 WHOLE = "total"
 PARTS = ("resolve", "execute", "write")  # of the whole

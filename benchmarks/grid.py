@@ -1,4 +1,4 @@
-"""The source's grid at three ranges, 22,320 cells: as one job, as `-m`, and by Hydra's launcher."""
+"""The article's grid at three ranges, 22,320 cells: as one job, by `-m`, and Hydra's launcher."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time of an infrared image by range, and of the whole infrared part of the source's experiment."""
+"""Time of an infrared image by range, and of the whole infrared part of the experiment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lines against pixels in the source's experiment: time and error of a view, percent correct."""
+"""Lines against pixels in the article's experiment: time and error of a view, percent correct."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The source's whole experiment by its command: cold, again, and with one more value."""
+"""The article's whole experiment by its command: cold, again, and with one more value."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ KINDS = {
     "test": "synthetic averages of 16 frames",
 }
 
-ASSUMED = {  # inputs taken from the source's explanation, by what is assumed
+ASSUMED = {  # inputs taken from the article's explanation, by what is assumed
     "nothing": {"transom_gain": 1.0, "mast_gain": 1.0},
     "dark transoms*": {"transom_gain": 0.0, "mast_gain": 1.0},
     "masts x 3*": {"transom_gain": 1.0, "mast_gain": 3.0},
@@ -105,7 +105,7 @@ def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
             (
                 Column("what", heading(draws)),
                 *(Column(key, key) for key in columns),
-                Column("said", "source's words"),
+                Column("said", "article's words"),
             ),
             rows,
         ),
@@ -158,7 +158,7 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
 
 
 def chains(flights: xr.Dataset) -> dict[str, Report]:
-    """Return what the chain of corrections printed in the source costs."""
+    """Return what the chain of corrections printed in the article costs."""
     rows = []
     for label, chain in (
         ("exact", "exact"),

@@ -221,19 +221,19 @@ def prior_knowledge(found: Answers) -> dict[str, Report]:
     return {"known": Report("Known gain and floor", columns, rows)}
 
 
-# The source's protocol
+# The article's protocol
 
 SOURCE_BINS = ("0-27°", "30-57°", "60-90°", "overall")
 
 
 def of_seeds(correct: xr.DataArray, name: str) -> list[float]:
-    """Return percent correct of each seed in a bin of the source's 31 aspects."""
+    """Return percent correct of each seed in a bin of the article's 31 aspects."""
     chosen = bins_of(correct.aspect.values)[name]
     return [percent_of(correct.sel(seed=seed), chosen) for seed in correct.seed.values]
 
 
 def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
-    """Return the tables of the source's protocol: learned aspects at 100 km, and silhouettes."""
+    """Return the tables of the article's protocol: learned aspects at 100 km, and silhouettes."""
     acn, mnn = found["classification/acn"], found["classification/mnn"]
     likelihood = found["classification/likelihood"].correct
     seeds = acn.sizes["seed"]
@@ -245,7 +245,7 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         profiles.append((f"ACN, {count} frames", at(acn.correct, frame_count=count, **still)))
     profiles += [
         (
-            "ACN, 16 frames, learning in the test, as in the source",
+            "ACN, 16 frames, learning in the test, as in the article",
             at(acn.correct, frame_count=16, learn_in_test=True),
         ),
         ("MNN, ship and aspect group, 16 frames", at(mnn.correct, frame_count=16)),
@@ -274,8 +274,8 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         silhouettes.append((label, at(seen, range=km, super_resolution=way)))
     made = {}
     for name, title, rows in (
-        ("protocol", "Learned aspects, the source's protocol", profiles),
-        ("silhouettes", "Silhouettes, the source's protocol", silhouettes),
+        ("protocol", "Learned aspects, the article's protocol", profiles),
+        ("silhouettes", "Silhouettes, the article's protocol", silhouettes),
     ):
         heading = f"percent correct, mean of {seeds} seeds [95 % interval]"
         columns = (
@@ -305,7 +305,7 @@ def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         of = category.sel(pulse_width=ns)
         of_seed = [float(of.sel(seed=seed).mean()) for seed in of.seed.values]
         row[str(ns)] = over_seeds(of_seed, bounds=(0, np.inf)).text(1)
-    source: dict[str, Any] = {"what": "source, Table 3"} | dict(
+    source: dict[str, Any] = {"what": "article, Table 3"} | dict(
         zip(map(str, (10, 30, 50)), ("26", "18", "16"), strict=True)
     )
     heading = f"categories formed at vigilance 0.95, mean of {category.sizes['seed']} seeds"

@@ -1,4 +1,4 @@
-"""Toy experiments over the axes of the source's grid, whose stages take no time."""
+"""Toy experiments over the axes of the article's grid, whose stages take no time."""
 
 from __future__ import annotations
 

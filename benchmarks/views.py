@@ -32,7 +32,7 @@ from ncti.render import LineImage, available_engines
 from ncti.render.view import View
 from sweeps.engine.process import ONE_THREAD, environment
 
-DEPRESSION = 3.84  # of the source's experiment [deg]
+DEPRESSION = 3.84  # of the article's experiment [deg]
 ASPECTS = tuple(range(0, 91, 6))  # [deg]
 YARDSTICK = "embree called directly"
 PULSE_WIDTH = 30e-9  # [s]
