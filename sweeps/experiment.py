@@ -23,6 +23,7 @@ from sweeps.engine.process import environment
 from sweeps.engine.settings import Choices, Setting, Settings
 from sweeps.engine.stage import Experiment, Stage
 from sweeps.stages import views
+from sweeps.stages.benchmark import Benchmark
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.dataset import SENSOR as DATASET
 from sweeps.stages.infrared import silhouette_engine
@@ -36,7 +37,7 @@ MODULES = tuple(
     for name in (
         *("views", "portraits", "ladar", "infrared", "irar", "flights"),
         *("classifier", "acn", "mnn", "correlation", "likelihood", "fusion", "measured"),
-        *("run_time", "scan", "dataset", "reproduce", "operate"),
+        *("run_time", "scan", "dataset", "reproduce", "operate", "benchmark"),
     )
 )
 
@@ -60,11 +61,13 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     def named(name: str) -> Word:
         return Word(tuple(getattr(module, name) for module in modules if hasattr(module, name)))
 
-    sensors = Sweep.sensor.kind
+    sensors, entries = Sweep.sensor.kind, Benchmark.classifier.kind
     assert isinstance(sensors, SetOf)
+    assert isinstance(entries, SetOf)
     kinds: dict[str, Kind] = {
         Sweep.sensor.key: replace(sensors, kind=named("SENSOR")),
         Classifier.name.key: named("NAME"),
+        Benchmark.classifier.key: replace(entries, kind=Word(declared("ENTRIES"))),
     }
     settings = tuple(
         replace(setting, kind=kinds[setting.key]) if setting.key in kinds else setting
@@ -105,9 +108,10 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return lines on what is swept, of some modules and of classifiers without any use."""
-    # Flights, run times, scans and settings have classifiers of their own, and data sets have none.
-    own = {views.IRAR, views.RUN_TIME, views.SCAN, views.OPERATE, DATASET, REPRODUCE}
-    alone = own & set(choices.one(Sweep.sensor))
+    # Flights, run times, scans, settings and the benchmark have classifiers of their own, and data
+    # sets have none.
+    own = {views.IRAR, views.RUN_TIME, views.SCAN, views.OPERATE, views.BENCHMARK}
+    alone = (own | {DATASET, REPRODUCE}) & set(choices.one(Sweep.sensor))
     return [
         f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
         for name in (() if alone else idle(stages_of(modules), choices))
@@ -121,10 +125,12 @@ def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
     """
     engines = {*choices[Render.engine]}
     needed = [*map(of_engine, sorted(engines))]
-    if looks(views.RANGE)(choices) or looks(DATASET)(choices):
+    if any(looks(sensor)(choices) for sensor in (views.RANGE, DATASET, views.BENCHMARK)):
         needed.append(FRAMES)
     if looks(DATASET)(choices):
         needed += [of_engine(LINES), IMAGES]
+    if looks(views.BENCHMARK)(choices):
+        needed.append(of_engine(LINES))
     if looks(views.INFRARED)(choices):
         needed.append(IMAGES)
         needed += [of_engine(MASK)] if MASK in map(silhouette_engine.function, engines) else []

@@ -24,6 +24,7 @@ from ncti.evaluate.sensitivity import (
     sobol_indices,
 )
 from ncti.evaluate.sufficiency import cheapest, crossing, isotonic
+from ncti.evaluate.summary import tabulate_differences, tabulate_rows
 
 __all__ = [
     "AspectAccuracy",
@@ -58,7 +59,9 @@ __all__ = [
     "score",
     "sobol_indices",
     "tabulate_categories",
+    "tabulate_differences",
     "tabulate_rejection",
+    "tabulate_rows",
     "tabulate_scores",
     "wilson_interval",
 ]

@@ -17,7 +17,6 @@ from functools import cache, cached_property
 from itertools import chain, islice
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -364,12 +363,8 @@ def _object(calls: Calls, number: int, packs: Objects) -> Any:
         return objects[key]
     while len(objects) >= calls.step.keep:
         objects.popitem(last=False)
-    ahead = vars(_kept).setdefault(AHEAD, WeakKeyDictionary())  # what is read for the next ones
-    due, inputs = ahead.get(calls, (None, None))
-    if due != number:
-        inputs = _with_inputs(calls, packs, number)
-    ahead[calls] = number + 1, inputs
-    objects[key] = made = calls.step.call(**_arguments(calls, number, next(inputs), packs))
+    inputs = next(_with_inputs(calls, packs, number))
+    objects[key] = made = calls.step.call(**_arguments(calls, number, inputs, packs))
     return made
 
 
@@ -445,7 +440,6 @@ def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays 
     return Damaged(tuple(lost)) if lost else wrong or whole
 
 
-AHEAD = "ahead"  # a name that no function has
 _kept = threading.local()
 
 

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 RANGE, INFRARED, IRAR, RUN_TIME, SCAN = "range", "infrared", "irar", "run_time", "scan"
-OPERATE = "operate"
+OPERATE, BENCHMARK = "operate", "benchmark"
 MOST_FRAMES = 10_000
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
 SHAPES = "it shapes arrays"  # why a setting takes one value only

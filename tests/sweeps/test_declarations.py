@@ -15,7 +15,7 @@ from sweeps.experiment import EXPERIMENT
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DECLARED = EXPERIMENT.declared
 # What no result depends on, and what chooses stages and tables instead of entering them.
-NOT_READ = {"sensor", "dataset.sensor", "classifier.test_vigilance"}
+NOT_READ = {"benchmark.classifier", "sensor", "dataset.sensor", "classifier.test_vigilance"}
 
 each = partial(pytest.mark.parametrize, "setting", ids=lambda setting: setting.key)
 

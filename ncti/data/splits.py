@@ -1,0 +1,298 @@
+"""Named splits into training and test, each with the question that it asks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncti.checks import require, require_word
+from ncti.data.rows import dataset
+from ncti.ladar.budget import carrier_to_noise
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+KNOWN = ("duncan", "horne", "spruance", "texas")
+"""Ships learned. Duncan is one of two sisters, the other ships are of classes of their own."""
+
+SISTER, STRANGER = "roberts", "connole"
+"""Ships not learned: Roberts, of Duncan's class with a longer hull, and one of another class."""
+
+TRAIN, TEST, UNKNOWN = "train", "test", "unknown"
+TRAINING_ROWS, TEST_ROWS = 3200, 800
+PER_VIEW = {TRAIN: 8, TEST: 2, UNKNOWN: 2}
+"""Rows of a view. What is tested varies more between views than between draws of one."""
+
+SIDE = (0.0, 180.0)
+"""Aspects [deg]: one side of a ship, since the other shows nearly the same profiles."""
+
+SECTOR = 30.0
+"""Width of the sector that `aspect-gap` leaves out [deg]."""
+
+NEAR, FAR = 25e3, 100e3
+"""Slant ranges [m] of `range-shift`; all else is at the second."""
+
+FEW = 2
+"""Frames averaged in the tests of `few-frames`, an eighth of those learned."""
+
+GAIN_DRIFT, FLOOR_DRIFT, CNR_LOSS = 0.1, 0.5, 3.0
+"""Drift of the radar in `sensor-shift`, assumed: standard deviations of the gain (0.8 dB of power)
+and of the floor, in rms deviations of a frame; and loss of carrier-to-noise ratio [dB]."""
+
+VARIANTS = 12
+"""Variants of a ship in `variant`, half of them learned."""
+
+SPLITS = {
+    "aspect-random": "Are ships named at aspects between those learned?",
+    "aspect-gap": "Are they named in a sector of 30 degrees that was never seen?",
+    "range-shift": "Does what was learned at 25 km hold at 100 km?",
+    "sensor-shift": "Does it hold for a radar whose gain, noise floor and carrier have drifted?",
+    "variant": "Are ships named that differ from those learned as ships of a class may?",
+    "unknown-near": "Is a sister ship that was not learned told from the ships learned?",
+    "unknown-far": "Is a ship of another class that was not learned told from them?",
+    "few-frames": "What is left when two frames are averaged instead of 16?",
+}
+"""Question of each split, by its name."""
+
+Rows = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Rows to learn from and rows to be tested with, which have nothing in common.
+
+    Attributes
+    ----------
+    name, question : str
+        One of `SPLITS`.
+    seed : int
+        Seed from which all of it follows.
+    train, test : xarray.Dataset
+        Rows of `ncti.dataset`; `ship` is what is to be named, and `variant` the ship drawn. Those
+        of training have their expected profiles, too.
+    unknown : xarray.Dataset or None
+        Rows of a ship that is absent from training, to be rejected.
+
+    See Also
+    --------
+    split : Makes it.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> halves = ncti.data.split("few-frames", seed=0, train=16, test=4)
+    >>> halves.train.sizes["row"], halves.test.frames.values.tolist(), halves.unknown
+    (16, [2, 2, 2, 2], None)
+    """
+
+    name: str
+    question: str
+    seed: int
+    train: xr.Dataset
+    test: xr.Dataset
+    unknown: xr.Dataset | None
+
+
+def split(
+    name: str,
+    *,
+    seed: int,
+    ships: Sequence[str] = KNOWN,
+    train: int = TRAINING_ROWS,
+    test: int = TEST_ROWS,
+    workers: int = 1,
+) -> Split:
+    """Return the rows of a named split, of which none of a test has anything of training.
+
+    Parameters
+    ----------
+    name : str
+        One of `ncti.data.SPLITS`, which has the question of each.
+    seed : int
+        Seed. Training and test are drawn by seeds that follow from it, different ones, so that no
+        draw of noise, view or variant is in both.
+    ships : sequence of str
+        Names of the ships that are learned.
+    train, test : int
+        Number of rows: eight of a view in training, two in a test. There are half as many rows of
+        an unknown ship as of tests.
+    workers : int
+        Processes, as of `ncti.dataset`.
+
+    Returns
+    -------
+    Split
+
+    Raises
+    ------
+    ValueError
+        If there is no such split, a ship is unknown or is to be unknown, or a number is out of its
+        range.
+
+    See Also
+    --------
+    ncti.dataset : Makes rows.
+    card : Description of a split for machines.
+    ncti.evaluate.score : Scores of the answers.
+
+    Notes
+    -----
+    Aspects are of one side of a ship: its other side shows nearly the same, and would leak. All
+    splits but `aspect-gap`, `range-shift` and `variant` have one training for a seed, and all tests
+    of aspects at random have the same views and noise for a seed, so that differences between
+    splits are those of what they ask. The sector of `aspect-gap` is the sixth of the side whose
+    number is the seed modulo 6. The drift of `sensor-shift` is drawn for each row: gain and floor
+    of normal distributions, the carrier-to-noise ratio 3 dB less.
+
+    Examples
+    --------
+    >>> import ncti
+    >>> halves = ncti.data.split("aspect-gap", seed=1, train=80, test=8)
+    >>> bool(((halves.test.aspect >= 30) & (halves.test.aspect < 60)).all())
+    True
+    >>> bool(((halves.train.aspect < 30) | (halves.train.aspect >= 60)).all())
+    True
+    """
+    counts = {TRAIN: train, TEST: test, UNKNOWN: max(test // 2, 1)}
+    found = {
+        part: rows_of(name, part, seed=seed, ships=ships, count=count, workers=workers)
+        for part, count in counts.items()
+        if part != UNKNOWN or name in OUTSIDERS
+    }
+    return Split(name, SPLITS[name], seed, found[TRAIN], found[TEST], found.get(UNKNOWN))
+
+
+def rows_of(
+    name: str, part: str, *, seed: int, ships: Sequence[str], count: int, workers: int = 1
+) -> xr.Dataset:
+    """Return the rows of one part of a split.
+
+    Parameters
+    ----------
+    name, seed, ships, workers
+        As of `split`.
+    part : {"train", "test", "unknown"}
+        Part.
+    count : int
+        Number of rows.
+
+    Returns
+    -------
+    xarray.Dataset
+        See `Split`.
+    """
+    require_word("name", name, SPLITS)
+    require_word("part", part, PER_VIEW)
+    require("seed", seed, minimum=0, maximum=2**63 - 1, whole=True)
+    if isinstance(ships, str) or len(ships) < 2 or {SISTER, STRANGER} & {*ships}:
+        raise ValueError(
+            f"ships is {ships!r:.60}, but must be at least two ships without {SISTER} and "
+            f"{STRANGER}, which are unknown"
+        )
+    drawn, given = _drawn_by(name, part, seed), _given(name, part, seed)
+    names = _ships(name, part, seed, ships)
+    rows = dataset(names, count, seed=drawn, rows_per_view=PER_VIEW[part], workers=workers, **given)
+    base = np.array([ship.partition("@")[0] for ship in rows.ship.values.tolist()])
+    about = {"long_name": "ship drawn, a variant of the ship to be named"}
+    return rows.assign_coords(
+        variant=("row", rows.ship.values, about), ship=("row", base, rows.ship.attrs)
+    )
+
+
+def trained_as(name: str) -> str:
+    """Return the first split with the same training as another.
+
+    Parameters
+    ----------
+    name : str
+        One of `SPLITS`.
+
+    Returns
+    -------
+    str
+        One of `SPLITS`.
+
+    Examples
+    --------
+    >>> from ncti.data.splits import trained_as
+    >>> trained_as("few-frames"), trained_as("variant")
+    ('aspect-random', 'variant')
+    """
+    return name if name in ("aspect-gap", "range-shift", "variant") else "aspect-random"
+
+
+OUTSIDERS = {"unknown-near": SISTER, "unknown-far": STRANGER}
+
+
+def gap(seed: int) -> tuple[float, float]:
+    """Return the sector [deg] that `aspect-gap` leaves out for a seed.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the split.
+
+    Returns
+    -------
+    low, high : float
+        Ends, the first of which is in it.
+
+    Examples
+    --------
+    >>> from ncti.data.splits import gap
+    >>> gap(7)
+    (30.0, 60.0)
+    """
+    low = SECTOR * (seed % round(SIDE[1] / SECTOR))
+    return low, low + SECTOR
+
+
+def _drawn_by(name: str, part: str, seed: int) -> int:
+    """Return the seed of the rows of a part, which no other part of any split has for a seed.
+
+    Unless it is the same training, or the same views and noise under other conditions.
+    """
+    of_train = [*SPLITS].index(trained_as(name))
+    key = {TRAIN: (0, of_train), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
+    words = np.random.SeedSequence(seed, spawn_key=key).generate_state(1, np.uint64)
+    return int(words[0] >> np.uint64(1))
+
+
+def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
+    """Return the ships that a part has, by the names of variants in `variant`."""
+    if part == UNKNOWN:
+        return [OUTSIDERS[name]]
+    if name != "variant":
+        return list(ships)
+    order = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(3,)))
+    numbers = 1 + order.permutation(VARIANTS)
+    half = numbers[: VARIANTS // 2] if part == TRAIN else numbers[VARIANTS // 2 :]
+    return [f"{ship}@0.{number}" for ship in ships for number in sorted(half.tolist())]
+
+
+def _given(name: str, part: str, seed: int) -> Rows:
+    """Return the arguments of `dataset` that a part has."""
+    # Imported where it is used: scipy.stats takes half a second.
+    from scipy.stats import norm, rv_histogram
+
+    given: Rows = {"aspect": SIDE, "slant_range": FAR, "expected": part == TRAIN}
+    if name == "aspect-gap":
+        low, high = gap(seed)
+        edges = sorted({SIDE[0], low, high, SIDE[1]})
+        weights = [0.0 if start == low else end - start for start, end in pairwise(edges)]
+        outside = rv_histogram((np.array(weights), np.array(edges)), density=False)
+        given["aspect"] = outside if part == TRAIN else (low, high)
+    elif name == "range-shift" and part == TRAIN:
+        given["slant_range"] = NEAR
+    elif name == "sensor-shift" and part != TRAIN:
+        nominal = 10 * math.log10(carrier_to_noise(FAR))
+        given |= {"gain": norm(1, GAIN_DRIFT), "floor": norm(0, FLOOR_DRIFT)}
+        given["cnr"] = nominal - CNR_LOSS
+    elif name == "few-frames" and part != TRAIN:
+        given["frames"] = FEW
+    return given

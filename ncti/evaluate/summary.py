@@ -1,0 +1,290 @@
+"""Tables of the answers of a classifier to the rows of splits: means over seeds with intervals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.evaluate.comparison import compare
+from ncti.evaluate.replicates import CONFIDENCE, grouped_accuracy
+from ncti.evaluate.rows import Scores, score
+from ncti.evaluate.scores import BIN_WIDTH
+from ncti.labels import data_set
+
+if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
+    import xarray as xr
+
+Floats = NDArray[np.float64]
+
+SPLIT, SEED = "split", "seed"
+NO_ROW = -2  # of a ship, where a split has fewer rows than others
+RARE = 10  # views, right or wrong, below which the scatter of seeds says too little
+SIDE = np.arange(0.0, 180.0, BIN_WIDTH)  # lowest aspects of bins [deg]
+FIGURES = {
+    "log_loss": "mean negative logarithm of the probability of the true ship",
+    "ece": "expected calibration error, mean distance of confidence and share of right answers",
+    "auroc": "probability that an answer to a known ship is more similar than one to an unknown",
+    "oscr": "probability that it is right, too",
+    "kept": "fraction of answers to known ships that are right and accepted where 90 % of those to "
+    "unknown ones are rejected",
+}
+UNITS = {"log_loss": "nat"}
+
+
+def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
+    """Return all scores of answers to the tests of splits, as means over seeds with intervals.
+
+    Parameters
+    ----------
+    answers : xarray.Dataset
+        Over split, seed and row: `predicted`, the ship named, as an index; `probability` over
+        ship, too, NaN of a classifier that has none; and `similarity`.
+    tests : xarray.Dataset
+        Over split, seed and row: `true_ship`, an index into the coordinate `ship` of the answers,
+        -1 of a ship that was not learned and -2 where there is no row; `true_aspect` [deg];
+        `view`.
+
+    Returns
+    -------
+    xarray.Dataset
+        By split: `accuracy` and the figures of `score`, each with `_low` and `_high`, the ends of
+        its 95 % interval, and `accuracy_n` answers; `aspect_accuracy` by `aspect_bin`; `confusion`
+        by ship and ship named, the shares of answers; `reliability` by `confidence` with
+        `reliability_n` answers.
+
+    See Also
+    --------
+    score : The scores of one seed.
+    tabulate_differences : Two classifiers.
+
+    Notes
+    -----
+    Intervals are Student's t of seeds, which draw training and tests anew. With one seed, or where
+    fewer than ten views are right or wrong, those of accuracies take in the interval of all views
+    (`grouped_accuracy`).
+
+    Examples
+    --------
+    One split, one seed, and three answers, the last of which is wrong:
+
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from ncti.evaluate import tabulate_rows
+    >>> dims, ship = ("split", "seed", "row"), ["duncan", "texas"]
+    >>> coords = {"split": ["aspect-random"], "seed": [0]}
+    >>> truth = {"true_ship": (dims, [[[0, 1, 1]]]), "view": (dims, [[[0, 1, 2]]])}
+    >>> tests = xr.Dataset(truth | {"true_aspect": (dims, [[[10.0, 50.0, 170.0]]])}, coords)
+    >>> named = {"predicted": (dims, [[[0, 1, 0]]]), "similarity": (dims, [[[1.0, 1.0, 1.0]]])}
+    >>> likely = {"probability": ((*dims, "ship"), np.full((1, 1, 3, 2), np.nan))}
+    >>> table = tabulate_rows(xr.Dataset(named | likely, coords | {"ship": ship}), tests)
+    >>> table.accuracy.round(2).item(), table.aspect_accuracy.isel(split=0).values.tolist()
+    (0.67, [1.0, 1.0, nan, nan, nan, 0.0])
+    """
+    import xarray as xr
+
+    ships = np.asarray(answers.ship.values)
+    several = [str(name) for name in answers[SPLIT].values]
+    by_split = []
+    for name in several:
+        seeds = [_scores(answers, tests, name, seed) for seed in answers[SEED].values]
+        by_split.append(_means(seeds, ships))
+    table = xr.concat([data_set(one) for one in by_split], SPLIT)
+    low = SIDE.tolist()
+    return table.assign_coords(
+        {
+            SPLIT: answers[SPLIT],
+            "aspect_bin": [f"{low_:g}-{low_ + BIN_WIDTH:g}" for low_ in low],
+            "ship": answers.ship,
+            "ship_named": ships,
+        }
+    )
+
+
+def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
+    """Return how much more often a classifier is right than another one, by split.
+
+    Parameters
+    ----------
+    answers, others : xarray.Dataset
+        Answers of both, as of `tabulate_rows`.
+    tests : xarray.Dataset
+        As of `tabulate_rows`.
+
+    Returns
+    -------
+    xarray.Dataset
+        `difference` of the fractions of right answers, mean over seeds, with `difference_low` and
+        `difference_high`, Student's t interval of 95 % of seeds, or the bootstrap of views where
+        there is one seed; and `p_value`, McNemar's test of the views of all seeds.
+
+    See Also
+    --------
+    compare : Both for rows.
+
+    Notes
+    -----
+    The interval has the scatter of trainings and tests, the test only that of tests.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from ncti.evaluate import tabulate_differences
+    >>> dims = ("split", "seed", "row")
+    >>> coords = {"split": ["aspect-random"], "seed": [0]}
+    >>> truth = {"true_ship": (dims, [[[0, 1, 1]]]), "view": (dims, [[[0, 1, 2]]])}
+    >>> one, other = (
+    ...     xr.Dataset({"predicted": (dims, [[named]])}, coords) for named in ([0, 1, 1], [1, 1, 1])
+    ... )
+    >>> table = tabulate_differences(one, other, xr.Dataset(truth, coords))
+    >>> table.difference.round(2).item()
+    0.33
+    """
+    import xarray as xr
+
+    rows = []
+    for name in answers[SPLIT].values:
+        truth = tests.sel({SPLIT: name})
+        known = truth.true_ship.values >= 0
+        right = [
+            one.sel({SPLIT: name}).predicted.values == truth.true_ship.values
+            for one in (others, answers)
+        ]
+        seeds = np.indices(known.shape)[0]
+        views = _views(truth.view.values, seeds)[known]
+        first, second = (one[known] for one in right)
+        outcome = compare(first, second, views, rng=np.random.default_rng(0))
+        means = [(one & known).sum(axis=1) / known.sum(axis=1) for one in right]
+        mean, low, high = interval(means[1] - means[0], -1.0, 1.0)
+        if len(known) == 1:
+            low, high = outcome.ci_low, outcome.ci_high
+        rows.append(
+            {
+                "difference": (mean, "fraction of right answers less that of the other"),
+                "difference_low": (low, "lower end of its 95 % interval"),
+                "difference_high": (high, "upper end of its 95 % interval"),
+                "p_value": (outcome.p_value, "probability of it if both were equally good"),
+            }
+        )
+    table = xr.concat([data_set({k: _scalar(v) for k, v in row.items()}) for row in rows], SPLIT)
+    return table.assign_coords({SPLIT: answers[SPLIT]})
+
+
+def interval(values: Floats, minimum: float, maximum: float) -> tuple[float, float, float]:
+    """Return the mean of independent values, and the ends of its 95 % interval by Student's t.
+
+    Parameters
+    ----------
+    values : (seed,) float64 ndarray
+        Values; those that are NaN do not count.
+    minimum, maximum : float
+        Bounds of the mean, where the interval ends at the latest.
+
+    Returns
+    -------
+    mean, low, high : float
+        The ends are NaN of fewer than two values.
+    """
+    # Imported here because scipy takes a tenth of a second.
+    from scipy.special import stdtrit
+
+    some = values[np.isfinite(values)]
+    mean = float(some.mean()) if some.size else np.nan
+    if some.size < 2:
+        return mean, np.nan, np.nan
+    error = float(some.std(ddof=1)) / np.sqrt(some.size)
+    reach = float(stdtrit(some.size - 1, 0.5 + 0.5 * CONFIDENCE)) * error
+    return mean, max(mean - reach, minimum), min(mean + reach, maximum)
+
+
+def _scalar(figure: tuple[float, str]) -> tuple[Any, ...]:
+    """Return a number of a table with its label."""
+    import xarray as xr
+
+    value, *label = figure
+    return (xr.DataArray(value), *label)
+
+
+def _views(view: NDArray[Any], seeds: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return numbers of views that those of no other seed have."""
+    numbers: NDArray[np.int64] = seeds * (int(view.max(initial=0)) + 1) + view
+    return numbers
+
+
+def _scores(
+    answers: xr.Dataset, tests: xr.Dataset, name: str, seed: Any
+) -> tuple[Scores, NDArray[Any], Floats, NDArray[np.bool_]]:
+    """Return the scores of one seed, and the views, aspects and right answers of known ships."""
+    given, truth = (one.sel({SPLIT: name, SEED: seed}) for one in (answers, tests))
+    there = truth.true_ship.values > NO_ROW
+    ship, view, at = (truth[key].values[there] for key in ("true_ship", "view", "true_aspect"))
+    likely = given.probability.transpose("row", "ship").values[there].astype(np.float64)
+    likely /= likely.sum(axis=1, keepdims=True)
+    named = given.predicted.values[there]
+    centres = SIDE[np.searchsorted(SIDE, at, side="right") - 1] + BIN_WIDTH / 2
+    scores = score(
+        ship,
+        likely if np.isfinite(likely).all() else named,
+        aspect=centres,
+        groups=view,
+        classes=np.arange(answers.sizes["ship"]),
+        similarity=given.similarity.values[there],
+    )
+    known = ship >= 0
+    return scores, view[known], centres[known], (named == ship)[known]
+
+
+def _means(
+    seeds: list[tuple[Scores, NDArray[Any], Floats, NDArray[np.bool_]]], ships: NDArray[Any]
+) -> dict[str, tuple[Any, ...]]:
+    """Return the figures of one split, as means over its seeds, each with its label."""
+    import xarray as xr
+
+    numbers = np.concatenate([np.full(len(view), k) for k, (_, view, *_) in enumerate(seeds)])
+    view, centres, right = (np.concatenate([one[k] for one in seeds]) for k in (1, 2, 3))
+    pooled = grouped_accuracy(right, centres, _views(view, numbers))
+    fractions = np.array([one.accuracy.fraction[-1] for one, *_ in seeds])
+    mean, low, high = interval(fractions, 0.0, 1.0)
+    views = len(np.unique(_views(view, numbers)))
+    if len(seeds) == 1 or min(mean, 1 - mean) * views < RARE:
+        low = float(np.fmin(low, pooled.ci_low[-1]))
+        high = float(np.fmax(high, pooled.ci_high[-1]))
+    share = "fraction of ships named correctly"
+    ends = ("lower end of its 95 % interval", "upper end of its 95 % interval")
+    figures: dict[str, tuple[Any, ...]] = {
+        "accuracy": (mean, share),
+        "accuracy_low": (low, ends[0]),
+        "accuracy_high": (high, ends[1]),
+        "accuracy_n": (float(len(right)), "answers"),
+    }
+    for name, label in FIGURES.items():
+        most = np.inf if name == "log_loss" else 1.0
+        three = interval(np.array([getattr(one, name) for one, *_ in seeds]), 0.0, most)
+        for suffix, value, said in zip(("", "_low", "_high"), three, (label, *ends), strict=True):
+            figures[name + suffix] = (value, said)
+    table = {name: _scalar(figure) for name, figure in figures.items()}
+    for name, unit in UNITS.items():
+        table |= {key: (*table[key], unit) for key in (name, f"{name}_low", f"{name}_high")}
+    # By aspect: the views of all seeds.
+    of_bin = np.searchsorted(SIDE, [float(label) for label in pooled.labels[:-1]]) - 1
+    for name, values, said in (
+        ("aspect_accuracy", pooled.fraction, f"{share}, by aspect"),
+        ("aspect_accuracy_low", pooled.ci_low, ends[0]),
+        ("aspect_accuracy_high", pooled.ci_high, ends[1]),
+    ):
+        whole = np.full(len(SIDE), np.nan)
+        whole[of_bin] = values[:-1]
+        table[name] = xr.DataArray(whole, dims="aspect_bin"), said
+    confusion = np.sum([one.confusion for one, *_ in seeds], axis=0)
+    shares = confusion / np.maximum(confusion.sum(axis=1, keepdims=True), 1)
+    label = "share of answers to a ship that name another"
+    table["confusion"] = xr.DataArray(shares, dims=("ship", "ship_named")), label
+    curves = [one.reliability for one, *_ in seeds if one.reliability is not None]
+    n = np.sum([curve.n for curve in curves], axis=0) if curves else np.zeros(10)
+    hits = np.nansum([curve.fraction * curve.n for curve in curves], axis=0) if curves else n
+    fraction = np.where(n > 0, hits / np.maximum(n, 1), np.nan)
+    label = "share of right answers, by tenth of the probability of the ship named"
+    table["reliability"] = xr.DataArray(fraction, dims="confidence"), label
+    table["reliability_n"] = xr.DataArray(n.astype(float), dims="confidence"), "answers"
+    return table
