@@ -18,7 +18,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import accumulate, islice
-from pathlib import Path
 from typing import Any
 
 from sweeps.engine.cluster import Executor
@@ -26,7 +25,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import check_target
 from sweeps.engine.interrupts import Stopped, heed, interruptible
 from sweeps.engine.manifest import MANIFEST, Manifest, checksum_of, manifest_of, read_manifest
-from sweeps.engine.places import AT_ONCE, Objects, Where, readable
+from sweeps.engine.places import AT_ONCE, Objects, Where, readable, real_place
 from sweeps.engine.zarr_array import (
     METADATA,
     SPACES,
@@ -248,8 +247,7 @@ def _written_elsewhere(
 
     What they do not write, as where they do not see the store, is left to this process.
     """
-    if isinstance(objects.place, Path):
-        objects = Objects(objects.place.absolute())
+    objects = Objects(real_place(objects.place))  # which no worker makes
     new = [chunk for chunk in chunks if chunk.array.sent is not None and not chunk.source]
     size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
     parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
