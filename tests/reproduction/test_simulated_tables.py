@@ -73,7 +73,7 @@ def test_averages_have_the_moments_of_frames_and_share_their_first():
     assert (np.abs(pairs - np.diag(covariance, 1)) < 5 * error).all()
 
 
-@pytest.mark.parametrize(("free", "cnr"), [(0, 1.0), (0, 10**3.2), (1000, 10**3.2)])
+@pytest.mark.parametrize(("free", "cnr"), [(0, 60.0), (1000, 10**3.2)])
 def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
     """Nearest template by cosine, four frames, where a normal distribution fits them least.
 
@@ -154,7 +154,7 @@ def test_a_threshold_keeps_the_largest_region_above_it():
     """Against a plain threshold: the same mask where the largest region is also the warmest."""
     target = np.zeros((6, 16, 40), dtype=bool)
     target[:, 5:10, 6:34] = True
-    imager = Imager(0.25, 2.1585, 0.0, 0.4, 0.1, 0.1)
+    imager = Imager(0.25, 0.6, 0.0, 0.4, 0.1, 0.1)  # a contrast of four deviations
     how = {"segmentation": "threshold", "threshold": 0.6}
     masks = _seen(target, 25e3, imager, how, 3, np.random.default_rng(8))
     noise = np.random.default_rng(8).standard_normal((3, *target.shape))
