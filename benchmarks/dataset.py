@@ -1,0 +1,74 @@
+"""Rows of a data set a second, by sensor and rows of a view."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import ncti
+from benchmarks.reports import Column, Report
+
+SHIPS = ["duncan", "horne", "spruance", "texas"]
+WORKERS = 2
+FEW = 10  # of the rows of the first case, those of others
+
+CASES: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("profiles, 25 rows a view", {}),
+    ("profiles, 1 row a view", {"rows_per_view": 1}),
+    ("profiles at 25 km", {"slant_range": 25e3}),
+    ("silhouettes", {"sensor": "infrared"}),
+    ("both", {"sensor": "both"}),
+)
+COLUMNS = (
+    Column("case", "rows of four ships at random aspects, 100 km"),
+    Column("rows", "rows", ",d"),
+    Column("wall_s", "time [s]", ".0f"),
+    Column("a_second", "rows a second", ",.0f"),
+    Column("cpu_ms", "processor [ms a row]", ".2f"),
+)
+
+
+def measure(*, rows: int = 100_000, workers: int = WORKERS) -> Report:
+    """Measure the time of `ncti.dataset` on some processes, start of the processes included.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the first case; others have a tenth.
+    workers : int
+        Processes.
+
+    Returns
+    -------
+    Report
+        A row for each case.
+    """
+    return Report(
+        f"Rows of `ncti.dataset`: 30 ns, 16 frames, lines at 0.25 m, {workers} processes",
+        COLUMNS,
+        [*_rows(rows, workers)],
+    )
+
+
+def _rows(rows: int, workers: int) -> Iterator[dict[str, Any]]:
+    ncti.dataset(SHIPS, 25, seed=0, sensor="both")  # compiles what is not compiled
+    for case, how in CASES:
+        count = rows if not how else max(1, rows // FEW)
+        wall, cpu = time.perf_counter(), _processor()
+        ncti.dataset(SHIPS, count, seed=0, workers=workers, **how)
+        wall, cpu = time.perf_counter() - wall, _processor() - cpu
+        yield {
+            "case": case,
+            "rows": count,
+            "wall_s": wall,
+            "a_second": count / wall,
+            "cpu_ms": 1e3 * cpu / count,
+        }
+
+
+def _processor() -> float:
+    """Return the processor time of this process and of those that have ended [s]."""
+    used = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(each.ru_utime + each.ru_stime for each in used)
