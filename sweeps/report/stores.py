@@ -81,20 +81,17 @@ def failed_cells(store: Any) -> dict[str, str]:
     return dict(attributes(store).get("failures", {}))
 
 
-def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = (), **wanted: Any) -> xr.Dataset:
-    """Return a data set at the wanted or preferred value of every axis, or else the first.
+def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = ()) -> xr.Dataset:
+    """Return a data set at the preferred value of every axis, or else the first.
 
     Dimensions in `keep`, and those of profiles and images, stay.
     """
     place = {}
     for dim in set(map(str, dataset.dims)) - {*keep, *OF_ARRAYS}:
         names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
-        names.sort(key=lambda name: (name not in wanted, name not in MAIN))
-        value = names and dataset[names[0]].values.tolist()
-        chosen = wanted.get(names[0]) if names else None
-        place[dim] = 0
-        if value:
-            place[dim] = value.index(chosen if chosen in value else preferred(names[0], value))
+        name = min(names, key=lambda name: name not in MAIN, default="")
+        values = dataset[name].values.tolist() if name else []
+        place[dim] = values.index(preferred(name, values)) if values else 0
     return dataset.isel(place)
 
 

@@ -314,17 +314,17 @@ def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
     return data_set(needed).assign_attrs(title=f"Cost of a median error of {TARGET:.1%}")
 
 
-def at_error(figure: Floats, error: Floats, target: float = TARGET) -> float:
-    """Return a figure where an error is met, by the power law between the pixels around it.
+def at_error(figure: Floats, error: Floats) -> float:
+    """Return a figure where the error is `TARGET`, by the power law between the pixels around it.
 
     That of the coarsest pixel if all errors are less, and NaN if all are more, or one is not known.
     """
     order = np.argsort(error)
-    if not (np.isfinite(error).all() and np.isfinite(figure).all()) or error[order[0]] > target:
+    if not (np.isfinite(error).all() and np.isfinite(figure).all()) or error[order[0]] > TARGET:
         return np.nan
     floor = np.finfo(np.float64).tiny  # errors may be 0, which has no logarithm
     x, y = np.log(np.maximum(error[order], floor)), np.log(figure[order])
-    return float(np.exp(np.interp(np.log(target), x, y)))
+    return float(np.exp(np.interp(np.log(TARGET), x, y)))
 
 
 TABLES = (
