@@ -441,8 +441,8 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
         axes[setting.name] = images[setting.name] if swept else xr.DataArray(choices.one(setting))
     whole = dict(zip(axes, xr.broadcast(*axes.values()), strict=True))
     given: dict[str, Any] = {name: array.values for name, array in whole.items()}
-    metres = given.pop("range") * 1e3
-    air = {"extinction": given.pop("extinction") * 1e-3}
+    metres = Infrared.range.in_si(given.pop("range"))
+    air = {"extinction": Infrared.extinction.in_si(given.pop("extinction"))}
     seen = air | {"contrast_at_zero": given.pop("contrast_at_zero")}
     figures = {
         "attenuation": (library.attenuation(metres, **air), "loss in the air, one way", "dB"),

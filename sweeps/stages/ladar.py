@@ -316,7 +316,7 @@ def check_pulses(choices: Choices, bins: Setting) -> None:
 def _check_window(choices: Choices) -> None:
     """Refuse a range window that does not hold every ship, both its ends free."""
     window = choices.one(Ladar.window)
-    longest = max(choices[Grid.pulse_width]) * 1e-9
+    longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
         reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
         needed = shortest_window(reach, longest)

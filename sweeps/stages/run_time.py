@@ -242,7 +242,8 @@ def check(choices: Choices) -> Choices:
         refuse(RunTime.bin_width, widest_bin, f"at most a tenth of ladar.window, {window:g} m")
     check_pulses(choices, RunTime.bin_width)
     widest = max(choices[Render.pixel])
-    narrowest = min(choices[Ladar.ifov]) * min(choices[Grid.range]) * 1e-3
+    beam, nearest = min(choices[Ladar.ifov]), min(choices[Grid.range])
+    narrowest = Ladar.ifov.in_si(beam) * Grid.range.in_si(nearest)
     if narrowest < widest:
         refuse(Render.pixel, widest, f"at most {narrowest:.3g} m, the width of an IFOV")
     asked, absent = choices[Render.engine], missing_engines()

@@ -28,7 +28,7 @@ from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.views import SCAN, SI, Arrays, Grid, Render, Scene, looks, quantity, refuse
+from sweeps.stages.views import SCAN, Arrays, Grid, Render, Scene, looks, quantity, refuse
 
 if TYPE_CHECKING:
     import trimesh
@@ -277,7 +277,7 @@ def check(choices: Choices) -> Choices:
         refuse(Infrared.ifov, max(choices[Infrared.ifov]), f"one number, of ladar.ifov, {reason}")
     views.require(choices, Render.tolerance, None, f"with the sensor {SCAN}")
     views.require(choices, Ladar.reflectance, "projected_area", f"with the sensor {SCAN}")
-    far = max(choices[Grid.range]) * 1e3 * (1 + max(choices[Scan.depth]))
+    far = Grid.range.in_si(max(choices[Grid.range])) * (1 + max(choices[Scan.depth]))
     most, pulses = search.most_pulses(far), max(choices[Scan.pulse_rate])
     if pulses > most:
         reason = f"for pulses to be back from {far * 1e-3:g} km before the next ones leave"
@@ -326,7 +326,7 @@ def depressions(choices: Choices, slant_range: float) -> set[float]:
     """Return the depressions [deg] of the field's middle, in every geometry."""
     scenes = (Scene.geometry, Scene.depression, Scene.altitude, Scene.earth_radius)
     several = product(*(choices[scene] for scene in scenes))
-    return {views.depression(slant_range * SI["km"], *scene) for scene in several}
+    return {views.depression(Grid.range.in_si(slant_range), *scene) for scene in several}
 
 
 # The table

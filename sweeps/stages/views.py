@@ -407,7 +407,7 @@ def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: flo
 def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
     """Refuse (`ConfigurationError`) a slant range where pixels do not resolve a part of a beam."""
     nearest, narrowest = min(choices[setting]), part * min(choices[beam])
-    width, pixel = narrowest * 1e-6 * nearest * 1e3, max(choices[Render.pixel])
+    width, pixel = beam.in_si(narrowest) * setting.in_si(nearest), max(choices[Render.pixel])
     if width < pixel:
         words = beam.key if part == 1 else f"half {beam.key}"
         refuse(
