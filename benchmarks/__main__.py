@@ -30,6 +30,7 @@ from benchmarks import (
     invariance,
     lines,
     memory,
+    operate,
     pages,
     paper,
     reproduced,
@@ -89,6 +90,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "near_stern": lambda asked: reproduction.near_stern(),
     "figures": lambda asked: reproduction.figures(),
     "design": lambda asked: design.measure(),
+    "operate": lambda asked: operate.measure(),
     "results": lambda asked: results.measure(results.Sizes(asked.seeds)),
     "history": lambda asked: history.record(repeats=asked.repeats),
 }
@@ -144,6 +146,7 @@ MEANINGS = {
     "figures": "the article's statements on its figures, measured on ours",
     "design": "the article's statements on the design of its sensors",
     "fits": "the eight of docs/reproduction.md together",
+    "operate": "what sensor suffices: shortcuts, what is left open, and Sobol indices",
     "results": "every figure of README.md and docs/results.md, as means over --seeds",
     "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
     "all": "everything but history, which takes long",

@@ -20,8 +20,8 @@ for axes, channel in zip(panels, ("profile", "both"), strict=True):
     for number, fleet in enumerate(fleets):
         part = rows[(rows.channel == channel) & (rows.fleet == fleet)].sort_values("range_km")
         part = part[np.isfinite(part.cost)]
-        high = part.cost_high.replace(np.inf, np.nan).fillna(1e4)
-        ends = [part.cost - part.cost_low, high - part.cost]
+        high = part.ci_high.replace(np.inf, np.nan).fillna(1e4)
+        ends = [part.cost - part.ci_low, high - part.cost]
         where = part.range_km * 1.015 ** (number - 1.5)
         colour = f"C{number}"
         axes.errorbar(where, part.cost, ends, fmt="o-", ms=4, color=colour, capsize=2, label=fleet)

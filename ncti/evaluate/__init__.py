@@ -17,12 +17,6 @@ from ncti.evaluate.rejection import tabulate_rejection
 from ncti.evaluate.replicates import grouped_accuracy, paired_difference, replicated_accuracy
 from ncti.evaluate.rows import Reliability, Scores, score
 from ncti.evaluate.scores import AspectAccuracy, accuracy_by_aspect, aspect_bins, wilson_interval
-from ncti.evaluate.sensitivity import (
-    SobolIndices,
-    grid_interpolant,
-    interpolation_errors,
-    sobol_indices,
-)
 from ncti.evaluate.sufficiency import cheapest, crossing, isotonic
 from ncti.evaluate.summary import tabulate_differences, tabulate_rows
 
@@ -36,7 +30,6 @@ __all__ = [
     "Reach",
     "Reliability",
     "Scores",
-    "SobolIndices",
     "accuracy_by_aspect",
     "aspect_bins",
     "binomial_variance",
@@ -45,9 +38,7 @@ __all__ = [
     "chi_square",
     "compare",
     "crossing",
-    "grid_interpolant",
     "grouped_accuracy",
-    "interpolation_errors",
     "isotonic",
     "learning_curve",
     "open_set_scores",
@@ -57,7 +48,6 @@ __all__ = [
     "rejection_thresholds",
     "replicated_accuracy",
     "score",
-    "sobol_indices",
     "tabulate_categories",
     "tabulate_differences",
     "tabulate_rejection",

@@ -36,7 +36,7 @@ class SobolIndices:
     Examples
     --------
     >>> import numpy as np
-    >>> from ncti.evaluate import SobolIndices
+    >>> from ncti.evaluate.sensitivity import SobolIndices
     >>> SobolIndices(("cnr",), np.ones(1), np.ones(1), np.zeros(1), np.zeros(1)).names
     ('cnr',)
     """
@@ -100,7 +100,7 @@ def sobol_indices(
     --------
     Of a + 2 b, both uniform in the same interval, b has four fifths of the variance:
 
-    >>> from ncti.evaluate import sobol_indices  # doctest: +SKIP
+    >>> from ncti.evaluate.sensitivity import sobol_indices  # doctest: +SKIP
     >>> bounds = {"a": (0.0, 1.0), "b": (0.0, 1.0)}  # doctest: +SKIP
     >>> indices = sobol_indices(lambda x: x @ [1.0, 2.0], bounds)  # doctest: +SKIP
     >>> indices.first.round(2).tolist()  # doctest: +SKIP
@@ -162,7 +162,7 @@ def grid_interpolant(
     Examples
     --------
     >>> import numpy as np
-    >>> from ncti.evaluate import grid_interpolant
+    >>> from ncti.evaluate.sensitivity import grid_interpolant
     >>> between = grid_interpolant([[1, 4], [10, 20]], [[0.0, 1.0], [2.0, 3.0]])
     >>> between(np.log([[2, 10], [4, 20]])).round(3).tolist()
     [1.0, 3.0]
@@ -200,7 +200,7 @@ def interpolation_errors(axes: Sequence[ArrayLike], values: ArrayLike) -> Floats
 
     Examples
     --------
-    >>> from ncti.evaluate import interpolation_errors
+    >>> from ncti.evaluate.sensitivity import interpolation_errors
     >>> interpolation_errors([[1, 2, 4]], [0.0, 0.6, 1.0]).round(2).tolist()
     [0.1]
     """

@@ -1,0 +1,289 @@
+"""What sensor suffices: the tables of docs/operate.md, and what its shortcuts cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+import ncti.ships
+from benchmarks.fits import swept
+from benchmarks.reports import Column, Report
+from ncti.classify.likelihood import GaussianTemplates
+from ncti.evaluate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
+from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_extent, sample_frames
+from ncti.operate import (
+    ProfileMatch,
+    Seen,
+    draw_views,
+    planned_views,
+    seen_views,
+    ship_evidence,
+    signatures,
+)
+from ncti.operate.survey import DRAWN_FOR
+from ncti.operate.tables import frames_needed
+from ncti.render import LineImage
+
+Floats = NDArray[np.float64]
+SHIPS = ("duncan", "horne", "spruance", "texas")
+AXES = ("range", "ifov", "cnr", "pulse_width", "frame_count", "fleet")
+OPEN = [
+    *("+experiment=operate", "grid.range=[50,100]", "ladar.ifov=150", "ladar.cnr=32"),
+    *("grid.pulse_width=[10,30]", "operate.fleet=[4,6,10,20,60]"),
+    "ladar.target_free_ifovs=[0,1000,4000,16000]",
+    *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
+]
+# Settings between those of the sweep.
+BETWEEN = [
+    *("+experiment=operate", "grid.range=[60,85]", "ladar.ifov=[105]", "ladar.cnr=[26,30]"),
+    *("grid.pulse_width=[14,40]", "grid.frame_count=[6,23]", "operate.fleet=[4,10,30]"),
+]
+
+
+class Setting(NamedTuple):
+    """A setting at which the match is compared with the exact likelihood."""
+
+    slant_range: float  # [km]
+    frames: int
+    pulse_width: float = 30.0  # [ns]
+    cnr: float = 32.0  # at 100 km [dB]
+    known: bool = False  # gain and floor
+
+    @property
+    def ratio(self) -> float:
+        """Carrier-to-noise ratio at the slant range, as a power ratio."""
+        return power_ratio(self.cnr) * (100 / self.slant_range) ** 2
+
+
+SETTINGS = (
+    Setting(100, 16),
+    Setting(100, 16, known=True),
+    Setting(100, 4),
+    Setting(100, 16, pulse_width=10),
+    Setting(50, 16),
+    Setting(25, 16),
+    Setting(100, 16, cnr=26),
+)
+
+
+class Views(NamedTuple):
+    """Views of ships: pieces of lines, places on the IFOVs, and how many are learned of each."""
+
+    lines: list[list[LineImage]]
+    places: list[Floats]
+    learned: int
+
+
+def planned(tests: int, spacing: float = 0.75, ships: Sequence[str] = SHIPS) -> Views:
+    """Return templates, and as many random views in all."""
+    aspects = np.arange(0, 90 + spacing / 2, spacing)
+    lines, places = [], []
+    for number, ship in enumerate(ships):
+        plan = planned_views(aspects.tolist(), tests, np.random.default_rng([7, number]))
+        lines.append(draw_views(ncti.ships.load(ship), plan["aspects"], spacing=0.5))
+        places.append(plan["places"])
+    return Views(lines, places, len(aspects))
+
+
+def compared(setting: Setting, views: Views, free: int = 4000) -> dict[str, NDArray[np.bool_]]:
+    """Return which views are named right, ship by ship: three ways.
+
+    `exact`: the likelihood with each template's exact covariance, of sampled frames. `one`: that of
+    one covariance, of the same averages. `drawn`: the same, of Gaussian noise.
+    """
+    side, width = 0.15 * setting.slant_range, setting.pulse_width * 1e-9
+    pulse: dict[str, Any] = {"pulse_width": width, "cnr": setting.ratio}
+    sigma = 0.0 if setting.known else 1.0
+    made, extents, averages = [], [], []
+    for number, (lines, places) in enumerate(zip(views.lines, views.places, strict=True)):
+        seen = seen_views(lines, places, footprint=side)
+        made.append(_signatures(seen, setting, views.learned))
+        beam = {"slant_range": DRAWN_FOR, "ifov": side / DRAWN_FOR}
+        own = [
+            range_extent(line, shift=(at[0], at[1]), **beam)  # type: ignore[arg-type]
+            for line, at in zip(lines, places.tolist(), strict=True)
+        ]
+        extents.append(own[: views.learned])
+        for k, extent in enumerate(own[views.learned :]):
+            rng = np.random.default_rng([setting.frames, number, k])
+            frames = sample_frames(
+                extent, frame_count=setting.frames, rng=rng, target_free_ifovs=free, **pulse
+            )
+            averages.append(frames.mean(axis=0) - (free + len(extent.cell)) * noise_floor())
+    ships, each = len(made), len(averages) // len(made)
+    true = np.repeat(np.arange(ships), each)
+    moments = [
+        banded_frame_moments(extent, target_free_ifovs=free, **pulse)
+        for own in extents
+        for extent in own
+    ]
+    floors = [(free + len(extent.cell)) * noise_floor() for own in extents for extent in own]
+    means = np.array([mean for mean, _ in moments]) - np.array(floors)[:, None]
+    labels = np.repeat(np.arange(ships), views.learned)
+    exact = GaussianTemplates(gain_sigma=sigma, floor_sigma=sigma)
+    exact.fit(means, np.array([band for _, band in moments]), labels, floor=0.0)
+    answers = {"exact": exact.predict(np.array(averages), setting.frames)}
+    learned = np.array([one["excess"][0, 0, : views.learned] for one in made])
+    tests = np.concatenate([one["excess"][0, 0, views.learned :] for one in made])
+    power = np.concatenate([one["power"][0, 0, 1:] for one in made])
+    mean = np.mean([one["power"][0, 0, 0] for one in made], axis=0)
+    ifovs = free + np.concatenate([one["ifovs"][0, 0] for one in made])
+    normals = np.random.default_rng(setting.frames).standard_normal((len(tests), 2, 250))
+    for name, profiles, noise in (
+        ("one", np.array(averages), 0 * normals),
+        ("drawn", tests, normals),
+    ):
+        given = learned, profiles, power, mean, ifovs, noise
+        match = ProfileMatch(*given, bin_width=1.0, floor_sigma=sigma, **pulse)
+        evidence = match.evidence(setting.frames, gain_sigma=sigma)
+        answers[name] = ship_evidence(evidence, ships).argmax(axis=1)
+    return {name: named == true for name, named in answers.items()}
+
+
+def _signatures(seen: Seen, setting: Setting, learned: int) -> dict[str, NDArray[Any]]:
+    how: dict[str, Any] = {"bin_width": 1.0, "bins": 250, "learned": learned}
+    return signatures(seen, pulse_width=[setting.pulse_width * 1e-9], cnr=[setting.ratio], **how)
+
+
+def difference(right: NDArray[np.bool_], other: NDArray[np.bool_], paired: bool) -> str:
+    """Return the difference of two percentages with its 95 % interval."""
+    apart = 100 * (right.mean() - other.mean())
+    if paired:
+        variance = np.var(right.astype(float) - other) / right.size
+    else:
+        variance = sum(np.var(one.astype(float)) / one.size for one in (right, other))
+    return f"{apart:+.1f} ± {196 * np.sqrt(variance):.1f}"
+
+
+def matching(tests: int = 400) -> Report:
+    """Return the likelihood of one covariance beside the exact one."""
+    views, rows = planned(tests), []
+    for setting in SETTINGS:
+        right = compared(setting, views)
+        rows.append(
+            {
+                **setting._asdict(),
+                "known": "known" if setting.known else "unknown",
+                **{name: 100 * answers.mean() for name, answers in right.items()},
+                "apart": difference(right["one"], right["exact"], paired=True),
+                "noise": difference(right["drawn"], right["one"], paired=False),
+            }
+        )
+    columns = (
+        Column("slant_range", "range [km]", "g"),
+        Column("cnr", "CNR at 100 km [dB]", "g"),
+        Column("pulse_width", "pulse [ns]", "g"),
+        Column("frames", "frames", "d"),
+        Column("known", "gain and floor"),
+        Column("exact", "own covariances, sampled frames [%]", ".1f"),
+        Column("one", "one covariance, same averages [%]", ".1f"),
+        Column("apart", "difference"),
+        Column("drawn", "one covariance, Gaussian noise [%]", ".1f"),
+        Column("noise", "difference"),
+    )
+    note = f"{tests} views of four ships, 150 urad. The first difference is paired, view by view."
+    return Report("One covariance beside each template's own", columns, rows, [note])
+
+
+def left_open(shares: xr.Dataset) -> Report:
+    """Return percentages and frames needed by what the article leaves open."""
+    needed, rows = frames_needed(shares).isel(resample=0), []
+    for free in shares.target_free_ifovs.values:
+        for gain in shares.gain_sigma.values:
+            for floor in shares.floor_sigma.values:
+                at = {"target_free_ifovs": free, "gain_sigma": gain, "floor_sigma": floor}
+                row: dict[str, Any] = {"free": int(free)}
+                row |= {"gain": "unknown" if gain else "known"}
+                row |= {"floor": "unknown" if floor else "known"}
+                for km in (50, 100):
+                    for channel in ("profile", "both"):
+                        where = at | {"range": km, "channel": channel, "pulse_width": 30}
+                        share = 100 * shares.share.sel(where).sel(fleet=6, frame_count=16)
+                        frames = needed.sel(where).sel(fleet=4).item()
+                        row[f"{channel}_{km}"] = float(share.item())
+                        row[f"frames_{channel}_{km}"] = "–" if frames == np.inf else f"{frames:.0f}"
+                rows.append(row)
+    columns = [Column("free", "target-free IFOVs", ",d"), Column("gain", "gain")]
+    columns.append(Column("floor", "floor"))
+    for km in (50, 100):
+        for channel in ("profile", "both"):
+            columns.append(Column(f"{channel}_{km}", f"{km} km, {channel} [%]", ".0f"))
+            columns.append(Column(f"frames_{channel}_{km}", "frames for 95 % of 4"))
+    notes = ["32 dB, 30 ns, 150 urad. Percent of six ships with 16 frames; frames for four ships."]
+    return Report("What the article leaves open", tuple(columns), rows, notes)
+
+
+def places_of(shares: xr.Dataset) -> list[Floats]:
+    """Return the places of a sweep's axes as the interpolant takes them: the CNR as a ratio."""
+    places = {name: shares[name].values.astype(float) for name in AXES}
+    return [10 ** (at / 10) if name == "cnr" else at for name, at in places.items()]
+
+
+def sobol(shares: xr.Dataset, samples: int = 1024, resamples: int = 20) -> Report:
+    """Return Sobol indices with the intervals of sampling and of views together."""
+    places, rows = places_of(shares), []
+    bounds = {name: tuple(np.log(at[[0, -1]])) for name, at in zip(AXES, places, strict=True)}
+    for channel in shares.channel.values:
+        here = shares.sel(channel=channel).transpose(*AXES, "resample")
+        whole = sobol_indices(grid_interpolant(places, here.share), bounds, samples=samples)
+        again = [
+            sobol_indices(
+                grid_interpolant(places, here.resampled[..., k]), bounds, samples=samples // 4
+            )
+            for k in range(min(resamples, here.sizes["resample"]))
+        ]
+        for kind in ("first", "total"):
+            noise = np.std([getattr(one, kind) for one in again], axis=0)
+            ends = np.hypot(getattr(whole, f"{kind}_interval"), 1.96 * noise)
+            cells = [f"{a:.2f} ± {b:.2f}" for a, b in zip(getattr(whole, kind), ends, strict=True)]
+            rows.append({"what": f"{channel}, {kind}", **dict(zip(AXES, cells, strict=True))})
+    columns = (Column("what", "percent identified by"), *(Column(name, name) for name in AXES))
+    note = (
+        "SALib, Saltelli's design on the interpolant of the grid, settings uniform in their "
+        "logarithms. Half widths of 95 % intervals, of the sampling and of the views together."
+    )
+    return Report("Sobol indices", columns, rows, [note])
+
+
+def interpolant(shares: xr.Dataset, between: xr.Dataset) -> Report:
+    """Return the error of the interpolant: by places left out, and at settings between."""
+    places, rows = places_of(shares), []
+    points = np.stack(
+        [a.ravel() for a in np.meshgrid(*map(np.log, places_of(between)), indexing="ij")], axis=1
+    )
+    for channel in shares.channel.values:
+        here = shares.share.sel(channel=channel).transpose(*AXES)
+        errors = 100 * interpolation_errors(places, here)
+        true = between.share.sel(channel=channel).transpose(*AXES).values.ravel()
+        off = 100 * (grid_interpolant(places, here)(points) - true)
+        noise = 100 * np.sqrt(np.mean(true * (1 - true)) / 192)
+        row = dict(zip(AXES, errors, strict=True))
+        rows.append(
+            {"channel": str(channel), **row, "rms": np.sqrt(np.mean(off**2)), "bias": off.mean()}
+            | {"noise": noise}
+        )
+    columns = (
+        Column("channel", "channel"),
+        *(Column(name, f"{name} left out", ".1f") for name in AXES),
+        Column("rms", "between, rms", ".1f"),
+        Column("bias", "mean", ".1f"),
+        Column("noise", "of which views", ".1f"),
+    )
+    note = (
+        "Percentage points. Left out: every second place of an axis, interpolated from its "
+        f"neighbours. Between: {len(points)} settings off the grid on all axes, computed."
+    )
+    return Report("Error of the interpolant", columns, rows, [note])
+
+
+def measure() -> dict[str, Report]:
+    """Return all tables of the page."""
+    (shares,), (open_shares,) = swept(["+experiment=operate"], "operate"), swept(OPEN, "operate")
+    (between,) = swept(BETWEEN, "operate")
+    between = between.expand_dims({name: [105.0] for name in ("ifov",) if name not in between.dims})
+    reports = {"matching": matching(), "open": left_open(open_shares)}
+    return reports | {"interpolant": interpolant(shares, between), "sobol": sobol(shares)}
