@@ -13,7 +13,7 @@ for name in ("target_free_ifovs", "gain_sigma"):
     if name in rows:
         rows = rows[rows[name] == rows[name].iloc[0]]
 fleets = sorted(rows.fleet.unique())
-fleets = fleets[:: max(len(fleets) // 3, 1)]
+fleets = sorted({fleets[0], fleets[len(fleets) // 4], fleets[-1]})
 size = {"figsize": (9, 4.4), "layout": "constrained", "sharey": True}
 figure, panels = plt.subplots(1, 2, **size)
 for axes, channel in zip(panels, ("profile", "both"), strict=True):
@@ -33,8 +33,8 @@ for axes, channel in zip(panels, ("profile", "both"), strict=True):
     axes.set(xscale="log", yscale="log", title=channel, xlabel="slant range [km]")
     ticks = sorted(rows.range_km.unique())
     axes.set_xticks(ticks, [f"{value:g}" for value in ticks], rotation=45)
-    axes.set_xticks([], minor=True)
-    axes.set_ylim(top=3e3)
+    axes.minorticks_off()
+    axes.margins(x=0.12)
 panels[0].set_ylabel("energy × aperture area, over the article's sensor")
 panels[0].legend(title="ships")
 figure.savefig(picture, dpi=150)

@@ -28,8 +28,9 @@ for axes, slant_range in zip(panels, ranges, strict=True):
     axes.plot(near.fleet, 100 / near.fleet, color="0.6", ls=":", label="chance")
     axes.axhline(95, color="0.8", lw=0.8)
     axes.set(title=f"{slant_range:g} km", xscale="log", ylim=(0, 102), xlabel="ships told apart")
-    axes.set_xticks(near.fleet.values, [f"{value:g}" for value in near.fleet.values])
-    axes.set_xticks([], minor=True)
+    ticks = near.fleet.sel(fleet=[4, 6, 10, 20, 30, 60], method="nearest").values
+    axes.set_xticks(ticks, [f"{value:g}" for value in ticks])
+    axes.minorticks_off()
 panels[0].set_ylabel(f"percent identified, {near.frame_count.item():g} frames")
 handles = panels[0].get_legend_handles_labels()
 figure.legend(*handles, loc="outside lower center", ncols=6)
