@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 SMALL = 8.5  # points
 STRIPES = 12.0  # m of range in one cycle of the colours, as in the article's images
 BRIGHTEST = 99.5  # percentile of an image at the end of its scale
-KINDS = {"intensity": "gray", f"range mod {STRIPES:g} m": "twilight", "infrared": "inferno"}
+KINDS = {
+    "intensity / noise": "gray",
+    f"range mod {STRIPES:g} m": "twilight",
+    "infrared [K]": "inferno",  # of the truth, the share of ship
+}
 SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
 TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
 VIEW = ("range", "aspect")
@@ -156,7 +160,6 @@ def draw_stages(images: Mapping[str, Snapshot], title: str, slant_range: float) 
             top = np.percentile(known, BRIGHTEST) if known.size else None
             drawn = axes.imshow(values, colours, vmax=top, **how)
             figure.colorbar(drawn, ax=axes, label=label)
-        unit = "line and sample" if name == RAW else "pixels"
-        row[0].set_title(f"{name} [{unit}]", loc="left", fontsize=SMALL)
+        row[0].set_title(name, loc="left", fontsize=SMALL)
     figure.suptitle(title)
     return figure
