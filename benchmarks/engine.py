@@ -94,7 +94,7 @@ def _keys(chosen: Choices) -> float:
     start = time.perf_counter()
     plan = Plan(toy.NOTHING, chosen)
     for bound in plan.targets:
-        plan.keys(bound, plan.cells(bound))
+        plan.keys(bound)
     return time.perf_counter() - start
 
 

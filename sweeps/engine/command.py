@@ -6,7 +6,7 @@ import errno
 import logging
 import sys
 import threading
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,24 +18,40 @@ from omegaconf.errors import OmegaConfBaseException
 from platformdirs import user_cache_path
 
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.configuration import in_one_line, primary, register, replaceable
 from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.failures import FailureLog, reason
 from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.index import CellIndex
-from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.kinds import Value
-from sweeps.engine.overrides import STORE, Job, fused, job_of, read_jobs
+from sweeps.engine.overrides import (
+    STORE,
+    Job,
+    fused,
+    in_one_line,
+    job_of,
+    primary,
+    read_jobs,
+    register,
+    replaceable,
+)
 from sweeps.engine.packs import PACK, SHORTAGES, cells_of
 from sweeps.engine.places import UNREACHED, Where, namesake, where
 from sweeps.engine.plan import Plan
-from sweeps.engine.process import environment, forgiving, say, show
+from sweeps.engine.process import (
+    Stopped,
+    environment,
+    forgiving,
+    heed,
+    interruptible,
+    say,
+    show,
+    stopping,
+)
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run
 from sweeps.engine.stage import Experiment
-from sweeps.engine.status import described, recorded
 from sweeps.engine.usage import listing, usage
-from sweeps.engine.watching import NAMED_FAILURES, foreseen, summary, watching
+from sweeps.engine.watching import NAMED_FAILURES, counted, described, recorded, summary, watching
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
@@ -113,10 +129,10 @@ class Command:
             show(listing(experiment, [word for word in given if word != "--settings"]))
             return
         if "--cache" in given:
-            self._cache([word for word in given if word != "--cache"])
+            self._cache(_words("--cache", given, "cache=PLACE", "clear"))
             return
         if "--status" in given:
-            self._status([word for word in given if word != "--status"])
+            self._status(_words("--status", given, "store=PATH", "cache=PLACE"))
             return
         if not any(map(_is_for_hydra, given)):
             overrides = [word for word in given if word not in SEVERAL]
@@ -198,7 +214,8 @@ class Command:
                     trusted = bool(choices.one(Run.cache_shared))
                     packs = cells_of(cache, make=False, shared=trusted)
                     stages, sentence = preview(plan, packs, store)
-                    show(foreseen(stages))
+                    rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
+                    show(counted(dict(reversed(rows.items())), "cells", "reused", "to compute"))
                     show(sentence)
                 else:
                     left += self._run(choices, store)
@@ -235,33 +252,33 @@ class Command:
             say(self.name, f"the store is written, but not its report: {reason(error)}")
         return left
 
-    def _status(self, words: Sequence[str]) -> None:
+    def _status(self, given: Mapping[str, str]) -> None:
         """Print how far the latest sweep of a store is."""
-        given = dict(word.split("=", 1) for word in words if word.startswith(("store=", "cache=")))
-        if unknown := [word for word in words if word.partition("=")[0] not in given]:
-            raise ConfigurationError(
-                f"--status has {unknown[0]!r}, but takes store=PATH and cache=FOLDER"
-            )
         cache = self._cache_place(given.get("cache"))
         sentence, table = described(where("store", given.get("store", STORE)), cache)
         show(sentence)
         show(table)
 
-    def _cache(self, words: Sequence[str]) -> None:
+    def _cache(self, given: Mapping[str, str]) -> None:
         """Print the contents of the cache, or clear it."""
-        given = next((word[6:] for word in words if word.startswith("cache=")), None)
-        place = self._cache_place(given)
+        place = self._cache_place(given.get("cache"))
         check_folder("cache", place)
-        if unknown := [word for word in words if word != "clear" and not word.startswith("cache=")]:
-            raise ConfigurationError(
-                f"--cache has {unknown[0]!r}, but takes cache=PLACE, and clear to empty it"
-            )
         packs = cells_of(place, make=False, shared=True)  # of which none is used
         cells, size = CellIndex(packs, lambda sentence: say(self.name, sentence)).size()
-        if "clear" in words:
+        if "clear" in given:
             packs.delete(name for name in packs.listed() if name.endswith(PACK))
-        done = "removed" if "clear" in words else "kept"
+        done = "removed" if "clear" in given else "kept"
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
+
+
+def _words(option: str, given: Iterable[str], *taken: str) -> dict[str, str]:
+    """Return the words beside an option, which takes only some, by what stands before `=`."""
+    words = [word for word in given if word != option]
+    known = {word.partition("=")[0]: "=" in word for word in taken}
+    for word in words:
+        if known.get(word.partition("=")[0]) != ("=" in word):
+            raise ConfigurationError(f"{option} has {word!r}, but takes {' and '.join(taken)}")
+    return dict(word.partition("=")[::2] for word in words)
 
 
 def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:

@@ -6,10 +6,12 @@ import traceback
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from textwrap import indent
 from typing import Any, NamedTuple
 
 import numpy as np
 
+INDENT = "    "
 LONGEST, LARGEST = 200, 20_000  # characters of an argument; of a traceback
 
 
@@ -62,18 +64,14 @@ class FailureLog:
 
     def add(self, failure: Failure) -> None:
         """Append a failure."""
-        lines = [
-            failure.why,
-            *(failure.arguments and ["arguments:", *_indented(failure.arguments)]),
-        ]
+        parts = [failure.why]
+        if failure.arguments:
+            parts.append(f"arguments:\n{indent(failure.arguments, INDENT)}")
         if failure.traceback:
             first = self._seen.setdefault(failure.traceback, failure.what)
             again = first != failure.what
-            lines += [f"traceback as of {first}"] if again else failure.traceback.split("\n")
+            parts.append(f"traceback as of {first}" if again else failure.traceback)
+        text = "\n".join(parts)
         with suppress(OSError), self.path.open("a", encoding="utf-8", errors="replace") as file:
-            file.write("\n".join([failure.what, *_indented("\n".join(lines))]) + "\n\n")
+            file.write(f"{failure.what}\n{indent(text, INDENT)}\n\n")
             self.written = True
-
-
-def _indented(text: str) -> list[str]:
-    return [f"    {line}" for line in text.split("\n")]

@@ -61,8 +61,10 @@ def fork_server(modules: Iterable[str]) -> Iterator[str]:
     try:
         yield "forkserver"
     finally:
-        # This one, or its replacement; `forkserver` reaps it when it starts the next.
-        _wait(_server_ended)
+        if server := running_server():  # or its replacement; `forkserver` reaps it later
+            with suppress(psutil.NoSuchProcess):
+                server.terminate()
+            _wait(lambda: running_server() is None)
 
 
 def _wait(condition: Callable[[], Any]) -> None:
@@ -70,14 +72,6 @@ def _wait(condition: Callable[[], Any]) -> None:
     end = time.monotonic() + ENDING
     while not condition() and time.monotonic() < end:
         time.sleep(0.002)
-
-
-def _server_ended() -> bool:
-    """Ask the server to end; return whether there is none."""
-    if server := running_server():
-        with suppress(psutil.NoSuchProcess):
-            server.terminate()
-    return server is None
 
 
 def running_server() -> Any:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from platformdirs import user_cache_path
 
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.declarations import RNG
 from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.kinds import Count, Kind, Number, Switch, Text
 from sweeps.engine.places import where
@@ -19,7 +18,7 @@ from sweeps.engine.run import Place
 from sweeps.engine.run import sweep as run
 from sweeps.engine.schedule import Watch
 from sweeps.engine.settings import DIMENSION, Run, Setting, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, Stage
+from sweeps.engine.stage import RNG, Experiment, Group, Output, Stage
 from sweeps.engine.store import zarr_store
 
 if TYPE_CHECKING:

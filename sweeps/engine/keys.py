@@ -1,8 +1,12 @@
-"""Keys of results: 128-bit hashes of many cells at once, as arrays of two numbers each."""
+"""Keys of results: 128-bit hashes of many cells at once, as arrays of two numbers each.
+
+And random streams, keyed by the cell, never by the worker or the order.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterable
 from typing import Any
 
@@ -12,6 +16,9 @@ from numpy.typing import NDArray
 Keys = NDArray[np.uint64]  # (..., 2)
 
 BYTES = 16
+# Part of the keys of results that draw. Raise it with any change of what a stream draws: of
+# `cell_rng` or `Plan.stream`.
+STREAM_VERSION = 1
 
 
 def digest(text: str) -> str:
@@ -93,3 +100,15 @@ def joined(*arrays: NDArray[Any]) -> NDArray[Any]:
 def spelt_key(key: Keys) -> str:
     """Return a key as text: 32 hexadecimal digits."""
     return "".join(f"{half:016x}" for half in key.tolist())
+
+
+def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
+    """Return the generator of one cell's noise, independent of every other cell's.
+
+    `cell` names it by text, numbers, flags or None: the values, not their places in a grid, so that
+    a cell draws the same noise in any grid. The sweep's `seed` is at least 0.
+    """
+    name = json.dumps(cell, sort_keys=True).encode()
+    words = np.frombuffer(hashlib.sha256(name).digest(), dtype="<u4")
+    sequence = np.random.SeedSequence(seed, spawn_key=words.tolist())
+    return np.random.Generator(np.random.PCG64(sequence))

@@ -13,18 +13,18 @@ import json
 import os
 import random
 import socket
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.places import Objects, Where, apart, readable, real_place
+from sweeps.engine.process import repeating
 
 LEASE = 60.0  # s without renewal, after which an owner elsewhere is dead
 RENEWED = 10.0  # s between renewals
@@ -57,13 +57,10 @@ def locked(place: Where) -> Iterator[Callable[[], None]]:
             f"store is {str(place)!r}, but nothing can be locked in {str(above)!r}: "
             f"{error.strerror}"
         ) from error
-    renewing = threading.Thread(target=lock.keep, name="lease", daemon=True)
-    renewing.start()
     try:
-        yield lock.check
+        with repeating(RENEWED, lock.check):  # a failure is said before anything is changed
+            yield lock.check
     finally:
-        lock.ended.set()
-        renewing.join()
         with suppress(OSError):  # then it expires
             lock.release()
 
@@ -93,13 +90,6 @@ class _Lock:
     number: int
     owner: dict[str, Any]
     dead: tuple[int, ...]
-    ended: threading.Event = field(default_factory=threading.Event)
-
-    def keep(self) -> None:
-        """Renew the object until the lock is released."""
-        while not self.ended.wait(RENEWED):
-            with suppress(OSError):  # said before anything is changed
-                self.check()
 
     def check(self) -> None:
         """Renew the object; raise OSError if another owner has taken its place, or it fails."""

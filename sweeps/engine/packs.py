@@ -42,6 +42,7 @@ LARGEST = 2**30  # bytes of a head, of more cells than a sweep may have
 CHECK = 8  # bytes of the digest of a record
 APART, TOGETHER = 2**18, 2**22  # bytes between cells that are not worth reading; read at once
 HEADS = 16  # of packs, that a process remembers
+AT_ONCE = 4096  # cells that are read together
 
 # Errors of this process, machine or network, not of a file: what they hide is not damaged.
 SHORTAGES = frozenset(
@@ -165,7 +166,8 @@ class Head(NamedTuple):
                 if not isinstance(code, str) or min(sides, default=0) < 0:
                     raise ValueError("a dtype or shape is none")
                 layout.append((name, dtype, sides, size))
-                size += _aligned(math.prod(sides) * dtype.itemsize)
+                length = math.prod(sides) * dtype.itemsize
+                size += length + -length % ALIGNED
             layouts.append(layout)
             sizes.append(size)
         keys = np.frombuffer(content, KEY.base, 2 * cells, begin).reshape(cells, 2)
@@ -253,10 +255,6 @@ def _digest(size: int, *parts: Buffer) -> bytes:
     return found.digest()
 
 
-def _aligned(size: int) -> int:
-    return size + -size % ALIGNED
-
-
 def declared(outputs: Iterable[Output]) -> Kind:
     """Return the kind of the cells of a stage with some outputs."""
     return tuple((one.name, _code(np.dtype(one.dtype)), len(one.dims)) for one in outputs)
@@ -324,6 +322,12 @@ def read_cells(cells: Objects, spots: Spots) -> list[Arrays | None]:
             for run in np.split(right, np.flatnonzero(apart) + 1):
                 _read_run(cells, path, head, wanted[run], places[run], found)
     return found
+
+
+def each_cell(cells: Objects, spots: Spots) -> Iterator[Arrays | None]:
+    """Yield what `read_cells` returns, of which some is in memory at once."""
+    for first in range(0, len(spots), AT_ONCE):
+        yield from read_cells(cells, spots[first : first + AT_ONCE])
 
 
 def _read_run(

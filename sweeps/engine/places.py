@@ -132,15 +132,21 @@ def make_folder(path: Path, mode: int) -> None:
 
 
 @contextmanager
-def told(place: Where) -> Iterator[None]:
-    """Raise what a place cannot do as OSError of one line, and FileNotFoundError as it is.
+def told(place: Where, *, whole: bool = False) -> Iterator[None]:
+    """Raise what a place cannot do as OSError of one line.
 
     The number is that of the operating system, where one is known, and else EIO, or for a bucket
-    UNREACHED. What a server says is left out beyond its status: it may repeat a key.
+    UNREACHED. What a server says is left out beyond its status: it may repeat a key. What is absent
+    is an object (FileNotFoundError), or the `whole` place.
     """
     try:
         yield
+    except AlreadyExistsError:
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place)) from None
     except FileNotFoundError:
+        if whole:
+            message = "there is no such bucket or folder"
+            raise OSError(errno.ENXIO, message, str(place)) from None
         raise
     except BaseError as error:
         line = str(error).partition("\n")[0]
@@ -202,7 +208,7 @@ class Objects:
 
     def put(self, name: str, content: bytes | Iterator[bytes]) -> None:
         """Write an object: readers see it whole, or as it was before."""
-        with told(self.place), _there(self.place):
+        with told(self.place, whole=True):
             self.store.put(name, content, use_multipart=False)
         if isinstance(self.place, Path) and not self.mode & OTHERS:
             with suppress(FileNotFoundError):  # another process has deleted it
@@ -221,7 +227,7 @@ class Objects:
     def create(self, name: str, content: bytes) -> bool:
         """Write a new object; return False if there is one. Of several at once, one succeeds."""
         try:
-            with told(self.place), _there(self.place):
+            with told(self.place, whole=True):
                 self.store.put(name, content, mode="create", use_multipart=False)
         except FileExistsError:
             return False
@@ -260,7 +266,7 @@ class Objects:
 
     def listed(self, under: str = "") -> dict[str, ObjectMeta]:
         """Return size and time of all objects, or of those under a prefix, by name."""
-        with told(self.place), _there(self.place):
+        with told(self.place, whole=True):
             return {one["path"]: one for part in self.store.list(under or None) for one in part}
 
     def sizes(self, under: str = "") -> dict[str, int]:
@@ -306,14 +312,3 @@ def _is_foreign(path: str) -> bool:
         status = os.stat(path)
         return status.st_uid != os.geteuid() or bool(status.st_mode & OTHERS_WRITE)
     return False
-
-
-@contextmanager
-def _there(place: Where) -> Iterator[None]:
-    """Raise OSError where a bucket, and not an object, is absent, or an object is there."""
-    try:
-        yield
-    except AlreadyExistsError:
-        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place)) from None
-    except FileNotFoundError:
-        raise OSError(errno.ENXIO, "there is no such bucket or folder", str(place)) from None

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from sweeps.engine.code import Code, CodeDigest, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
-from sweeps.engine.keys import Keys, digest, fold, hashed, spelt_key
+from sweeps.engine.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.kinds import Value, spelt
-from sweeps.engine.seeds import STREAM_VERSION
 from sweeps.engine.settings import Choices, Joint, Run, Setting
 from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
 
@@ -111,7 +110,7 @@ class Plan:
         self.together = {bound: self._together(bound) for bound in self.bound.values()}
         # What follows is filled as it is needed.
         self._taken: dict[Bound, dict[Bound, Taken]] = {}
-        self._keys: dict[Bound, tuple[Keys, NDArray[np.bool_]]] = {}
+        self._keys: dict[Bound, Keys] = {}
         self._fingerprints: dict[Bound, str] = {}
         self._plain: dict[Bound, NDArray[np.object_]] = {}  # by number of the cell
         for bound in self.bound.values():
@@ -324,7 +323,7 @@ class Plan:
         return _column(places, size, cells, partial(self.plain_argument, bound, argument))
 
     def stream(self, bound: Bound, cell: int) -> tuple[int, dict[str, Any]]:
-        """Return the seed and the names of a cell's noise stream; see `sweeps.engine.seeds`."""
+        """Return the seed and the names of a cell's noise stream; see `sweeps.engine.keys`."""
         name: dict[str, Any] = {"stage": self._stream_name(bound)}
         for label, setting, optional in self._stream_settings(bound):
             value = self.value(bound, setting.key, cell)
@@ -347,25 +346,20 @@ class Plan:
 
     def key(self, bound: Bound, cell: int) -> str:
         """Return the key of one cell as text; see `keys`."""
-        return spelt_key(self.keys(bound, np.array([cell]))[0])
+        return spelt_key(self.keys(bound)[cell])
 
-    def keys(self, bound: Bound, cells: Cells | None = None) -> Keys:
-        """Return the hash of all that a cell depends on, of each of some or all cells, (cell, 2).
+    def keys(self, bound: Bound) -> Keys:
+        """Return the hash of all that a cell depends on, of each cell of a stage, (cell, 2).
 
         Those of all that they depend on are made first, and none is made twice.
         """
         if bound not in self._keys:
-            count = self.count(bound)
-            self._keys[bound] = np.zeros((count, 2), np.uint64), np.zeros(count, bool)
-        keys, known = self._keys[bound]
-        new = np.flatnonzero(~known) if cells is None else cells[~known[cells]]
-        if (new[1:] <= new[:-1]).any():
-            new = np.unique(new)
-        for start in range(0, len(new), AT_ONCE):
-            part = new[start : start + AT_ONCE]
-            keys[part] = self._new_keys(bound, part)
-        known[new] = True
-        return keys if cells is None else keys[cells]
+            keys = np.empty((self.count(bound), 2), np.uint64)
+            for start in range(0, len(keys), AT_ONCE):
+                part = self.cells(bound)[start : start + AT_ONCE]
+                keys[part] = self._new_keys(bound, part)
+            self._keys[bound] = keys
+        return self._keys[bound]
 
     def forget_keys(self, bound: Bound) -> None:
         """Free the memory of a stage's keys, which are made again if they are asked for."""
@@ -383,7 +377,7 @@ class Plan:
                 taken = self.taken(bound)[source]
                 first, places = np.unique(taken.first[cells], return_inverse=True)
                 every = (first[:, None] + taken.further.ravel()).ravel()
-                rows = self.keys(source, every).reshape(len(first), -1, 2)
+                rows = self.keys(source)[every].reshape(len(first), -1, 2)
                 several = rows.shape[1] > 1
                 words = hashed(row.tobytes() for row in rows) if several else rows[:, 0]
                 fold(keys, hashed([f"{argument.name}:"]))

@@ -64,17 +64,13 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
 def _shown_digest(plan: Plan) -> str:
     """Return the hash of what a store shows of its results: labels, units and tables."""
     experiment = plan.experiment
-    settings = [
-        (setting.key, setting.name, setting.label, setting.unit) for setting in experiment.declared
-    ]
-    outputs = [list(map(repr, target.stage.outputs)) for target in plan.targets]
+    settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
+    stages = [(one.stage.outputs, one.stage.group.status) for one in plan.targets]
     tables = [
         (table.group, table.of, _code_of(table.make, plan), *map(repr, table.displays))
         for table in experiment.tables
     ]
-    statuses = [target.stage.group.status for target in plan.targets]
-    labels = [(status.name, status.label) for status in statuses if status is not None]
-    return digest(repr([settings, outputs, tables, labels]))
+    return digest(repr([settings, stages, tables]))
 
 
 def _code_of(function: Callable[..., Any], plan: Plan) -> str:

@@ -21,24 +21,22 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.index import CellIndex
-from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
 from sweeps.engine.locks import locked
 from sweeps.engine.manifest import verify
-from sweeps.engine.packs import MISSING, cells_of, read_cells
+from sweeps.engine.packs import MISSING, cells_of, each_cell, read_cells
 from sweeps.engine.places import Objects, Where
 from sweeps.engine.plan import Plan
-from sweeps.engine.process import environment
+from sweeps.engine.process import environment, heed, heeding, interruptible
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
 from sweeps.engine.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.sharing import using
 from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes, recover, write_store
-from sweeps.engine.tasks import Damaged, Outcome, Report, Trouble, run_calls, uneven
+from sweeps.engine.tasks import Damaged, Outcome, Report, run_calls, uneven
 from sweeps.engine.zarr_array import nested, plain
 
-AT_ONCE = 512  # cells that are read again after damage
 ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
@@ -257,17 +255,17 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                 suspects += schedule.each(task)
                 continue
             if error is not None:
-                whole = (reason(error),) * len(task.parts[0].cells)
-                lost = {0: Trouble(whole, traceback=traceback_of(error))}
-                report = Report((Outcome(np.zeros(1), lost),))
+                lost = Failure("", reason(error), traceback=traceback_of(error))
+                cells = range(len(task.parts[0].cells))
+                report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
             if report.unwritten is not None:
                 raise report.unwritten
             for part, outcome in zip(task.parts, report.outcomes, strict=True):
-                damaged.update(*(trouble.damaged for trouble in outcome.troubles.values()))
+                damaged.update(*outcome.lacking.values())
                 pack = MISSING if outcome.pack is None else index.add(outcome.pack)
-                for cell, why, trouble in schedule.finish(part, outcome, pack, split=error is None):
-                    failures.append((schedule.plan.described(part.bound, cell), why))
-                    watch.failed(Failure(*failures[-1], trouble.arguments, trouble.traceback))
+                for failure in schedule.finish(part, outcome, pack, split=error is None):
+                    failures.append(failure[:2])
+                    watch.failed(failure)
             for stage, output, shape in report.shapes:
                 first = shapes.setdefault((stage, output), shape)
                 if shape != first:
@@ -281,13 +279,9 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
 def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
     """Return keys of all cells that cannot be read back, so that one round mends them."""
     spots = schedule.spots[schedule.spots.present]
-    order = np.lexsort((spots.row, spots.pack))
-    damaged: set[bytes] = set()
-    for start in range(0, len(order), AT_ONCE):
-        part = spots[order[start : start + AT_ONCE]]
-        cells = zip(part.keys, read_cells(packs, part), strict=True)
-        damaged |= {key.tobytes() for key, arrays in cells if arrays is None}
-    return damaged
+    spots = spots[np.lexsort((spots.row, spots.pack))]
+    cells = zip(spots.keys, each_cell(packs, spots), strict=True)
+    return {key.tobytes() for key, arrays in cells if arrays is None}
 
 
 # the store --------------------------------------------------------------------------------------

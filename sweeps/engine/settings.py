@@ -20,7 +20,6 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar, Self
 
-from sweeps.engine.declarations import SINGLE
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import (
     Count,
@@ -38,7 +37,7 @@ from sweeps.engine.kinds import (
 )
 from sweeps.engine.process import CACHE
 
-DIMENSION, COORDINATE = SINGLE
+DIMENSION, COORDINATE = "dimension", "coordinate"  # what a setting of one value may be in a store
 NO_RESULT = "no result depends on it"  # why a setting of where or how to run takes one value
 
 
@@ -214,7 +213,7 @@ class Run(Settings):
         0,
         1e6,
         unit="GB",
-        label="limit of the cache; the least recently used results are deleted first",
+        label="limit of the cache; the oldest results are deleted first",
         fixed=NO_RESULT,
     )
     cache_shared = switch(

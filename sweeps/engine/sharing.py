@@ -1,9 +1,8 @@
-"""Who uses a cache: sweeps that run, when each pack was used last, and what may be deleted.
+"""Who uses a cache: sweeps that run, the packs that each of them uses, and what may be deleted.
 
 Every sweep that runs has a record in the cache, which it renews. Before anything is deleted, it is
 named in such a record, too. As a sweep writes its record before it looks at those of others, and
-reads no pack that one of them is about to delete, no two sweeps miss each other. When packs were
-used last is in further records, which each sweep that ends makes one of.
+reads no pack that one of them is about to delete, no two sweeps miss each other.
 
 Times are those of the place: of a server, or of the system of files. So clocks of hosts need not
 agree.
@@ -15,7 +14,6 @@ import json
 import os
 import socket
 import threading
-import time
 import uuid
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -24,13 +22,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sweeps.engine.packs import PACK, undamaged
 from sweeps.engine.places import Objects
+from sweeps.engine.process import repeating
 
 if TYPE_CHECKING:
     from obstore import ObjectMeta
 
-RUNNING, USED = "running/", "used/"
-RENEWED, LEASE = 30.0, 300.0  # s: when a record is renewed; after which it counts no longer
-FORGOTTEN = 86400.0  # s, after which one counts no longer though nobody has watched it
+RUNNING = "running/"
+RENEWED, LEASE = 30.0, 3600.0  # s: when a record is renewed; after which it counts no longer
 
 Listed = Mapping[str, "ObjectMeta"]
 
@@ -38,20 +36,12 @@ Listed = Mapping[str, "ObjectMeta"]
 @contextmanager
 def using(cells: Objects, say: Callable[[str], None]) -> Iterator[Use]:
     """Keep a record of a sweep that runs in the cache where its packs are."""
-    use, ended = Use(cells, say), threading.Event()
-
-    def keep() -> None:
-        while not ended.wait(RENEWED):
-            use.renew()
-
-    thread = threading.Thread(target=keep, name="lease", daemon=True)
+    use = Use(cells, say)
     use.renew()
-    thread.start()
     try:
-        yield use
+        with repeating(RENEWED, use.renew):
+            yield use
     finally:
-        ended.set()
-        thread.join()
         with suppress(OSError):
             cells.delete([use.name])
 
@@ -69,8 +59,6 @@ class Use:
     packs: set[str] | None = None
     since: float | None = None  # s, epoch
     _deleting: list[str] = field(default_factory=list)
-    _seen: dict[str, float] = field(default_factory=dict)  # when others had renewed theirs
-    _begun: float = field(default_factory=time.monotonic)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def renew(self) -> None:
@@ -91,8 +79,7 @@ class Use:
     def leaving(self) -> set[str]:
         """Return packs that others are about to delete. Those listed later are safe to use."""
         listed = self.cells.listed(RUNNING)
-        self._seen = {name: _time(one) for name, one in listed.items()}
-        self.since = self._seen.get(self.name)
+        self.since = _time(listed[self.name]) if self.name in listed else None
         return {name for record in self._others(listed) for name in record.deleting}
 
     def take(self, packs: Iterable[str]) -> None:
@@ -101,7 +88,7 @@ class Use:
         self.renew()
 
     def shrink(self, limit_bytes: int) -> None:
-        """Delete the least recently used packs until the rest is small enough.
+        """Delete the oldest packs until the rest is small enough.
 
         Those that this or another sweep uses, or that were written since it began, stay.
         """
@@ -115,15 +102,13 @@ class Use:
         listed = self.cells.listed()
         if self.since is None or self.name not in listed:
             return
-        self.cells.tidy(_time(listed[self.name]) - FORGOTTEN)
+        self.cells.tidy(_time(listed[self.name]) - LEASE)
         packs = {name: one for name, one in listed.items() if name.endswith(PACK)}
-        own = packs.keys() & (self.packs or set())
-        last = self._last_used(listed, packs, own)
         excess = sum(one["size"] for one in packs.values()) - limit_bytes
         if excess <= 0:
             return
-        stay = own | self._used_by_others(packs) | _since(packs, self.since)
-        for name in sorted(packs.keys() - stay, key=lambda name: (last[name], name)):
+        stay = (self.packs or set()) | self._used_by_others(packs) | _since(packs, self.since)
+        for name in sorted(packs.keys() - stay):  # by the time in their names
             if excess <= 0:
                 break
             self._deleting.append(name)
@@ -131,21 +116,6 @@ class Use:
         self._write()  # from here on, others see what is to go
         stay = self._used_by_others(packs)
         self.cells.delete(name for name in self._deleting if name not in stay)
-
-    def _last_used(self, listed: Listed, packs: Listed, own: Iterable[str]) -> dict[str, float]:
-        """Return when packs were used last, and write it as one record instead of several."""
-        now, records = _time(listed[self.name]), [one for one in listed if one.startswith(USED)]
-        written = {name: _time(one) for name, one in packs.items()}
-        last = {**written, **dict.fromkeys(own, now)}
-        for record in records:
-            with undamaged():
-                for name, moment in json.loads(self.cells.get(record) or b"{}").items():
-                    if name in last:
-                        last[name] = max(last[name], min(float(moment), now))
-        used = {name: moment for name, moment in last.items() if moment > written[name]}
-        self.cells.put(f"{USED}{uuid.uuid4().hex}", json.dumps(used).encode())
-        self.cells.delete(records)
-        return last
 
     def _used_by_others(self, packs: Listed) -> set[str]:
         """Return packs that other sweeps use, which run now."""
@@ -160,9 +130,8 @@ class Use:
         """Yield records of other sweeps; delete those of sweeps that ended without doing so."""
         times = {name: _time(one) for name, one in listed.items()}
         now = times.pop(self.name, max(times.values(), default=0.0))
-        watched = time.monotonic() - self._begun > LEASE
         for name, moment in times.items():
-            if now - moment > FORGOTTEN or (watched and self._seen.get(name) == moment):
+            if now - moment > LEASE:
                 self.cells.delete([name])
             elif (content := self.cells.get(name)) is not None:
                 yield Record.of(content)

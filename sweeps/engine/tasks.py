@@ -21,18 +21,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.declarations import RNG, VALID
 from sweeps.engine.errors import DeclarationError
-from sweeps.engine.failures import described, reason, traceback_of
-from sweeps.engine.keys import Keys
-from sweeps.engine.packs import Arrays, Pack, Packing, Spots, read_cells
+from sweeps.engine.failures import Failure, described, reason, traceback_of
+from sweeps.engine.keys import Keys, cell_rng
+from sweeps.engine.packs import AT_ONCE, Arrays, Pack, Packing, Spots, each_cell
 from sweeps.engine.places import Objects
-from sweeps.engine.seeds import cell_rng
-from sweeps.engine.stage import FIRST, MEASURED, Output, Stage
+from sweeps.engine.stage import FIRST, MEASURED, RNG, VALID, Output, Stage
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
-JOINED = 4096  # cells that are read and joined together
 
 
 @dataclass(frozen=True)
@@ -44,7 +41,7 @@ class Step:
     function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Output, ...]
     even: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
-    keep: int  # number of results in memory, of a stage not kept on disk
+    keep: float  # number of results in memory, of a stage not kept on disk
 
     @classmethod
     @cache
@@ -55,7 +52,7 @@ class Step:
         imported = "<" not in place and not place.startswith("__main__:")
         given = None if imported else function
         even = tuple(o.name for o in stage.outputs if stage.place_of(o) and stage.is_even(o))
-        return cls(stage.name, place, given, stage.outputs, even, stage.memory)
+        return cls(stage.name, place, given, stage.outputs, even, stage.keep)
 
     @property
     def call(self) -> Callable[..., Any]:
@@ -116,23 +113,16 @@ class Calls:
         return len(self.begins) - 1
 
 
-class Trouble(NamedTuple):
-    """What is wrong with a call: why each of its cells failed, or which inputs are lost."""
-
-    why: tuple[str, ...] = ()  # empty for a cell that did not
-    arguments: str = ""
-    traceback: str = ""
-    damaged: tuple[bytes, ...] = ()  # keys of lost inputs, without which it was not run
-
-
 class Outcome(NamedTuple):
-    """Outcome of some calls: how long each took [s], and by number what went wrong.
+    """Outcome of some calls: how long they took [s], which cells failed, by number, and why.
 
-    All other cells are in a pack, in their order, from a row on.
+    `lacking` has by number of a call the keys of lost inputs, without which it was not run. All
+    other cells are in a pack, in their order.
     """
 
-    seconds: NDArray[np.float64]
-    troubles: Mapping[int, Trouble] = {}
+    seconds: float
+    failed: Mapping[int, Failure] = {}
+    lacking: Mapping[int, tuple[bytes, ...]] = {}
     pack: Pack | None = None
 
 
@@ -189,8 +179,9 @@ class _Running:
         self.packing = Packing()
         self.next = 0
         self.kept: list[int] = []  # numbers of cells that are packed
-        self.seconds = np.zeros(len(calls))
-        self.troubles: dict[int, Trouble] = {}
+        self.seconds = 0.0
+        self.failed: dict[int, Failure] = {}
+        self.lacking: dict[int, tuple[bytes, ...]] = {}
         self.shapes: set[tuple[str, str, tuple[int, ...]]] = set()
         self._inputs = _with_inputs(calls, packs)
 
@@ -206,28 +197,22 @@ class _Running:
             given = _arguments(calls, number, inputs, self.packs)
             cells = self._computed(number, given)
         except Damaged as error:
-            self.troubles[number] = Trouble(damaged=error.keys)
+            self.lacking[number] = error.keys
             return
         except Exception as error:
             if calls.streams:  # from which the generator can be made again
                 seed, name = calls.streams[number]
                 given[RNG] = f"cell_rng({seed}, **{name})"
-            why = (reason(error),) * (end - begin)
-            self.troubles[number] = Trouble(why, described(given), traceback_of(error))
+            failure = Failure("", reason(error), described(given), traceback_of(error))
+            self.failed |= dict.fromkeys(range(begin, end), failure)
             return
-        self.seconds[number] = time.perf_counter() - start
-        differing = {
-            cell: how
-            for cell in range(begin, end)
-            if cell in calls.again and (how := self._difference(cell, cells[cell - begin]))
-        }
+        self.seconds += time.perf_counter() - start
         for cell, arrays in enumerate(cells, begin):
-            if cell not in differing:
+            if cell in calls.again and (how := self._difference(cell, arrays)):
+                self.failed[cell] = Failure("", how)
+            else:
                 self.packing.add(arrays)
                 self.kept.append(cell)
-        if differing:
-            why = tuple(differing.get(cell, "") for cell in range(begin, end))
-            self.troubles[number] = Trouble(why)
         for output in step.even:  # those of a call are of one array
             self.shapes.add((step.name, output, cells[0][output].shape))
 
@@ -263,10 +248,10 @@ class _Running:
     def outcome(self) -> Outcome:
         """Write the pack of all cells; return the outcome."""
         if not self.kept:
-            return Outcome(self.seconds, self.troubles)
-        keys, spent = self.calls.keys[self.kept], float(self.seconds.sum())
-        pack = self.packing.write(self.packs, self.calls.step.name, keys, spent)
-        return Outcome(self.seconds, self.troubles, pack)
+            return Outcome(self.seconds, self.failed, self.lacking)
+        keys, name = self.calls.keys[self.kept], self.calls.step.name
+        pack = self.packing.write(self.packs, name, keys, self.seconds)
+        return Outcome(self.seconds, self.failed, self.lacking, pack)
 
 
 def _difference(step: Step, first: Arrays, again: Arrays) -> str:
@@ -305,7 +290,7 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
                     inputs[name] = Gathered(read.step, read.spots[number], packs)
                 continue
             spots = read.spots[start:stop]
-            cells = _each(packs, spots[spots.present])
+            cells = each_cell(packs, spots[spots.present])
             for number, inputs in enumerate(found):
                 if spots.pack.ndim == 1:  # one cell, as most often
                     arrays: Any = next(cells) or Damaged((spots.keys[number].tobytes(),))
@@ -318,12 +303,6 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
             yield found.pop(0)  # and hold it no longer
         fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
-
-
-def _each(packs: Objects, spots: Spots) -> Iterator[Arrays | None]:
-    """Yield arrays of cells in order, None for damaged ones; some are in memory at once."""
-    for first in range(0, len(spots), JOINED):
-        yield from read_cells(packs, spots[first : first + JOINED])
 
 
 def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
@@ -403,7 +382,7 @@ class Gathered:
         return self._read(spots)
 
     def _read(self, spots: Spots) -> NDArray[Any]:
-        found = _joined(self.step, spots, _each(self.packs, spots[spots.present]))
+        found = _joined(self.step, spots, each_cell(self.packs, spots[spots.present]))
         if isinstance(found, Exception):
             raise found
         [array] = found.values()
@@ -419,8 +398,8 @@ def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays 
     lost: list[bytes] = []
     wrong: Exception | None = None
     places = np.flatnonzero(present)
-    for start in range(0, len(places), JOINED):
-        at = places[start : start + JOINED]
+    for start in range(0, len(places), AT_ONCE):
+        at = places[start : start + AT_ONCE]
         read = [*islice(cells, len(at))]
         found = [cell for cell in read if cell is not None]
         if len(found) < len(read):

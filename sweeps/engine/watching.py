@@ -1,20 +1,28 @@
-"""Progress of a sweep: a live display on a terminal, plain lines elsewhere; and its summary."""
+"""How far a sweep is: shown on this terminal, kept in the cache for another one, and summed up."""
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from datetime import timedelta
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
+from datetime import datetime, timedelta
+from typing import Any
 
-import rich.progress
 from rich.console import Console
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
+from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, FailureLog
+from sweeps.engine.keys import digest
+from sweeps.engine.locks import is_locked
+from sweeps.engine.packs import CLOSED
+from sweeps.engine.places import Objects, Where, below, real_place
 from sweeps.engine.process import say
 from sweeps.engine.schedule import Progress, Schedule, Watch
 
@@ -43,10 +51,7 @@ class _Shown:
         self.name, self.log = name, log
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
         self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
-        # In seconds of all workers; it only estimates the time left.
-        self.work = rich.progress.Progress(disable=True)
-        self.work.add_task("all")
-        self.at = time.monotonic()
+        self.begun = self.at = time.monotonic()
         self.failures = 0
 
     def say(self, sentence: str, style: str | None = None) -> None:
@@ -65,8 +70,10 @@ class _Shown:
 
     def step(self, schedule: Schedule) -> None:
         now = time.monotonic()
-        left = self._left(schedule)
         stages = [*schedule.progress.items()]
+        done, work = (one.seconds for one in schedule.progress.values()), schedule.work_left()
+        rest = time_left(sum(work.values()), sum(done), now - self.begun)
+        left = f"about {rest} left" if rest else ""
         begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
         if self.terminal:
             shown = [one for _, one in stages if one.reused < one.total]
@@ -82,23 +89,23 @@ class _Shown:
             parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
             self.say(", ".join([*parts, left] if left else parts) or "finishing")
 
-    def _left(self, schedule: Schedule) -> str:
-        """Return the estimated time until all cells are done; empty while too little is known."""
-        done = sum(one.seconds for one in schedule.progress.values())
-        [every] = self.work.tasks
-        self.work.update(every.id, completed=done, total=done + sum(schedule.work_left().values()))
-        known = done >= EARLIEST and every.time_remaining
-        return f"about {timedelta(seconds=known)} left" if known else ""
+
+def time_left(work: float, done: float, elapsed: float) -> str:
+    """Return the time that work takes, in s of one worker, as fast as some was done until now.
+
+    Empty while too little is done.
+    """
+    return str(timedelta(seconds=round(work * elapsed / done))) if done >= EARLIEST else ""
 
 
-def foreseen(stages: Mapping[str, tuple[int, int]]) -> Table:
-    """Return a table of the cells of each stage: all, reused, and to be computed."""
+def counted(rows: Mapping[str, Sequence[Any]], *headings: str) -> Table:
+    """Return a table of numbers by stage."""
     table = Table(box=None, pad_edge=False)
     table.add_column("stage")
-    for heading in ("cells", "reused", "to compute"):
+    for heading in headings:
         table.add_column(heading, justify="right")
-    for name, (total, left) in reversed([*stages.items()]):
-        table.add_row(name, str(total), str(total - left), str(left))
+    for name, numbers in rows.items():
+        table.add_row(name, *map(str, numbers))
     return table
 
 
@@ -113,3 +120,98 @@ def summary(stages: Mapping[str, Progress], seconds: float) -> str:
         f"{every.done:,} cells computed, {every.reused:,} reused, {every.failed:,} failed in "
         f"{seconds:.1f} s; work {every.seconds:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
     )
+
+
+WRITTEN = 1.0  # s between states that are written
+FOLDER = "status"  # of a cache
+
+
+def _states(cache: Where, *, make: bool = False) -> Objects:
+    """Return the states of sweeps that a cache knows."""
+    return Objects(below(cache, FOLDER), make=make, mode=CLOSED, clean=False)
+
+
+def _name(store: Where) -> str:
+    """Return the name of the state of a store's latest sweep."""
+    return f"{digest(str(real_place(store)))}.json"
+
+
+@contextmanager
+def recorded(store: Where, cache: Where, watch: Watch) -> Iterator[Watch]:
+    """Yield an observer that also writes how far a sweep is into its cache, every second at most.
+
+    A state that cannot be written costs nothing but itself.
+    """
+    states, begun, due = _states(cache, make=True), time.time(), 0.0
+    state: dict[str, Any] = {"process": os.getpid(), "begun": begun, "stages": {}}
+    state["ended"] = "stopped"  # unless it says otherwise
+
+    def write() -> None:
+        with suppress(OSError):
+            states.put(_name(store), json.dumps(state | {"at": time.time()}).encode())
+
+    def step(schedule: Schedule) -> None:
+        nonlocal due
+        if time.monotonic() >= due:
+            left = schedule.work_left()
+            stages = {
+                name: asdict(one) | {"work": left[name]}
+                for name, one in schedule.progress.items()
+                if one.total
+            }
+            state["stages"] = stages
+            write()
+            due = time.monotonic() + WRITTEN
+        watch.step(schedule)
+
+    try:
+        yield replace(watch, step=step)
+        state["ended"] = "finished"
+    finally:
+        write()
+
+
+def described(store: Where, cache: Where) -> tuple[str, Table]:
+    """Return a sentence on the latest sweep of a store, and a table of its stages.
+
+    Raises ConfigurationError if the cache knows of none.
+    """
+    content = _states(cache).get(_name(store))
+    if content is None:
+        raise ConfigurationError(
+            f"store is {str(store)!r}, of which the cache {str(cache)!r} knows no sweep; "
+            "give store= and cache= as the sweep has them"
+        )
+    try:
+        state = json.loads(content)
+        stages = {
+            name: (Progress(**{key: one[key] for key in asdict(Progress())}), float(one["work"]))
+            for name, one in state["stages"].items()
+        }
+        begun, at = float(state["begun"]), float(state["at"])
+        process, ended = int(state["process"]), str(state["ended"])
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigurationError(
+            f"cache is {str(cache)!r}, whose state of the sweep of {str(store)!r} cannot be read"
+        ) from error
+    running = is_locked(store)
+    how = f"running as process {process}" if running else ended
+    sentence = f"{store}: {how}; begun {_clock(begun)}, state of {_clock(at)}"
+    return sentence, _table(stages, at - begun, running)
+
+
+def _table(stages: Mapping[str, tuple[Progress, float]], elapsed: float, running: bool) -> Table:
+    """Return a table of cells and estimated time by stage; all of them are in the last row."""
+    every = Progress.over(one for one, _ in stages.values())
+    rows = {**dict(reversed([*stages.items()])), "all": (every, sum(w for _, w in stages.values()))}
+    numbers = {
+        name: (one.total, one.reused, one.done, one.failed, one.left)
+        + (time_left(work, every.seconds, elapsed),) * running
+        for name, (one, work) in rows.items()
+    }
+    headings = ("cells", "reused", "done", "failed", "left", *["time left"] * running)
+    return counted(numbers, *headings)
+
+
+def _clock(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds).isoformat(" ", "seconds")

@@ -20,7 +20,7 @@ from ncti.classify.blocks import row_blocks
 from ncti.classify.directions import NO_CATEGORY
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
-from sweeps.engine.seeds import cell_rng
+from sweeps.engine.keys import cell_rng
 from sweeps.engine.settings import Run, Settings, count, draws, number, switch, word
 from sweeps.engine.stage import At, Output, in_memory, inner, plain
 from sweeps.stages import classifier

@@ -31,10 +31,20 @@ from ncti.data.splits import (
 from ncti.data.vectors import to_numpy
 from ncti.evaluate.summary import tabulate_differences, tabulate_rows
 from ncti.features import profile_vector
-from sweeps.engine.declarations import RNG
 from sweeps.engine.display import Display, Figure
 from sweeps.engine.settings import Choices, Run, Settings, count, set_of, word
-from sweeps.engine.stage import Group, Output, Stage, Stream, Table, in_memory, inner, plain, stage
+from sweeps.engine.stage import (
+    RNG,
+    Group,
+    Output,
+    Stage,
+    Stream,
+    Table,
+    in_memory,
+    inner,
+    plain,
+    stage,
+)
 from sweeps.stages import views
 from sweeps.stages.ships import ShipName
 from sweeps.stages.views import BENCHMARK, SHAPES, Arrays, Floats, Grid, Hull, looks, refuse

@@ -14,7 +14,7 @@ from ncti.evaluate.answers import VIEW
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import map_vector, profile_vector
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.seeds import cell_rng
+from sweeps.engine.keys import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
 from sweeps.engine.stage import STATE, At, Group, Output, Status, coordinate, in_memory, plain
 from sweeps.stages import scores, views

@@ -24,7 +24,7 @@ from ncti.labels import data_set
 from ncti.render import LineImage, RangeImage
 from ncti.render.loops import MASK
 from sweeps.engine.display import Display, Figure
-from sweeps.engine.seeds import cell_rng
+from sweeps.engine.keys import cell_rng
 from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
 from sweeps.engine.stage import (
     SHARE,

@@ -16,8 +16,8 @@ from ncti.irar.corrected import EXACT, NO_ERROR, RATES
 from ncti.irar.registration import MOTION_METHODS
 from ncti.ladar.budget import power_ratio
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.keys import cell_rng
 from sweeps.engine.kinds import Kind, Number, Value
-from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import NO_RESULT, Setting, Settings, count, number, set_of, switch, word
 from sweeps.engine.stage import Group
 from sweeps.stages.ladar import Ladar

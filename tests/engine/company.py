@@ -62,7 +62,7 @@ def company(experiment: Experiment, choices: Choices, *, most: int = 10**9) -> d
                     part = schedule.part(bound, [np.array([cell])])
                     with one_thread():  # as workers are
                         [done] = run_calls((part.calls,), [0], packs).outcomes
-                    assert not done.troubles, f"{what}: {done.troubles}"
+                    assert not (done.failed or done.lacking), f"{what}: {done.failed}"
                     there = read_cells(packs, schedule.spots[part.nodes])
                     alone = Spots([done.pack.path], np.array([0]), np.array([0]), part.calls.keys)
                     (there,), (again,) = there, read_cells(packs, alone)

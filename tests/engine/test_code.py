@@ -3,7 +3,6 @@
 import importlib
 import inspect
 import json
-import linecache
 import shutil
 import sys
 from importlib import metadata
@@ -13,10 +12,9 @@ import pytest
 import yaml
 from running import ROOT, python
 
-from sweeps.engine import code, sources
-from sweeps.engine.code import Code, place_of
+from sweeps.engine import code
+from sweeps.engine.code import Code, distributions, place_of, versions
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.sources import distributions, versions
 from sweeps.engine.stage import Stage
 
 ROOTS = frozenset({"fleet", "yard"})
@@ -44,7 +42,7 @@ def digest_in(monkeypatch):
             if name.split(".")[0] in {"fleet", "yard", "loose"}:
                 del sys.modules[name]
         importlib.invalidate_caches()
-        for cached in (sources.place, code._files, versions, distributions):
+        for cached in (code.place, code._files, versions, distributions):
             cached.cache_clear()
 
     def digest(folder, module="fleet.measure", function="length", roots=ROOTS, **how):
@@ -149,25 +147,6 @@ def test_a_script_counts_like_a_module(tmp_path):
     before = run("script.py")
     write(tmp_path, {"script.py": script.replace("def length(): ...", "def length(): return 1")})
     assert run("script.py")[0] != before[0]
-
-
-def typed_in(text: str, monkeypatch):
-    """A function as a notebook has it: no file, its lines kept by `linecache`."""
-    space = {"__name__": "__main__"}
-    lines = text.splitlines(keepends=True)
-    monkeypatch.setitem(linecache.cache, "<cell>", (len(text), None, lines, "<cell>"))
-    exec(compile(text, "<cell>", "exec"), space)
-    return space["length"]
-
-
-def test_a_function_of_a_session_counts_by_its_own_lines(monkeypatch):
-    def digest(body: str):
-        text = f"import numpy as np\ndef length(x):\n    return [{body} for y in x]\n"
-        return Code(frozenset()).digest(typed_in(text, monkeypatch))
-
-    assert digest("np.sqrt(y)").libraries == {"numpy": version("numpy")}
-    assert digest("np.sqrt(y)") == digest("np.sqrt(y)")
-    assert digest("np.sqrt(y)").digest != digest("np.cbrt(y)").digest
 
 
 def test_a_function_without_source_is_refused():

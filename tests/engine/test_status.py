@@ -12,7 +12,7 @@ from executors import eventually, meanwhile
 from small_stores import contents, opened
 from toys import SPRINGS, go
 
-from sweeps.engine import status
+from sweeps.engine import watching
 from sweeps.engine.command import Command
 from sweeps.engine.store import read_attributes
 
@@ -52,13 +52,13 @@ def rows(text):
 
 
 def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start, monkeypatch):
-    monkeypatch.setattr(status, "EVERY", 0.0)
-    monkeypatch.setattr(status, "EARLIEST", 0.2)
+    monkeypatch.setattr(watching, "WRITTEN", 0.0)
+    monkeypatch.setattr(watching, "EARLIEST", 0.2)
     seen = []
 
     def look():
         eventually(lambda: len(list(Path("cache").rglob("*.pack"))) > 2)
-        seen.append(status.described(Path("s.zarr"), Path("cache")))
+        seen.append(watching.described(Path("s.zarr"), Path("cache")))
         os.kill(os.getpid(), signal.SIGINT)
 
     with meanwhile(look):
@@ -92,7 +92,7 @@ def test_a_status_that_cannot_be_shown_is_refused(start):
     told = start("--status", "store=t.zarr", "cache=cache", status=2)
     assert "store is 't.zarr', of which the cache 'cache' knows no sweep" in told
     told = start(*SEEN, "spring.mass=1", status=2)
-    assert "--status has 'spring.mass=1', but takes store=PATH and cache=FOLDER" in told
+    assert "--status has 'spring.mass=1', but takes store=PATH and cache=PLACE" in told
     start(*GIVEN)
     (file,) = Path("cache", "status").iterdir()
     for content in ("", "{}", "[1]", '{"stages": {"x": 1}}'):

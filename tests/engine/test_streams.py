@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 from toys import SPRINGS, Measured, Spring, having, noisy
 
+from sweeps.engine.keys import cell_rng
 from sweeps.engine.plan import Plan
-from sweeps.engine.seeds import cell_rng
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Group, Output, Stream, stage
 
-RAISE = "streams draw other numbers: raise STREAM_VERSION of sweeps.engine.seeds, and pin these"
+RAISE = "streams draw other numbers: raise STREAM_VERSION of sweeps.engine.keys, and pin these"
 
 NAMED = {
     "a stage and numbers": (0, {"stage": "noisy", "stiffness": 4.0, "mass": 2.0, "draw": 1}),

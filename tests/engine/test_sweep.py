@@ -8,7 +8,7 @@ from company import company
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, Few, go, of, run_few, timed
 
-from sweeps.engine.seeds import cell_rng
+from sweeps.engine.keys import cell_rng
 from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Group, Output, stage
 from sweeps.engine.store import read_attributes
