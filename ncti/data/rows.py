@@ -54,8 +54,18 @@ ANYWHERE = "random"
 IMAGER = Imager(0.25, CONTRAST_AT_ZERO, EXTINCTION, NEDT, SPREAD, SPREAD)
 MOST_ROWS = 10_000_000  # of a call: 10 GB of profiles
 MOST_FRAMES = 10_000
-MOST_WORKERS = 1024
-FINEST, COARSEST = 0.01, 2.0  # m between lines
+NUMBERS = {
+    "count": Bounds(1, MOST_ROWS, whole=True),
+    "seed": Bounds(0, 2**63, whole=True),
+    "first": Bounds(0, 2**53 - MOST_ROWS, whole=True),
+    "workers": Bounds(1, 1024, whole=True),
+    "rows_per_view": Bounds(1, MOST_ROWS, whole=True),
+    "target_free_ifovs": Bounds(0, 2**53, whole=True),
+    "spacing": Bounds(0.01, 2.0),  # m
+    "far_field_error": Bounds(1e-12, 1.0),
+}
+"""Numbers that are the same for all rows, and what they may be."""
+
 ROWS_AT_ONCE = 2000  # of a batch: some seconds of a process
 
 ROWS = {
@@ -223,16 +233,20 @@ def dataset(
     >>> X.shape, len(set(groups))
     ((60, 250), 3)
     """
-    require("count", count, minimum=1, maximum=MOST_ROWS, whole=True)
-    require("first", first, minimum=0, maximum=2**53 - MOST_ROWS, whole=True)
-    require("rows_per_view", rows_per_view, minimum=1, maximum=MOST_ROWS, whole=True)
-    require("workers", workers, minimum=1, maximum=MOST_WORKERS, whole=True)
-    require("seed", seed, minimum=0, maximum=2**63, whole=True)
+    numbers = {
+        "count": count,
+        "seed": seed,
+        "first": first,
+        "workers": workers,
+        "rows_per_view": rows_per_view,
+        "target_free_ifovs": target_free_ifovs,
+        "spacing": spacing,
+        "far_field_error": far_field_error,
+    }
+    for name, value in numbers.items():
+        require(name, value, **vars(NUMBERS[name]))
     require_word("sensor", sensor, SENSORS)
     require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
-    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
-    require("spacing", spacing, minimum=FINEST, maximum=COARSEST)
-    require("far_field_error", far_field_error, positive=True, maximum=1.0)
     if not isinstance(imager, Imager):
         raise ValueError(f"imager is {imager!r:.60}, but must be an ncti.infrared.Imager")
     bins_of(window, bin_width)
@@ -258,8 +272,8 @@ def dataset(
     }
     bounds = _bounds(bin_width)
     samplers = {name: sampler(name, given[name], bounds[name]) for name in bounds}
-    numbers = np.arange(int(first), int(first) + int(count))
-    drawn = _drawn(samplers, numbers, int(seed), int(rows_per_view), len(names))
+    of_rows = np.arange(int(first), int(first) + int(count))
+    drawn = _drawn(samplers, of_rows, int(seed), int(rows_per_view), len(names))
     if cnr is None:
         budget = [10 * math.log10(carrier_to_noise(far)) for far in drawn["slant_range"].tolist()]
         drawn["cnr"] = np.array(budget)
