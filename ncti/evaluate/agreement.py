@@ -223,6 +223,8 @@ class Reach:
         Share of settings that agree with the given figure.
     nearest : (figure,) float64 ndarray
         Least distance of a setting to it [standard deviations].
+    together : (setting,) intp ndarray
+        Number of figures that each setting agrees with.
 
     See Also
     --------
@@ -239,6 +241,7 @@ class Reach:
     high: Floats
     share: Floats
     nearest: Floats
+    together: NDArray[np.intp]
 
 
 def reached(
@@ -260,8 +263,8 @@ def reached(
     Returns
     -------
     Reach
-        A figure whose `share` is 0 is reached by no setting. Each figure is taken by itself: no
-        setting need reach several.
+        A figure whose `share` is 0 is reached by no setting. Each figure is taken by itself, except
+        in `together`.
 
     Raises
     ------
@@ -287,6 +290,6 @@ def reached(
     require_shape("variance", spread, figures.shape)
     require("level", level, positive=True)
     apart = np.abs(figures - fixed) / spread
-    return Reach(
-        figures.min(axis=0), figures.max(axis=0), (apart <= level).mean(axis=0), apart.min(axis=0)
-    )
+    agrees = apart <= level
+    ends = figures.min(axis=0), figures.max(axis=0)
+    return Reach(*ends, agrees.mean(axis=0), apart.min(axis=0), agrees.sum(axis=1))

@@ -179,6 +179,7 @@ def tabulate_fits(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
         "best": ((by, best), "chi-square per figure of the setting of the largest weight"),
         "least": ((("table",), apart.min(axis=0)), "least chi-square per figure of all settings"),
         "temperature": ((each, [one.temperature for one in fits]), "factor of all variances"),
+        "together": (((), settings.reach.together.max()), "figures that one setting agrees with"),
         "weight": ((("fitted", "setting"), [one.weight for one in fits]), "weight of a setting"),
         "effective": ((each, [one.effective for one in fits]), "effective number of settings"),
     }

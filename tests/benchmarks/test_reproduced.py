@@ -36,6 +36,7 @@ def reports():
             "least": distance.isel(fitted=0, drop=True),
             "temperature": of_fits + 2,
             "effective": of_fits + 1,
+            "together": xr.DataArray(7),
             "weight": (("fitted", "setting"), weight),
         },
         {"setting": np.arange(SETTINGS)},
@@ -57,7 +58,7 @@ def reports():
     )
     return (
         reproduced.of_figures(table, ""),
-        reproduced.of_fits(made, ""),
+        reproduced.of_fits(made, len(NAMES), ""),
         reproduced.of_parameters(parameters, made, settings),
     )
 

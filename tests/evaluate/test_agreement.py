@@ -100,5 +100,6 @@ def test_figures_that_no_setting_reaches_are_counted_by_hand():
     reach = reached(simulated, [22.0, 90.0, 5.0], variance)
     np.testing.assert_allclose(reach.share, [1 / 3, 0, 3 / 3])
     np.testing.assert_allclose(reach.nearest, [8 / 5, 6, 0])
+    assert reach.together.tolist() == [1, 2, 1]
     np.testing.assert_allclose([reach.low, reach.high], [[10, 40, 3], [50, 60, 7]])
     assert (reached(simulated, [22.0, 90.0, 5.0], variance, level=6).share > 0).all()
