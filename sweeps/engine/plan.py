@@ -356,8 +356,8 @@ class Plan:
         if bound not in self._keys:
             keys = np.empty((self.count(bound), 2), np.uint64)
             for start in range(0, len(keys), AT_ONCE):
-                part = self.cells(bound)[start : start + AT_ONCE]
-                keys[part] = self._new_keys(bound, part)
+                part = np.arange(start, min(start + AT_ONCE, len(keys)))
+                keys[start : start + AT_ONCE] = self._new_keys(bound, part)
             self._keys[bound] = keys
         return self._keys[bound]
 
