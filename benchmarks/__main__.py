@@ -91,7 +91,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "figures": lambda asked: reproduction.figures(),
     "design": lambda asked: design.measure(),
     "operate": lambda asked: operate.measure(),
-    "results": lambda asked: results.measure(results.Sizes(asked.seeds)),
+    "results": lambda asked: results.measure(results.Sizes(asked.seeds, parts=tuple(asked.part))),
     "history": lambda asked: history.record(repeats=asked.repeats),
 }
 SETS = {
@@ -217,6 +217,13 @@ def _parser() -> argparse.ArgumentParser:
         default=results.SEEDS,
         metavar="N",
         help=f"results: number of seeds ({results.SEEDS})",
+    )
+    parser.add_argument(
+        "--part",
+        action="append",
+        default=[],
+        choices=results.PARTS,
+        help="results: a part of them, several if repeated; all by default",
     )
     parser.add_argument(
         "--most",

@@ -46,7 +46,10 @@ def measure(
     learned = np.arange(0.0, last + 0.1, STEP)
     between = learned[:-1] + STEP / 2
     of_aspect = {
-        "known": (f"grid.aspect={listed(between.tolist())}", "classifier.aspect_known=true"),
+        "known": (
+            f"grid.aspect={listed(between.tolist())}",
+            *("classifier.aspect_sigma=0", "classifier.template_error=0"),
+        ),
         "unknown": (
             f"grid.aspect={listed(sorted([*learned, *between]))}",
             f"classifier.training_aspect={listed(learned.tolist())}",

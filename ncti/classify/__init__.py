@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ncti.classify.fusion import fuse, label_posterior
     from ncti.classify.gain_annealed import GainAnnealedNetwork
     from ncti.classify.likelihood import GaussianTemplates
+    from ncti.classify.track import aspect_prior
     from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "GainAnnealedNetwork",
     "GaussianTemplates",
     "Similarities",
+    "aspect_prior",
     "cluster",
     "fuse",
     "label_posterior",
@@ -34,6 +36,7 @@ _DEFINED_IN = {
     "GainAnnealedNetwork": "gain_annealed",
     "GaussianTemplates": "likelihood",
     "Similarities": "vigilance_sweep",
+    "aspect_prior": "track",
     "cluster": "vigilance_sweep",
     "fuse": "fusion",
     "label_posterior": "fusion",

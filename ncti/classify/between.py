@@ -175,12 +175,12 @@ def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
     return [second, between] if second.any() else []
 
 
-def _parabolas(
-    means: Floats, aspects: Floats, name: object
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return first and second derivatives at ascending aspects, and steps on both sides [deg].
+def steps(aspects: Floats, name: object) -> tuple[Floats, Floats, bool]:
+    """Return the steps on both sides of ascending aspects [deg], and whether they are closed.
 
-    The range is closed if the step across 360 degrees is no wider than the widest one within.
+    The range is closed if the step across 360 degrees is no wider than the widest one within; the
+    ends of an open one have the same step on both sides. `ValueError` names a label, `name`, that
+    has an aspect twice.
     """
     inner = np.diff(aspects)
     across = CIRCLE - aspects[-1] + aspects[0]
@@ -189,14 +189,21 @@ def _parabolas(
             f"aspect has {aspects[:-1][inner <= 0][0]:g} twice for {name!r}, but must be distinct "
             "among templates of a label"
         )
-    closed = across <= inner.max() * (1 + 1e-9)
-    rise = np.diff(means, axis=0) / inner[:, None]
+    closed = bool(across <= inner.max() * (1 + 1e-9))
+    first, last = (across, across) if closed else (inner[0], inner[-1])
+    return np.append(first, inner), np.append(inner, last), closed
+
+
+def _parabolas(
+    means: Floats, aspects: Floats, name: object
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return first and second derivatives at ascending aspects, and steps on both sides [deg]."""
+    before, behind, closed = steps(aspects, name)
+    rise = np.diff(means, axis=0) / behind[:-1, None]
     if closed:
-        last = (means[:1] - means[-1:]) / across
-        before, behind = np.append(across, inner), np.append(inner, across)
+        last = (means[:1] - means[-1:]) / behind[-1]
         left, right = np.concatenate([last, rise]), np.concatenate([rise, last])
     else:
-        before, behind = np.append(inner[0], inner), np.append(inner, inner[-1])
         left, right = np.concatenate([rise[:1], rise]), np.concatenate([rise, rise[-1:]])
     total = (before + behind)[:, None]
     slope = (left * behind[:, None] + right * before[:, None]) / total
@@ -205,7 +212,7 @@ def _parabolas(
         if len(means) >= LEAST_CURVED:
             bend[0], bend[-1] = bend[1], bend[-2]
         else:  # so that bend h^2 / 2 is half the difference of the two templates
-            bend = rise[[0, 0]] / inner[0]
+            bend = rise[[0, 0]] / behind[0]
     return slope, bend, before, behind
 
 

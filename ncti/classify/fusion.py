@@ -13,7 +13,11 @@ Floats = NDArray[np.float64]
 
 
 def label_posterior(
-    scores: ArrayLike, labels: ArrayLike, *, exclude: ArrayLike = False
+    scores: ArrayLike,
+    labels: ArrayLike,
+    *,
+    exclude: ArrayLike = False,
+    log_prior: ArrayLike = 0.0,
 ) -> tuple[NDArray, Floats]:
     """Return the probability of each label from the scores of its templates.
 
@@ -26,14 +30,18 @@ def label_posterior(
         Label of each template.
     exclude : (sample, template) or (template,) array_like of bool, default=False
         Templates to leave out for a sample, such as the one it was drawn from.
+    log_prior : (sample, template) or (template,) array_like, default=0
+        Natural logarithm of the prior probability of each template among those of its label, up to
+        a constant for each sample and label; `aspect_prior` makes it of a track.
 
     Returns
     -------
     classes : (class,) ndarray
         The labels, sorted.
     posterior : (sample, class) float64 ndarray
-        Probabilities; rows sum to 1. Labels have equal prior probabilities, and so have the
-        remaining templates of a label. A label without templates has probability 0.
+        Probabilities; rows sum to 1. Labels have equal prior probabilities, and so have, without
+        `log_prior`, the remaining templates of a label. A label without templates has
+        probability 0.
 
     Raises
     ------
@@ -43,6 +51,7 @@ def label_posterior(
     See Also
     --------
     fuse : Scores of several sensors as one.
+    aspect_prior : Prior of the templates from a track.
     ncti.classify.calibration.fit_temperature_and_outliers : Log densities from other scores.
 
     Examples
@@ -63,7 +72,26 @@ def label_posterior(
     if not answers.any(axis=1).all():
         raise ValueError("exclude leaves out all templates of a sample, but must leave one")
     classes, label = np.unique(names, return_inverse=True)
-    return classes, posterior_of(values, members(label), answers)
+    member = members(label)
+    priors = require_all("log_prior", log_prior)
+    require_shape("log_prior", priors, (), names.shape, values.shape)
+    if priors.ndim:
+        values = values + _normalised(np.atleast_2d(priors), label, answers)
+    return classes, posterior_of(values, member, answers)
+
+
+def _normalised(priors: Floats, label: NDArray[np.integer], answers: NDArray[np.bool_]) -> Floats:
+    """Return log priors whose exponentials have the mean 1 over the answering ones of a label."""
+    shown = np.where(answers, priors, -np.inf)
+    mean = np.zeros_like(shown)
+    for number in range(label.max() + 1):
+        own = label == number
+        whole = np.logaddexp.reduce(shown[:, own], axis=1, keepdims=True)
+        some = np.isfinite(whole)  # of the label answers
+        mean[:, own] = np.where(
+            some, whole - np.log(np.isfinite(shown[:, own]).sum(1)[:, None] + ~some), 0
+        )
+    return np.where(answers, priors - mean, 0.0)
 
 
 def members(label: NDArray[np.integer]) -> Floats:

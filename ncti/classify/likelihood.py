@@ -13,7 +13,7 @@ from scipy.linalg import cholesky_banded
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from ncti.checks import require_all, require_flags
+from ncti.checks import require, require_all, require_flags
 from ncti.classify.bands import (
     checked_averages,
     checked_moments,
@@ -315,41 +315,80 @@ class GaussianTemplates(BaseEstimator):
             )
         return result.reshape(*gains.shape, len(samples), -1)
 
-    def posterior(self, X: ArrayLike, frame_count: ArrayLike) -> Floats:
+    def peak(self, frame_count: int, *, gain_sigma: float | None = None) -> Floats:
+        """Return the greatest log density under each template, that of its mean.
+
+        Parameters
+        ----------
+        frame_count : int
+            Number of frames in an average.
+        gain_sigma : float, optional
+            See `log_likelihood`.
+
+        Returns
+        -------
+        (template,) float64 ndarray
+            Natural logarithm of the density. Twice its difference from that of an average is the
+            squared Mahalanobis distance, which `ncti.classify.misfit.log_fit` judges.
+
+        Raises
+        ------
+        ValueError
+            If the count is below 1 or the deviation is out of range.
+        """
+        check_is_fitted(self)
+        require("frame_count", frame_count, minimum=1, maximum=WIDEST)
+        gain = self.gain_sigma if gain_sigma is None else gain_sigma
+        require("gain_sigma", gain, minimum=0, maximum=WIDEST)
+        frames, priors = np.array([float(frame_count)]), np.array([[gain, self.floor_sigma]])
+        own = (
+            self.density(t, self.mean_[t : t + 1], frames, priors)[0, 0]
+            for t in range(len(self.mean_))
+        )
+        return np.fromiter(own, np.float64, len(self.mean_))
+
+    def posterior(
+        self, X: ArrayLike, frame_count: ArrayLike, *, log_prior: ArrayLike = 0.0
+    ) -> Floats:
         """Return the probability of each label.
 
         Parameters
         ----------
         X, frame_count
             See `log_likelihood`.
+        log_prior : (sample, template) or (template,) array_like, default=0
+            See `label_posterior`.
 
         Returns
         -------
         (sample, class) float64 ndarray
-            Probabilities; rows sum to 1. Labels have equal prior probabilities, and so have the
-            templates of a label.
+            Probabilities; rows sum to 1. Labels have equal prior probabilities, and so have,
+            without `log_prior`, the templates of a label.
 
         Raises
         ------
         ValueError
             See `log_likelihood`.
         """
-        return label_posterior(self.log_likelihood(X, frame_count), self.labels_)[1]
+        scores = self.log_likelihood(X, frame_count)
+        return label_posterior(scores, self.labels_, log_prior=log_prior)[1]
 
-    def predict(self, X: ArrayLike, frame_count: ArrayLike) -> NDArray:
+    def predict(
+        self, X: ArrayLike, frame_count: ArrayLike, *, log_prior: ArrayLike = 0.0
+    ) -> NDArray:
         """Return the most probable label of each average.
 
         Parameters
         ----------
-        X, frame_count
-            See `log_likelihood`.
+        X, frame_count, log_prior
+            See `posterior`.
 
         Returns
         -------
         (sample,) ndarray
             Labels; of equally probable ones the first in `classes_`.
         """
-        best = self.posterior(X, frame_count).argmax(axis=1)
+        best = self.posterior(X, frame_count, log_prior=log_prior).argmax(axis=1)
         return self.classes_[best]
 
     def drawn(self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator) -> Floats:

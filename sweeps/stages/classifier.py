@@ -83,6 +83,12 @@ class Classifier(Settings, key="classifier"):
 
     name = word("acn", (), label="classifier", dimension="classifier", single="dimension")
     unknown = set_of(ships(None, label="unknown ships: tested but absent from training"))
+    alternative = set_of(
+        ships(
+            None,
+            label="unknown ships that the likelihood knows of: an answer may be none of the others",
+        )
+    )
     training_aspect = set_of(
         number(
             *(None, 0),
@@ -227,6 +233,10 @@ def check(choices: Choices) -> Choices:
     ships_given, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     require_among(choices, Classifier.unknown, Grid.ship)
     require_among(choices, Classifier.training_aspect, Grid.aspect)
+    for name in choices.one(Classifier.alternative) or ():
+        if name not in unknown:
+            allowed = ", ".join(unknown) or "none of them, as there are none"
+            refuse(Classifier.alternative, repr(str(name)), f"of classifier.unknown: {allowed}")
     if len(unknown) == len(ships_given):
         refuse(Classifier.unknown, "every ship of grid.ship", "fewer, which leave one to learn")
     for spacing, learned in zip(choices[SPACING], _learned(choices), strict=True):
@@ -399,10 +409,13 @@ class ClassifierGroup(Group):
             return tabulate_categories(known_ships(classified, choices))
 
         def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
-            of_all = known_of(choices), aspects_of(choices), choices[Classifier.test_vigilance]
-            return tabulate_rejection(classified, *of_all)
+            vigilances = choices[Classifier.test_vigilance]
+            # What is known to be unknown is no test of what is not.
+            asked = ~np.isin(choices[Grid.ship], choices.one(Classifier.alternative) or ())
+            of_all = known_of(choices).isel(ship=asked), aspects_of(choices), vigilances
+            return tabulate_rejection(classified.isel(ship=asked), *of_all)
 
-        def asked(choices: Choices) -> bool:
+        def rejecting_some(choices: Choices) -> bool:
             return self.when(choices) and not bool(known_of(choices).all())
 
         name, chance = self.name, (of_answers, of_ships)
@@ -413,7 +426,9 @@ class ClassifierGroup(Group):
             tables.append(self.table(f"categories_{name}", form, display))
         if rejecting:
             displays = scores.rejection_displays(labels)
-            tables.append(replace(self, when=asked).table(f"rejection_{name}", reject, *displays))
+            tables.append(
+                replace(self, when=rejecting_some).table(f"rejection_{name}", reject, *displays)
+            )
         return tuple(tables)
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import label_posterior
+from ncti.classify.misfit import log_fit
+from ncti.classify.track import aspect_prior
 from ncti.features.profile import estimated_floor
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Choices, Settings, number, switch
+from sweeps.engine.keys import cell_rng
+from sweeps.engine.settings import Choices, Run, Settings, number, switch
 from sweeps.engine.stage import Output, Stream, in_memory, plain, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
+from sweeps.stages.classifier import GATHERED, NONE, Classifier, Ships, Views
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
@@ -24,9 +28,6 @@ if TYPE_CHECKING:
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
 ANSWERS = classifier.of_profiles(NAME, "gain_sigma", "left_out")
-
-
-KNOWN = "classifier.aspect_known has True, but must be false where {}"
 
 
 class Likelihood(Settings, key="classifier"):
@@ -52,10 +53,11 @@ class Likelihood(Settings, key="classifier"):
         label="noise floor estimated from the edges of the window",
         help="used by the likelihood; with floor_sigma 0 the estimate counts as exact",
     )
-    aspect_known = switch(
-        False,
-        label="restriction to exact templates at the true aspect",
-        help="used by the likelihood, as if a track gave the heading",
+    aspect_sigma = number(
+        *(None, 0, 1000),
+        unit="degree",
+        label="standard deviation of the aspect that a track reports",
+        help="used by the likelihood; 0: the nearest template of each ship; null: no track",
     )
     diagonal_loading = number(
         1e-3, 1e-9, 1000, label="variance of noise beyond the model, relative to the model's"
@@ -64,6 +66,11 @@ class Likelihood(Settings, key="classifier"):
         *(None, 0, 1000),
         label="variance of profiles between templates, relative to half their second difference",
         help="0: templates are exact; null: calibrated on aspects left out",
+    )
+    misfit_weight = number(
+        *(0.01, 0, 100),
+        label="power of the goodness of fit in the similarity of an answer",
+        help="0: similarity is the posterior probability alone",
     )
 
 
@@ -91,6 +98,7 @@ class Moments:
     covariance: Profiles
     valid: Views
     training_views: Views
+    alternative_views: Views
     aspect: tuple[float, ...]
     prior: Prior
 
@@ -99,10 +107,18 @@ class Moments:
         """The (ship, aspect) mask of what is learned."""
         return self.valid & self.training_views
 
+    @property
+    def alternative(self) -> Views:
+        """The (ship, aspect) mask of templates that stand for no ship of those known."""
+        return self.valid & self.alternative_views
+
     def templates(
-        self, template_error: float | None, rng: np.random.Generator | None = None
+        self,
+        chosen: Views,
+        template_error: float | None,
+        rng: np.random.Generator | None = None,
     ) -> GaussianTemplates:
-        """Return templates of the views learned; their error is calibrated if it is None.
+        """Return templates of the views chosen; their error is calibrated if it is None.
 
         Their floor, which the target's gain leaves alone, is what the window's edge holds: noise,
         the ship's own IFOVs' among it.
@@ -110,14 +126,28 @@ class Moments:
         # Imported here because scikit-learn takes a second.
         from ncti.classify.likelihood import GaussianTemplates
 
-        means = self.prior.levelled(self.expected[self.known])
-        ship, column = self.known.nonzero()
+        means = self.prior.levelled(self.expected[chosen])
+        ship, column = chosen.nonzero()
         at = np.array(self.aspect)[column]
         return GaussianTemplates(
             diagonal_loading=self.prior.diagonal_loading,
             floor_sigma=self.prior.floor_sigma,
             template_error=template_error,
-        ).fit(means, self.covariance[self.known], ship, floor=means[:, :1], aspect=at, rng=rng)
+        ).fit(means, self.covariance[chosen], ship, floor=means[:, :1], aspect=at, rng=rng)
+
+
+@in_memory(uses=(Grid, Classifier), gather=GATHERED)
+def alternative_views(
+    ship: tuple[str, ...],
+    aspect: tuple[float, ...],
+    alternative: tuple[str, ...] | None,
+    training_aspect: tuple[float, ...] | None,
+    template_spacing: float | None,
+    test_aspects: tuple[float, ...],
+) -> Views:
+    """Return the (ship, aspect) mask of the templates of ships known to be unknown."""
+    learned = classifier.training_aspects(aspect, training_aspect, template_spacing, test_aspects)
+    return ~classifier.training_ships(ship, alternative)[:, None] & learned
 
 
 profile_moments = in_memory(
@@ -137,14 +167,12 @@ def calibrated_error(
     profile_moments: Moments,
     *,
     template_error: float | None,
-    aspect_known: bool,
     rng: np.random.Generator,
 ) -> Floats:
     """Return the template error, calibrated on templates left out unless it is given."""
-    if aspect_known:
-        return np.array(0.0)
     if template_error is None and profile_moments.known.any():
-        return np.array(profile_moments.templates(None, rng).template_error_)
+        known = profile_moments.known
+        return np.array(profile_moments.templates(known, None, rng).template_error_)
     return np.array(template_error or 0.0)
 
 
@@ -153,7 +181,18 @@ def profile_templates(
     profile_moments: Moments, calibrated_error: Floats
 ) -> tuple[GaussianTemplates, Views]:
     """Return the templates of all training views, and their (ship, aspect) mask."""
-    return profile_moments.templates(float(calibrated_error)), profile_moments.known
+    known = profile_moments.known
+    return profile_moments.templates(known, float(calibrated_error)), known
+
+
+@in_memory(keep=2)
+def alternative_templates(
+    profile_moments: Moments, calibrated_error: Floats
+) -> tuple[GaussianTemplates | None, Views]:
+    """Return the templates of ships known to be unknown, or None, and their mask."""
+    chosen = profile_moments.alternative
+    found = profile_moments.templates(chosen, float(calibrated_error)) if chosen.any() else None
+    return found, chosen
 
 
 @stage(
@@ -163,7 +202,7 @@ def profile_templates(
     gather=GATHERED,
 )
 def profile_scores(
-    profile_templates: tuple[GaussianTemplates, Views],
+    profile_templates: tuple[GaussianTemplates | None, Views],
     averaged: Profiles,
     valid: Views,
     gain_sigma: float,
@@ -172,10 +211,13 @@ def profile_scores(
 ) -> Floats:
     """Return (frame_count, view, template) log densities, NaN for missing views.
 
-    A template is a learned view. `gain_sigma` is the prior standard deviation of the gain.
+    A template is a learned view; without any there is one column, for nothing is kept of no size.
+    `gain_sigma` is the prior standard deviation of the gain.
     """
     templates, known = profile_templates
-    scores = np.full((len(frame_count), valid.size, np.count_nonzero(known)), np.nan)
+    scores = np.full((len(frame_count), valid.size, max(1, int(known.sum()))), np.nan)
+    if templates is None:
+        return scores
     for of_count, count, profiles in zip(scores, frame_count, averaged, strict=True):
         of_count[valid.reshape(-1)] = templates.log_likelihood(
             prior.levelled(profiles[valid]), count, gain_sigma=gain_sigma
@@ -183,9 +225,84 @@ def profile_scores(
     return scores
 
 
+alternative_scores = replace(
+    profile_scores, name="alternative_scores", reads={"profile_templates": "alternative_templates"}
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Aspects of the grid, and what a track reports of the aspect of each view [deg], if any.
+
+    Attributes
+    ----------
+    aspect : tuple of float
+    sigma : float or None
+    reported : (ship, aspect) float64 ndarray
+    """
+
+    aspect: tuple[float, ...]
+    sigma: float | None
+    reported: Floats
+
+    def log_prior(self, valid: Views, rows: slice, ship: Ships, column: Ships) -> ArrayLike:
+        """Return the log prior of templates, of ships and columns, for some of the valid views."""
+        if self.sigma is None:
+            return 0.0
+        at = np.array(self.aspect)[column]
+        return aspect_prior(at, ship, self.reported[valid][rows], sigma=self.sigma)
+
+
+@in_memory(uses=(Grid, Likelihood, Run), gather=GATHERED)
+def track(
+    ship: tuple[str, ...],
+    aspect: tuple[float, ...],
+    aspect_sigma: float | None,
+    replicate: int,
+    seed: int,
+) -> Track:
+    """Return what a track reports of the aspects of views.
+
+    The error of each view is drawn from a stream of its own, and only scaled by its deviation.
+    """
+    reported = np.tile(np.array(aspect, dtype=np.float64), (len(ship), 1))
+    for (s, name), (a, at) in product(enumerate(ship), enumerate(aspect)):
+        if aspect_sigma:
+            rng = cell_rng(seed, stage="track", ship=str(name), aspect=at, replicate=replicate)
+            reported[s, a] += aspect_sigma * rng.standard_normal()
+    return Track(aspect, aspect_sigma, reported)
+
+
+def _in_wider_cells(
+    templates: GaussianTemplates,
+    seen: Profiles | Floats,
+    given: tuple[Floats, Floats],
+    at: tuple[Ships, Ships, Ships],
+    count: int,
+    gain_sigma: float,
+) -> tuple[Floats, Floats]:
+    """Return the scores and peaks of templates whose cells reach as far as an aspect left out.
+
+    `at` has the rows of views, their aspects and those of templates.
+    """
+    scores, peak = (values.copy() for values in given)
+    views, of_view, of_template = at
+    for column in np.unique(of_view):
+        rows, others = of_view == column, of_template != column
+        rest, place = templates.without(~others), np.ix_(views[rows], others)
+        scores[place] = rest.log_likelihood(seen[rows], count, gain_sigma=gain_sigma)
+        peak[place] = rest.peak(count, gain_sigma=gain_sigma)
+    return scores, peak
+
+
 @ANSWERS.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
-    Output("similarity", classifier.VIEW, label="posterior probability of the predicted ship"),
+    Output(
+        "similarity",
+        classifier.VIEW,
+        label="posterior probability of the predicted ship, times a power of its fit",
+    ),
+    Output("fit", classifier.VIEW, label="log probability of a worse fit of the best template"),
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
     along=(Grid.frame_count,),
@@ -193,46 +310,60 @@ def profile_scores(
 def likelihood(
     profile_templates: tuple[GaussianTemplates, Views],
     profile_scores: Floats,
+    alternative_templates: tuple[GaussianTemplates | None, Views],
+    alternative_scores: Floats,
     averaged: Profiles,
     valid: Views,
     prior: Prior,
+    track: Track,
     *,
     gain_sigma: float,
+    misfit_weight: float,
     frame_count: tuple[int, ...],
     left_out: bool,
-    aspect_known: bool,
 ) -> Arrays:
     """Return the most probable ship, one number of frames at a time.
 
     Where the true aspect is left out, templates of all ships at it are, and cells of those beside
-    it reach as far as it.
+    it reach as far as it. Ships known to be unknown are together one more, which is never named.
     """
     templates, known = profile_templates
     classifier.require_another_aspect(known, left_out)
     (true, of_view), (of_ship, of_template) = np.nonzero(valid), np.nonzero(known)
+    others_ship, others_column = np.nonzero(alternative_templates[1])
+    label = np.concatenate([of_ship, np.full(others_ship.size, NONE)])
+    ship, column = np.append(of_ship, others_ship), np.append(of_template, others_column)
     views = np.flatnonzero(valid)
     whole = (len(frame_count), *valid.shape)
-    named, (probability, similarity) = np.full(whole, NONE), np.full((2, *whole), np.nan)
+    named, (probability, similarity, fit) = np.full(whole, NONE), np.full((3, *whole), np.nan)
     for f, count in enumerate(frame_count):
         scores = profile_scores[f]
+        peak = np.broadcast_to(templates.peak(count, gain_sigma=gain_sigma), scores.shape)
         if left_out and templates.template_error_:
-            scores, seen = scores.copy(), prior.levelled(averaged[f][valid])
-            for column in np.unique(of_view):
-                rows, others = of_view == column, of_template != column
-                rest = templates.without(~others)
-                scores[np.ix_(views[rows], others)] = rest.log_likelihood(
-                    seen[rows], count, gain_sigma=gain_sigma
-                )
+            seen = prior.levelled(averaged[f][valid])
+            scores, peak = _in_wider_cells(
+                templates, seen, (scores, peak), (views, of_view, of_template), count, gain_sigma
+            )
         for rows in row_blocks(len(views)):
-            same = of_view[rows, None] == of_template
-            exclude = (same & left_out) | (~same & aspect_known)
-            posterior = label_posterior(scores[views[rows]], of_ship, exclude=exclude)
+            exclude = (of_view[rows, None] == column) & left_out
+            others = alternative_scores[f, views[rows], : others_ship.size]
+            every = np.concatenate([scores[views[rows]], others], axis=1)
+            posterior = label_posterior(
+                every, label, exclude=exclude, log_prior=track.log_prior(valid, rows, ship, column)
+            )
             at = f, true[rows], of_view[rows]
+            ships, chance = posterior
+            posterior = ships[ships != NONE], chance[:, ships != NONE]
             named[at], probability[at] = classifier.most_probable(posterior, true[rows])
-            similarity[at] = posterior[1].max(axis=1)
+            own = np.where(exclude[:, : of_ship.size], -np.inf, scores[views[rows]])
+            best = np.arange(len(own)), own.argmax(axis=1)
+            distant = peak[views[rows]][best] - scores[views[rows]][best]
+            fit[at] = log_fit(-distant[:, None], [0.0], averaged.shape[-1])[:, 0]
+            similarity[at] = posterior[1].max(axis=1) * np.exp(misfit_weight * fit[at])
     return classifier.judged(named, valid) | {
         "probability": probability,
         "similarity": similarity,
+        "fit": fit,
         "calibrated_error": np.full(len(frame_count), templates.template_error_),
     }
 
@@ -242,11 +373,6 @@ def check(choices: Choices) -> Choices:
     if ANSWERS.when(choices):
         classifier.check_receiver(choices, NAME)
         classifier.check_left_out(choices)
-        if any(choices[Likelihood.aspect_known]):
-            if any(choices[Classifier.left_out]):
-                raise ConfigurationError(KNOWN.format("classifier.left_out has True"))
-            if not classifier.learned_of(choices).any(axis=0).all():
-                raise ConfigurationError(KNOWN.format("an aspect of the grid is not learned"))
     return choices
 
 

@@ -4,9 +4,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from range_channel import ASPECTS, BINS, FRAMES, SHIPS, bands, dense, learned, made
+from range_channel import ASPECTS, BINS, FRAMES, NAMED, SHIPS, bands, dense, learned, made
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
+from scipy.stats import chi2, multivariate_normal
 
 from ncti.classify import GaussianTemplates
 from ncti.classify.blocks import row_blocks
@@ -23,13 +23,12 @@ def templates_of(
     """Templates of what is learned; exact ones by default, as densities by hand are."""
     known = learned(**training_views)[: len(cell.valid)]
     prior = likelihood.Prior(diagonal_loading, floor_sigma, floor_estimated=False)
+    alternative = learned(**training_views)[: len(cell.valid)] & False
     moments = likelihood.profile_moments(
-        cell.expected, covariance, cell.valid, known, ASPECTS, prior
+        cell.expected, covariance, cell.valid, known, alternative, ASPECTS, prior
     )
     rng = np.random.default_rng(0)
-    calibrated = likelihood.calibrated_error(
-        moments, template_error=error, aspect_known=False, rng=rng
-    )
+    calibrated = likelihood.calibrated_error(moments, template_error=error, rng=rng)
     return likelihood.profile_templates(moments, calibrated)
 
 
@@ -42,7 +41,10 @@ def answered(
     diagonal_loading=1e-3,
     **given,
 ):
-    aspect_known = given.pop("aspect_known", False)
+    sigma = given.pop("aspect_sigma", None)
+    track = likelihood.track(NAMED, ASPECTS, sigma, replicate, 0)
+    alternative = given.pop("alternative", None)
+    weight = given.pop("misfit_weight", 0.0)
     covariance = given.pop("covariance", None)
     covariance = bands(cell) if covariance is None else covariance
     templates = templates_of(cell, covariance, diagonal_loading, **given)
@@ -52,8 +54,19 @@ def answered(
     found = []
     for gain, leave in product(gains, left_out):
         scores = likelihood.profile_scores(templates, *given, gain, frames, prior)
-        how = {"gain_sigma": gain, "frame_count": frames, "aspect_known": aspect_known}
-        found.append(likelihood.likelihood(templates, scores, *given, prior, left_out=leave, **how))
+        how = {"gain_sigma": gain, "frame_count": frames, "left_out": leave}
+        if alternative is None:
+            others = None, np.zeros_like(cell.valid)
+            others = others, np.empty((len(frames), cell.valid.size, 0))
+        else:
+            others = (
+                alternative,
+                likelihood.profile_scores(alternative, *given, gain, frames, prior),
+            )
+        answer = likelihood.likelihood(
+            *(templates, scores, *others, *given, prior, track), misfit_weight=weight, **how
+        )
+        found.append(answer)
     axes = len(gains), len(left_out)
     return {
         name: np.stack([one[name] for one in found]).reshape(*axes, *values.shape)
@@ -131,7 +144,7 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
         here = cell.changed(expected=cell.expected + down, averaged=cell.averaged + up)
         for estimated in BOTH:
             prior = likelihood.Prior(1e-3, 0.0, estimated)
-            given = here.expected, covariance, here.valid, learned(), ASPECTS, prior
+            given = here.expected, covariance, here.valid, learned(), ~learned(), ASPECTS, prior
             moments = likelihood.profile_moments(*given)
             templates = likelihood.profile_templates(moments, np.array(0.0))
             seen = here.averaged[0], here.valid, 0.0, FRAMES, prior
@@ -169,3 +182,91 @@ def test_scores_are_of_learned_views_alone():
     assert few.shape == (len(FRAMES), views, (learned(**known) & cell.valid).sum())
     missing = np.flatnonzero(~cell.valid)
     assert np.isnan(few[:, missing]).all() and np.isfinite(np.delete(few, missing, axis=1)).all()
+
+
+def test_a_track_without_error_leaves_the_templates_at_its_aspect():
+    """And one that is off by any angle is no track at all."""
+    cell = made(noise=5.0)
+    covariance = bands(cell, variance=25.0)
+    exact, vague, none = (
+        answered(cell, covariance=covariance, aspect_sigma=sigma) for sigma in (0.0, 1000.0, None)
+    )
+    scores = likelihood.profile_scores(
+        templates_of(cell, covariance),
+        *(cell.averaged[0], cell.valid, 1.0, FRAMES, likelihood.Prior(1e-3, 1.0, False)),
+    ).reshape(len(FRAMES), *cell.valid.shape, *cell.valid.shape)
+    beside = np.einsum("fsata->fsat", scores)  # of every ship, at the true aspect
+    posterior = np.exp(beside - logsumexp(beside, axis=-1, keepdims=True))
+    true = np.einsum("fsas->fsa", posterior)
+    np.testing.assert_allclose(exact["probability"][0, 0], true, rtol=1e-9)
+    # Uneven cells have uneven shares of a flat prior.
+    assert np.abs(vague["probability"] - none["probability"]).max() > 1e-3
+    assert (exact["probability"] > none["probability"]).mean() > 0.5
+
+
+def test_errors_of_a_track_belong_to_views_and_scale():
+    """Other ships and aspects change none; other draws, seeds and views are others."""
+    whole = likelihood.track(NAMED, ASPECTS, 2.0, 0, 0).reported - np.array(ASPECTS)
+    few = likelihood.track(NAMED[1:], ASPECTS[::2], 6.0, 0, 0).reported - np.array(ASPECTS[::2])
+    np.testing.assert_allclose(few, 3 * whole[1:, ::2], atol=1e-12)
+    drawn = np.array(
+        [
+            likelihood.track(NAMED, tuple(range(60)), 1.0, replicate, seed).reported - range(60)
+            for replicate, seed in ((0, 0), (1, 0), (0, 1))
+        ]
+    )
+    assert len(np.unique(drawn.round(9))) == drawn.size
+    # 540 normal deviates: mean and variance within four of their standard errors.
+    assert abs(drawn.mean()) < 4 / np.sqrt(drawn.size)
+    assert abs(drawn.var() - 1) < 4 * np.sqrt(2 / drawn.size)
+
+
+def test_ships_known_to_be_unknown_take_their_share():
+    """Of the third ship as one more, never named; known ships keep their proportions."""
+    cell = made(noise=5.0)
+    covariance, only = bands(cell, variance=25.0), {"unknown": ("c",)}
+    # All alike, so that loading and prior of the floor do not hang on which are learned.
+    covariance = np.broadcast_to(covariance[:1, :1], covariance.shape)
+    prior = likelihood.Prior(1e-3, 1.0, floor_estimated=False)
+    views = learned(**only), ~learned(**only) & learned()
+    moments = likelihood.profile_moments(
+        cell.expected, covariance, cell.valid, *views, ASPECTS, prior
+    )
+    alternative = likelihood.alternative_templates(moments, np.array(0.0))
+    with_it = answered(cell, covariance=covariance, alternative=alternative, **only)
+    without = answered(cell, covariance=covariance, **only)
+    every = answered(cell, covariance=covariance)
+    np.testing.assert_array_equal(with_it["predicted"], without["predicted"])
+    # With the third one learned, too, posteriors of the first two are the same as with it known.
+    first = slice(0, 2)
+    np.testing.assert_allclose(
+        with_it["probability"][..., first, :], every["probability"][..., first, :], rtol=1e-9
+    )
+    assert (with_it["similarity"] < without["similarity"]).mean() > 0.5
+
+
+def test_similarity_falls_with_the_misfit():
+    """By a power of the chi-squared probability of the distance from the best template."""
+    cell = made(noise=5.0)
+    covariance = bands(cell, variance=25.0)
+    plain, weighed = (
+        answered(cell, covariance=covariance, misfit_weight=weight) for weight in (0.0, 0.5)
+    )
+    share = np.exp(0.5 * plain["fit"])
+    np.testing.assert_allclose(weighed["similarity"], plain["similarity"] * share, rtol=1e-12)
+    templates, _ = templates_of(cell, covariance)
+    for f, count in enumerate(FRAMES):
+        samples = cell.averaged[0, f].reshape(-1, BINS).astype(np.float64)
+        logs = templates.log_likelihood(samples, count)
+        best = logs.argmax(axis=1)
+        for k in range(0, len(samples), 5):
+            t = best[k]
+            mean = templates.mean_[t]
+            signal = mean - mean[0]
+            shift = covariance[..., 0, :].mean(dtype=np.float64)
+            whole = dense(covariance.reshape(-1, *covariance.shape[2:])[t])
+            whole = (whole + 1e-3 * shift * np.eye(BINS)) / count
+            whole = whole + np.outer(signal, signal) + shift * np.ones((BINS, BINS))
+            distance = (samples[k] - mean) @ np.linalg.solve(whole, samples[k] - mean)
+            expected = chi2.logsf(distance, BINS)
+            assert plain["fit"][0, 0, f].reshape(-1)[k] == pytest.approx(expected, rel=1e-6)

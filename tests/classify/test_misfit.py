@@ -1,0 +1,66 @@
+"""Goodness of fit, against the chi-squared distribution and random samples of templates."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chi2, kstest
+
+from ncti.classify import GaussianTemplates, lower_band
+from ncti.classify.misfit import log_fit
+
+
+@given(distance=st.floats(0, 1e3), bins=st.integers(2, 400))
+def test_is_the_upper_tail_of_chi_squared(distance, bins):
+    found = log_fit([[-distance / 2]], [0.0], bins)[0, 0]
+    if (exact := chi2.sf(distance, bins)) > 1e-280:
+        assert found == pytest.approx(np.log(exact), rel=1e-9, abs=1e-12)
+
+
+def test_falls_on_where_the_tail_is_smaller_than_any_number():
+    """The series begins within a part in a thousand, and falls for ever."""
+    distance = np.geomspace(1.0, 1e9, 20_000)
+    found = log_fit(-distance[:, None] / 2, [0.0], 250)[:, 0]
+    assert np.isfinite(found).all()
+    assert (np.diff(found)[distance[1:] > 300] < 0).all()
+    small = found[1:] < -600
+    assert (np.diff(found)[small] / found[1:][small]).max() < 2e-3
+
+
+@pytest.mark.parametrize(("gain", "floor"), [(0.0, 0.0), (0.3, 2.0)])
+def test_samples_of_a_template_are_uniform(gain, floor):
+    """2,000 averages drawn from the whole model: Kolmogorov and Smirnov at a level of 1e-4."""
+    rng = np.random.default_rng(8)
+    bins, frames, count = 40, 4, 2000
+    mean = 5 + np.abs(rng.normal(size=bins)).cumsum()
+    templates = GaussianTemplates(gain_sigma=gain, floor_sigma=floor, diagonal_loading=0.0)
+    band = lower_band(0.5 * np.eye(bins) + 0.25 * np.eye(bins, k=1) + 0.25 * np.eye(bins, k=-1))
+    templates.fit(mean[None], band[None], ["a"], floor=5.0)
+    samples = np.stack([templates.drawn(np.array([True]), frames, rng)[0] for _ in range(count)])
+    samples += gain * rng.standard_normal((count, 1)) * (mean - 5)
+    samples += floor * np.sqrt(0.5) * rng.standard_normal((count, 1))
+    scores = templates.log_likelihood(samples, frames)
+    share = np.exp(log_fit(scores, templates.peak(frames), bins))[:, 0]
+    assert kstest(share, "uniform").pvalue > 1e-4
+
+
+def test_the_mean_of_a_template_is_its_peak():
+    rng = np.random.default_rng(9)
+    means = rng.exponential(size=(3, 30))
+    templates = GaussianTemplates(template_error=0.5)
+    band = lower_band(np.stack([0.1 * np.eye(30)] * 3))
+    templates.fit(means, band, ["a", "a", "a"], floor=0.0, aspect=[0.0, 10.0, 20.0])
+    own = np.diag(templates.log_likelihood(means, 7))
+    np.testing.assert_allclose(templates.peak(7), own, rtol=1e-12)
+    others = templates.log_likelihood(means + 0.01 * rng.normal(size=means.shape), 7)
+    assert (np.diag(others) < own).all()
+    assert not np.allclose(templates.peak(7, gain_sigma=0.0), own)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [({"bins": 0}, "bins"), ({"peak": [0.0, 1.0]}, "peak"), ({"scores": [[np.nan]]}, "scores")],
+)
+def test_wrong_arguments_are_refused(change, named):
+    with pytest.raises(ValueError, match=named):
+        log_fit(**({"scores": [[-1.0]], "peak": [0.0], "bins": 3} | change))
