@@ -48,11 +48,11 @@ def draw_profiles(store: Where) -> Figure:
     """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
     profiles = read(opened(store), "range_profile")[["expected", "averaged"]]
     kept = ("ship", "aspect", "frame_count", "down_range")
-    profiles = nominal(profiles, keep=kept).load()
-    quarter = profiles.sel(aspect=ASPECT, method="nearest")
+    profiles = nominal(profiles, keep=kept)
+    quarter = profiles.sel(aspect=ASPECT, method="nearest").load()  # and no other views
     ship, angle = profiles.ship.values[0], f"{float(quarter.aspect):g}°"
     first = profiles.expected.sel(ship=ship)
-    turned = first.sel(aspect=list(TURNED), method="nearest").drop_duplicates("aspect")
+    turned = first.sel(aspect=list(TURNED), method="nearest").drop_duplicates("aspect").load()
     averaged = quarter.averaged.sel(ship=ship)
     figure = Figure(figsize=(11.0, 4.6), dpi=150, layout="constrained")
     panels = figure.subplots(1, 3)
