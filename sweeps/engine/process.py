@@ -15,11 +15,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from types import FrameType
 from typing import Any
 
 from rich.console import Console
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 # Environment of numerical libraries. Tasks are the parallelism, results must not depend on how a
 # product is split, and threads that wait for one another spin when a neighbour has the cores.
@@ -130,8 +131,14 @@ def repeating(seconds: float, function: Callable[[], object]) -> Iterator[None]:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Limit numerical libraries, including those loaded meanwhile, to one thread."""
-    with environment(ONE_THREAD), threadpool_limits(1):
+    with environment(ONE_THREAD), _libraries(len(sys.modules)).limit(limits=1):
         yield
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Return the numerical libraries; looked for, which takes 30 ms, after further imports only."""
+    return ThreadpoolController()
 
 
 # signals

@@ -342,8 +342,13 @@ def _object(calls: Calls, number: int, packs: Objects) -> Any:
         return objects[key]
     while len(objects) >= calls.step.keep:
         objects.popitem(last=False)
-    inputs = next(_with_inputs(calls, packs, number))
-    objects[key] = made = calls.step.call(**_arguments(calls, number, inputs, packs))
+    # What is read for the next ones, too, of the latest calls of a function.
+    ahead = vars(_kept).setdefault(AHEAD, {})
+    latest, due, inputs = ahead.get(calls.step.place, (None, 0, None))
+    if latest is not calls or due != number:
+        inputs = _with_inputs(calls, packs, number)
+    ahead[calls.step.place] = calls, number + 1, inputs
+    objects[key] = made = calls.step.call(**_arguments(calls, number, next(inputs), packs))
     return made
 
 
@@ -419,6 +424,7 @@ def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays 
     return Damaged(tuple(lost)) if lost else wrong or whole
 
 
+AHEAD = "ahead"  # which is the name of no function
 _kept = threading.local()
 
 
