@@ -190,6 +190,42 @@ def fusion(found: Answers, shifted: Answers) -> Report:
     )
 
 
+CHANNELS = {"profile": "range", "silhouette": "infrared", "both": "both"}
+
+
+def sensors(near: Answers, far: Answers) -> dict[str, Report]:
+    """Return the table of profile, silhouette and both where each carries information.
+
+    At 25 km with sparse templates, and at 100 km with images of shifted frames.
+    """
+    rows = []
+    cases: list[tuple[str, Answers, int, float]] = [("25 km, templates every 6°", near, 25, 6)]
+    cases += [
+        (f"100 km, 4 x 16 shifted frames, templates every {spacing:g}°", far, 100, spacing)
+        for spacing in SPACINGS
+    ]
+    for label, found, km, spacing in cases:
+        for name in ("0-30°", "30-60°", "60-90°", "overall"):
+            where: dict[str, object] = {"range": km, "template_spacing": spacing}
+            views = views_of(found, "classification/fusion", name)
+            of = {
+                title: shares(found, "classification/fusion", name, where | {"channel": channel})
+                for title, channel in CHANNELS.items()
+            }
+            row = {"what": f"{label}: {name}"}
+            row |= {title: text_of(values, views=views) for title, values in of.items()}
+            better = max(("profile", "silhouette"), key=lambda one: float(np.mean(of[one])))
+            gain = np.array(of["both"]) - np.array(of[better])
+            row["gain"] = over_seeds(gain, bounds=(-100.0, 100.0)).text(1, "+")
+            rows.append(row)
+    columns = (
+        Column("what", f"percent correct, mean of {len(near)} seeds [95 % interval]"),
+        *(Column(title, title) for title in CHANNELS),
+        Column("gain", "both less the better one, points"),
+    )
+    return {"sensors": Report("Both sensors where each carries information", columns, rows)}
+
+
 def prior_knowledge(found: Answers) -> dict[str, Report]:
     """Return the table of classifiers that know gain and floor, at 100 km."""
     group, rows = "classification/likelihood", []

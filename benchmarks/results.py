@@ -35,6 +35,7 @@ from benchmarks.result_tables import (
     new_aspects,
     prior_knowledge,
     protocol,
+    sensors,
     unknown,
     with_known,
 )
@@ -61,6 +62,10 @@ KNOWN = (
     *("grid.frame_count=16", "classifier.name=likelihood"),
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
 )
+ABEAM = (
+    *(*BOTH, "grid.range=25", "infrared.range=25", "infrared.super_resolution=none"),
+    *("classifier.template_spacing=6", "classifier.name=fusion"),
+)
 LEARNERS = ("grid.frame_count=16", "classifier.name=mnn", "grid.replicate=4")
 PROTOCOL = (
     *(
@@ -82,7 +87,7 @@ UNKNOWN = (
     "classifier.template_spacing=3",
 )
 
-PARTS = ("new", "known", "learners", "protocol", "categories", "unknown", "flights")
+PARTS = ("new", "known", "sensors", "learners", "protocol", "categories", "unknown", "flights")
 
 
 @dataclass(frozen=True)
@@ -166,6 +171,20 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "known" in parts:
         groups = in_group("classification/", "likelihood")
         made |= prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
+    if "sensors" in parts:
+        near, far = (
+            swept_by_seed(
+                [*overrides, *sizes.more],
+                in_group("classification/", "fusion"),
+                seeds=sizes.draws,
+                learned=sizes.learned,
+                fresh=sizes.fresh,
+                label=label,
+                workers=sizes.workers,
+            )
+            for overrides, label in ((ABEAM, "both sensors, 25 km"), (SHIFTED, "shifted frames"))
+        )
+        made |= sensors(near, far)
     if "summary" in made and "known" in made:
         made["summary"] = with_known(made["summary"], made["known"])
     if "learners" in parts:
