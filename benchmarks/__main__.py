@@ -38,6 +38,7 @@ from benchmarks import (
     results,
     scale,
     skips,
+    splits,
     startup,
     synthesis,
     tolerances,
@@ -92,6 +93,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "design": lambda asked: design.measure(),
     "operate": lambda asked: operate.measure(),
     "results": lambda asked: results.measure(results.Sizes(asked.seeds, parts=tuple(asked.part))),
+    "benchmark": lambda asked: splits.measure(),
     "history": lambda asked: history.record(repeats=asked.repeats),
 }
 SETS = {
@@ -148,6 +150,7 @@ MEANINGS = {
     "fits": "the eight of docs/reproduction.md together",
     "operate": "what sensor suffices: shortcuts, what is left open, and Sobol indices",
     "results": "every figure of README.md and docs/results.md, as means over --seeds",
+    "benchmark": "classifiers on splits, as means over ten seeds, and the ranking by three others",
     "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
     "all": "everything but history, which takes long",
 }

@@ -260,23 +260,21 @@ def dataset(
     }
     if sensor == "infrared":
         _check_unused(of_radar)
-    given = {
-        "aspect": (0.0, 360.0) if isinstance(aspect, str) and aspect == ANYWHERE else aspect,
-        "depression": depression,
-        "slant_range": slant_range,
-        "pulse_width": pulse_width,
-        "cnr": 0.0 if cnr is None else cnr,
-        "frames": frames,
-        "gain": gain,
-        "floor": floor,
-    }
-    bounds = _bounds(bin_width)
-    samplers = {name: sampler(name, given[name], bounds[name]) for name in bounds}
-    of_rows = np.arange(int(first), int(first) + int(count))
-    drawn = _drawn(samplers, of_rows, int(seed), int(rows_per_view), len(names))
-    if cnr is None:
-        budget = [10 * math.log10(carrier_to_noise(far)) for far in drawn["slant_range"].tolist()]
-        drawn["cnr"] = np.array(budget)
+    drawn = parameters(
+        np.arange(int(first), int(first) + int(count)),
+        len(names),
+        seed=int(seed),
+        rows_per_view=int(rows_per_view),
+        bin_width=bin_width,
+        aspect=aspect,
+        depression=depression,
+        slant_range=slant_range,
+        pulse_width=pulse_width,
+        cnr=cnr,
+        frames=frames,
+        gain=gain,
+        floor=floor,
+    )
     check_sight(float(drawn["slant_range"].min()), ifov)
     if sensor != "infrared":
         _check_window(ships, names, window, float(drawn["pulse_width"].max()))
@@ -349,10 +347,37 @@ def _check_window(
             )
 
 
-def _drawn(
-    samplers: dict[str, Any], numbers: NDArray[np.int64], seed: int, rows_per_view: int, ships: int
+def parameters(
+    numbers: NDArray[np.int64],
+    ships: int,
+    *,
+    seed: int,
+    rows_per_view: int,
+    bin_width: float = 1.0,
+    cnr: Any = OF_RADAR["cnr"],
+    **given: Any,
 ) -> Arrays:
-    """Return the parameters of rows, by name, with their numbers and views."""
+    """Return what is drawn for rows of a data set, without simulating them.
+
+    Parameters
+    ----------
+    numbers : (row,) int64 ndarray
+        Numbers of the rows.
+    ships : int
+        Number of ships.
+    seed, rows_per_view, bin_width, cnr, **given
+        As of `dataset`; all that may be drawn.
+
+    Returns
+    -------
+    dict of (row,) ndarray
+        All parameters by name, `row` and `view` among them; `ship` is a number.
+    """
+    if isinstance(given["aspect"], str) and given["aspect"] == ANYWHERE:
+        given["aspect"] = (0.0, 360.0)
+    given["cnr"] = 0.0 if cnr is None else cnr
+    bounds = _bounds(bin_width)
+    samplers = {name: sampler(name, given[name], bounds[name]) for name in bounds}
     view = numbers // rows_per_view
     views, of_row = np.unique(view, return_inverse=True)
     *of_view, own = VIEW[1:], [name for name in samplers if name not in VIEW]
@@ -364,6 +389,9 @@ def _drawn(
     for name, values in zip(own, uniform_numbers(seed, OF_ROWS, numbers, len(own)), strict=True):
         drawn[name] = samplers[name](values)
     drawn["frames"] = drawn["frames"].astype(np.int64)
+    if cnr is None:
+        budget = [10 * math.log10(carrier_to_noise(far)) for far in drawn["slant_range"].tolist()]
+        drawn["cnr"] = np.array(budget)
     return drawn
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from ncti.checks import require, require_word
 from ncti.data.rows import dataset
 from ncti.ladar.budget import carrier_to_noise
+from ncti.render.flight import DEPRESSION
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,7 +25,7 @@ SISTER, STRANGER = "roberts", "connole"
 """Ships not learned: Roberts, of Duncan's class with a longer hull, and one of another class."""
 
 TRAIN, TEST, UNKNOWN = "train", "test", "unknown"
-TRAINING_ROWS, TEST_ROWS = 3200, 800
+TRAINING_ROWS, TEST_ROWS = 1600, 800
 PER_VIEW = {TRAIN: 8, TEST: 2, UNKNOWN: 2}
 """Rows of a view. What is tested varies more between views than between draws of one."""
 
@@ -60,6 +61,17 @@ SPLITS = {
 """Question of each split, by its name."""
 
 Rows = dict[str, Any]
+
+NOMINAL: Rows = {
+    "aspect": SIDE,
+    "depression": DEPRESSION,
+    "slant_range": FAR,
+    "pulse_width": 30e-9,
+    "frames": 16,
+    "gain": 1.0,
+    "floor": 0.0,
+}
+"""Parameters of all rows, but for what a split asks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +198,35 @@ def rows_of(
     xarray.Dataset
         See `Split`.
     """
+    names, given = recipe(name, part, seed=seed, ships=ships)
+    rows = dataset(names, count, workers=workers, expected=part == TRAIN, **given)
+    base = np.array([ship.partition("@")[0] for ship in rows.ship.values.tolist()])
+    about = {"long_name": "ship drawn, a variant of the ship to be named"}
+    return rows.assign_coords(
+        variant=("row", rows.ship.values, about), ship=("row", base, rows.ship.attrs)
+    )
+
+
+def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[list[str], Rows]:
+    """Return what the rows of one part of a split are drawn from.
+
+    Parameters
+    ----------
+    name, part, seed, ships
+        As of `rows_of`.
+
+    Returns
+    -------
+    ships : list of str
+        Names of the ships that are drawn.
+    given : dict
+        Arguments of `ncti.dataset`: the seed, the rows of a view, and all that is drawn.
+
+    Raises
+    ------
+    ValueError
+        As of `split`.
+    """
     require_word("name", name, SPLITS)
     require_word("part", part, PER_VIEW)
     require("seed", seed, minimum=0, maximum=2**63 - 1, whole=True)
@@ -194,14 +235,9 @@ def rows_of(
             f"ships is {ships!r:.60}, but must be at least two ships without {SISTER} and "
             f"{STRANGER}, which are unknown"
         )
-    drawn, given = _drawn_by(name, part, seed), _given(name, part, seed)
-    names = _ships(name, part, seed, ships)
-    rows = dataset(names, count, seed=drawn, rows_per_view=PER_VIEW[part], workers=workers, **given)
-    base = np.array([ship.partition("@")[0] for ship in rows.ship.values.tolist()])
-    about = {"long_name": "ship drawn, a variant of the ship to be named"}
-    return rows.assign_coords(
-        variant=("row", rows.ship.values, about), ship=("row", base, rows.ship.attrs)
-    )
+    given = NOMINAL | _given(name, part, seed)
+    given |= {"seed": _drawn_by(name, part, seed), "rows_per_view": PER_VIEW[part]}
+    return _ships(name, part, seed, ships), given
 
 
 def trained_as(name: str) -> str:
@@ -276,11 +312,11 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
 
 
 def _given(name: str, part: str, seed: int) -> Rows:
-    """Return the arguments of `dataset` that a part has."""
+    """Return what a part has in the place of nominal parameters."""
     # Imported where it is used: scipy.stats takes half a second.
     from scipy.stats import norm, rv_histogram
 
-    given: Rows = {"aspect": SIDE, "slant_range": FAR, "expected": part == TRAIN}
+    given: Rows = {}
     if name == "aspect-gap":
         low, high = gap(seed)
         edges = sorted({SIDE[0], low, high, SIDE[1]})

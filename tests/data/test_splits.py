@@ -4,112 +4,158 @@ import json
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import ncti
-from ncti.data.splits import CNR_LOSS, SISTER, STRANGER, gap, trained_as
+from ncti.data.rows import parameters
+from ncti.data.splits import (
+    CNR_LOSS,
+    FLOOR_DRIFT,
+    GAIN_DRIFT,
+    OUTSIDERS,
+    SISTER,
+    STRANGER,
+    VARIANTS,
+    gap,
+    recipe,
+    trained_as,
+)
 
-SIZES = {"train": 64, "test": 16, "ships": ("duncan", "texas")}
+SHIPS = ("duncan", "texas")
 SEEDS = (0, 1, 12345)
+COUNTS = {"train": 400, "test": 100, "unknown": 50}
+
+
+class Drawn(dict):
+    """What is drawn for the rows of a part, without building a ship."""
+
+    def __init__(self, name, part, seed):
+        ships, given = recipe(name, part, seed=seed, ships=SHIPS)
+        numbers = np.arange(COUNTS[part])
+        super().__init__(parameters(numbers, len(ships), **given))
+        self["ship"] = np.array(ships)[self["ship"]]
+        self.seed, self.of = given["seed"], seed  # of the data set, and of the split
+
+    @property
+    def views(self):
+        """Views as images show them: the other side of a ship is its mirror image."""
+        aspect = np.minimum(self["aspect"] % 360, -self["aspect"] % 360)
+        return {*zip(self["ship"].tolist(), aspect.tolist(), self["depression"], strict=True)}
+
+    @property
+    def draws(self):
+        """Streams of noise, which the seed of the data set and the number of a row key."""
+        return {(self.seed, row) for row in self["row"].tolist()}
 
 
 @pytest.fixture(scope="module", params=SEEDS)
 def splits(request):
-    several = ncti.data.SPLITS
-    return {name: ncti.data.split(name, seed=request.param, **SIZES) for name in several}
+    """Parts of all splits of a seed."""
+    return {
+        name: {
+            part: Drawn(name, part, request.param)
+            for part in COUNTS
+            if part != "unknown" or name in OUTSIDERS
+        }
+        for name in ncti.data.SPLITS
+    }
 
 
-def parts_tested(of):
-    return [of.test] if of.unknown is None else [of.test, of.unknown]
-
-
-def views_of(rows):
-    """Views as the rendering sees them: an aspect of the other side is that of its mirror image."""
-    aspect = np.minimum(rows.aspect.values % 360, -rows.aspect.values % 360)
-    return {*zip(rows.variant.values, aspect.tolist(), rows.depression.values, strict=True)}
-
-
-def draws_of(rows):
-    """Streams of noise: the seed of the data set and the number of the row key each."""
-    return {(rows.attrs["seed"], row) for row in rows.row.values.tolist()}
-
-
-def test_no_test_has_a_view_or_a_draw_of_its_training(splits):
-    for name, of in splits.items():
-        for tested in parts_tested(of):
-            assert not views_of(of.train) & views_of(tested), name
-            assert not draws_of(of.train) & draws_of(tested), name
-            assert len(draws_of(tested)) == tested.sizes["row"]
-
-
-def test_no_training_of_any_split_has_a_view_or_a_draw_of_the_test_of_another(splits):
-    for one in splits.values():
-        for other in splits.values():
-            for tested in parts_tested(other):
-                assert not views_of(one.train) & views_of(tested)
-                assert not draws_of(one.train) & draws_of(tested)
+def test_no_training_has_a_view_or_a_draw_of_the_test_of_any_split(splits):
+    for learned in (parts["train"] for parts in splits.values()):
+        for parts in splits.values():
+            for tested in (parts[part] for part in parts if part != "train"):
+                assert not learned.views & tested.views
+                assert not learned.draws & tested.draws
+                assert len(tested.draws) == len(tested["row"])
 
 
 def test_seeds_have_no_view_and_no_draw_in_common():
-    one, other = (ncti.data.split("aspect-random", seed=seed, **SIZES) for seed in (0, 1))
-    parts = [one.train, one.test, other.train, other.test]
-    for what in (views_of, draws_of):
-        assert sum(len(what(rows)) for rows in parts) == len(set().union(*map(what, parts)))
+    parts = [
+        Drawn("aspect-random", part, seed) for part in ("train", "test") for seed in (0, 1, 2, 3)
+    ]
+    for what in ("views", "draws"):
+        several = [getattr(one, what) for one in parts]
+        assert sum(map(len, several)) == len(set().union(*several))
 
 
 def test_variants_are_learned_or_tested_but_not_both(splits):
-    of = splits["variant"]
-    learned, tested = ({*rows.variant.values.tolist()} for rows in (of.train, of.test))
+    seed = splits["variant"]["test"].of
+    learned, tested = (
+        {*recipe("variant", part, seed=seed, ships=SHIPS)[0]} for part in ("train", "test")
+    )
     assert not learned & tested
-    assert {*of.train.ship.values} | {*of.test.ship.values} <= {*SIZES["ships"]}
+    assert {*splits["variant"]["test"]["ship"]} <= tested
+    assert len(learned) == len(tested) == len(SHIPS) * VARIANTS // 2
+    assert {name.partition("@")[0] for name in learned | tested} == {*SHIPS}
     assert all("@" in name for name in learned | tested)
 
 
-def test_each_split_differs_from_training_in_what_it_asks(splits):
-    low, high = gap(splits["aspect-gap"].seed)
-    sector = splits["aspect-gap"]
+def test_each_split_differs_from_its_training_in_what_it_asks(splits):
+    train, test = splits["aspect-gap"].values()
+    low, high = gap(test.of)
     assert high - low == 30.0
-    assert ((sector.test.aspect >= low) & (sector.test.aspect < high)).all()
-    assert not ((sector.train.aspect >= low) & (sector.train.aspect < high)).any()
-    near = splits["range-shift"]
-    assert {*near.train.slant_range.values} == {25e3} and {*near.test.slant_range.values} == {100e3}
-    shift = splits["sensor-shift"]
-    assert float(shift.train.cnr[0] - shift.test.cnr[0]) == pytest.approx(CNR_LOSS)
-    assert (shift.train.gain == 1).all() and (shift.train.floor == 0).all()
-    assert len(np.unique(shift.test.gain)) == len(np.unique(shift.test.floor)) == 16
-    few = splits["few-frames"]
-    assert {*few.train.frames.values} == {16} and {*few.test.frames.values} == {2}
+    assert ((test["aspect"] >= low) & (test["aspect"] < high)).all()
+    assert not ((train["aspect"] >= low) & (train["aspect"] < high)).any()
+    train, test = splits["range-shift"].values()
+    assert {*train["slant_range"]} == {25e3} and {*test["slant_range"]} == {100e3}
+    train, test = splits["sensor-shift"].values()
+    np.testing.assert_allclose(test["cnr"], train["cnr"][0] - CNR_LOSS)
+    assert {*train["gain"]} == {1.0} and {*train["floor"]} == {0.0}
+    # Standard deviations of normal distributions: chi-square of 100 rows, level 1e-4.
+    for name, sigma in (("gain", GAIN_DRIFT), ("floor", FLOOR_DRIFT)):
+        squares = ((test[name] - train[name][0]) / sigma) ** 2
+        assert 1e-4 < stats.chi2.sf(squares.sum(), len(squares)) < 1 - 1e-4
+    train, test = splits["few-frames"].values()
+    assert {*train["frames"]} == {16} and {*test["frames"]} == {2}
     for name, unknown in (("unknown-near", SISTER), ("unknown-far", STRANGER)):
-        assert {*splits[name].unknown.ship.values} == {unknown}
-        assert unknown not in splits[name].train.ship.values
+        assert {*splits[name]["unknown"]["ship"]} == {unknown}
+        assert unknown not in splits[name]["train"]["ship"]
 
 
-def test_splits_of_one_training_have_the_same_rows(splits):
-    for name, of in splits.items():
-        assert of.train.identical(splits[trained_as(name)].train)
-    # What is tested at random aspects has the same views.
-    shift = splits["sensor-shift"].test
-    np.testing.assert_array_equal(shift.aspect, splits["aspect-random"].test.aspect)
+def test_splits_of_one_training_draw_the_same(splits):
+    for name, parts in splits.items():
+        other = splits[trained_as(name)]["train"]
+        assert parts["train"].seed == other.seed and parts["train"].views == other.views
+    one, other = (splits[name]["test"] for name in ("aspect-random", "sensor-shift"))
+    assert one.views == other.views and one.draws == other.draws
 
 
-def test_fewer_rows_are_the_first_of_more():
-    large = ncti.data.split("unknown-far", seed=3, **SIZES)
-    small = ncti.data.split("unknown-far", seed=3, **SIZES | {"train": 16, "test": 8})
-    assert small.train.identical(large.train.isel(row=slice(16)))
-    assert small.unknown.identical(large.unknown.isel(row=slice(4)))
+@pytest.fixture(scope="module")
+def small():
+    return ncti.data.split("unknown-near", seed=1, ships=SHIPS, train=16, test=4)
 
 
-def test_the_moments_of_views_are_those_of_their_rows():
+def test_the_rows_are_those_drawn(small):
+    parts = {"train": small.train, "test": small.test, "unknown": small.unknown}
+    for part, rows in parts.items():
+        drawn = Drawn("unknown-near", part, 1)
+        assert rows.attrs["seed"] == drawn.seed
+        assert rows.variant.values.tolist() == drawn.pop("ship")[: rows.sizes["row"]].tolist()
+        for name, values in drawn.items():
+            np.testing.assert_array_equal(rows[name], values[: rows.sizes["row"]])
+
+
+def test_a_variant_is_named_as_its_ship(monkeypatch):
+    """Of one variant of each ship, since each is built."""
+    monkeypatch.setattr("ncti.data.splits.VARIANTS", 2)
+    rows = ncti.data.splits.rows_of("variant", "test", seed=0, ships=SHIPS, count=8)
+    assert {*rows.ship.values} <= {*SHIPS}
+    assert all(name.startswith(("duncan@0.", "texas@0.")) for name in rows.variant.values)
+
+
+def test_the_moments_of_views_are_those_of_their_rows(small):
     """Their mean to the rounding of float32."""
-    rows = ncti.data.split("range-shift", seed=2, train=32, test=2).train
-    of_views = ncti.data.moments(rows)
-    which = np.searchsorted(of_views.view.values, rows.view.values)
-    np.testing.assert_allclose(of_views["mean"].values[which], rows.expected, rtol=2.0**-22)
-    np.testing.assert_array_equal(of_views.ship.values[which], rows.ship.values)
-    np.testing.assert_array_equal(of_views.aspect.values[which], rows.aspect.values)
+    of_views = ncti.data.moments(small.train)
+    which = np.searchsorted(of_views.view.values, small.train.view.values)
+    means = of_views["mean"].values[which]
+    np.testing.assert_allclose(means, small.train.expected, rtol=2.0**-22)
+    np.testing.assert_array_equal(of_views.ship.values[which], small.train.ship.values)
+    np.testing.assert_array_equal(of_views.aspect.values[which], small.train.aspect.values)
 
 
-def test_the_card_describes_the_files(tmp_path):
-    of = ncti.data.split("unknown-near", seed=1, train=16, test=4)
+def test_the_card_describes_the_files(small, tmp_path):
+    of = small
     ncti.data.save(of, tmp_path)
     about = json.loads((tmp_path / "croissant.json").read_text())
     assert about == ncti.data.card(of)
@@ -124,9 +170,9 @@ def test_the_card_describes_the_files(tmp_path):
             assert line["ship"] == rows.ship[row] and line["aspect"] == rows.aspect[row]
 
 
-def test_the_card_is_valid(tmp_path):
+def test_the_card_is_valid(small, tmp_path):
     croissant = pytest.importorskip("mlcroissant", reason="mlcroissant is not installed")
-    of = ncti.data.split("unknown-near", seed=1, train=16, test=4)
+    of = small
     ncti.data.save(of, tmp_path)
     read = croissant.Dataset(jsonld=tmp_path / "croissant.json")
     assert not read.metadata.ctx.issues.errors
