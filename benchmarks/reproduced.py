@@ -15,7 +15,7 @@ from ncti.reproduction import FITS, PRIORS, Choice
 EXPERIMENT = ("+experiment=reproduce",)
 AGREES = 2.0  # standard deviations
 SHOWN = ("2, 3", "4, 5", "all")  # fits whose parameters are listed
-LISTED = 8  # parameters, those that posteriors say most of
+LISTED = 6  # parameters, those that posteriors say most of
 CATEGORIES = {
     "Table 3, categories": "Table 3, categories at 10 / 30 / 50 ns",
     "Table 5": "Table 5, categories",
