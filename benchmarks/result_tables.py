@@ -257,6 +257,39 @@ def prior_knowledge(found: Answers) -> dict[str, Report]:
     return {"known": Report("Known gain and floor", columns, rows)}
 
 
+TRACKS = (10, 5, 2, 0)  # standard deviations of a tracker's aspect [deg]
+
+
+def tracked(found: Answers, with_track: Answers) -> dict[str, Report]:
+    """Return the table of what a track of a stated error buys, with gain and floor known or not."""
+    group, rows = "classification/likelihood", []
+    for km in RANGES:
+        for spacing in (STEP, 4 * STEP):
+            for label, gain, floor in (
+                ("gain and floor unknown", 1, 1),
+                ("gain known", 0, 1),
+                ("floor known", 1, 0),
+                ("gain and floor known", 0, 0),
+            ):
+                where: dict[str, object] = {"range": km, "template_spacing": spacing}
+                where |= {"gain_sigma": gain, "floor_sigma": floor}
+                views = views_of(found, group, "overall")
+                row = {"what": f"{km} km, templates every {spacing:g}°: {label}"}
+                row["no track"] = text_of(shares(found, group, "overall", where), views=views)
+                for sigma in TRACKS:
+                    percentages = shares(
+                        with_track, group, "overall", where | {"aspect_sigma": sigma}
+                    )
+                    row[f"{sigma}°"] = text_of(percentages, views=views)
+                rows.append(row)
+    title = f"percent correct, mean of {len(found)} seeds [95 % interval]"
+    columns = (
+        Column("what", title),
+        *(Column(name, name) for name in ("no track", *(f"{sigma}°" for sigma in TRACKS))),
+    )
+    return {"track": Report("Aspect from a track", columns, rows)}
+
+
 # The article's protocol
 
 SOURCE_BINS = ("0-27°", "30-57°", "60-90°", "overall")

@@ -29,6 +29,7 @@ from benchmarks.result_learners import learners
 from benchmarks.result_tables import (
     GROUPS,
     STEP,
+    TRACKS,
     Answers,
     categories,
     fusion,
@@ -36,6 +37,7 @@ from benchmarks.result_tables import (
     prior_knowledge,
     protocol,
     sensors,
+    tracked,
     unknown,
     with_known,
 )
@@ -66,6 +68,11 @@ ABEAM = (
     *(*BOTH, "grid.range=25", "infrared.range=25", "infrared.super_resolution=none"),
     *("classifier.template_spacing=6", "classifier.name=fusion"),
 )
+TRACKED = (
+    *("grid.frame_count=16", "grid.range=[25,50,100]", "classifier.name=likelihood"),
+    *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
+    "classifier.template_spacing=[1.5,6]",
+)
 LEARNERS = ("grid.frame_count=16", "classifier.name=mnn", "grid.replicate=4")
 PROTOCOL = (
     *(
@@ -87,7 +94,17 @@ UNKNOWN = (
     "classifier.template_spacing=3",
 )
 
-PARTS = ("new", "known", "sensors", "learners", "protocol", "categories", "unknown", "flights")
+PARTS = (
+    "new",
+    "known",
+    "track",
+    "sensors",
+    "learners",
+    "protocol",
+    "categories",
+    "unknown",
+    "flights",
+)
 
 
 @dataclass(frozen=True)
@@ -171,6 +188,13 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "known" in parts:
         groups = in_group("classification/", "likelihood")
         made |= prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
+    if "track" in parts:
+        tracks = f"classifier.aspect_sigma={listed(TRACKS)}"
+        groups = in_group("classification/", "likelihood")
+        made |= tracked(
+            sizes.each(TRACKED, groups, "aspect unknown"),
+            sizes.each([*TRACKED, tracks], groups, "tracks"),
+        )
     if "sensors" in parts:
         near, far = (
             swept_by_seed(
