@@ -388,15 +388,23 @@ def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
 # Unknown ships
 
 
-UNKNOWN = ("connole", "roberts")
+UNKNOWN_SHIPS = ("connole", "roberts")
+DENSE = (0.5, 1.5, 3)  # spacings of templates [deg]
 REJECTED = 0.9  # of answers to unknown ships
 
 
-def open_set(classified: xr.Dataset) -> dict[str, float]:
-    """Return AUROC, OSCR and the percentage kept, of a classifier at new aspects of one seed."""
-    answers = classified.isel(aspect=~multiples(classified.aspect.values, STEP)).squeeze()
-    known = ~np.isin(answers.ship.values, UNKNOWN)
-    asked = {"similarity": answers.similarity, "correct": answers.correct == 1}
+def open_set(classified: xr.Dataset, **places: object) -> dict[str, float]:
+    """Return AUROC, OSCR and the percentage kept, of a classifier at new aspects of one seed.
+
+    Of ships known to be unknown there are no tests.
+    """
+    answers = classified.isel(aspect=~multiples(classified.aspect.values, DENSE[0]))
+    answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
+    known = ~np.isin(answers.ship.values, UNKNOWN_SHIPS)
+    asked = {
+        "similarity": at(answers.similarity, **places),
+        "correct": at(answers.correct, **places) == 1,
+    }
     similarity, right = (one.transpose("ship", ...).values for one in asked.values())
     learned = np.broadcast_to(known.reshape(-1, *[1] * (similarity.ndim - 1)), similarity.shape)
     scores = open_set_scores(similarity, right, learned)
@@ -405,22 +413,37 @@ def open_set(classified: xr.Dataset) -> dict[str, float]:
     return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": kept}
 
 
-def unknown(found: Answers) -> dict[str, Report]:
-    """Return the scores of rejecting ships absent from training."""
-    rows = []
-    for label, name in (
-        ("ACN, cosine", "acn"),
-        ("correlation, cosine", "correlation"),
-        ("likelihood, posterior probability", "likelihood"),
+def unknown(
+    looked_up: Answers, likely: Answers, against: Answers, themselves: Answers
+) -> dict[str, Report]:
+    """Return the scores of rejecting ships absent from training.
+
+    Of answers by cosine, by likelihood, and by likelihood with variants of the unknown ships as an
+    alternative, or with these ships themselves, which no classifier could be.
+    """
+    kinds: list[tuple[str, str, Answers, dict[str, object]]] = [
+        ("ACN, cosine, 3°", "acn", looked_up, {}),
+        ("correlation, cosine, 3°", "correlation", looked_up, {}),
+    ]
+    for label, found, weight in (
+        ("posterior probability", likely, 0.0),
+        ("posterior probability and fit", likely, 0.01),
+        ("the same, against variants of the unknown ships", against, 0.01),
+        ("the same, against the unknown ships themselves", themselves, 0.01),
     ):
-        scores = [open_set(one[f"classification/{name}"]) for one in found]
-        kept = [score["kept"] for score in scores]
-        row = {"what": label, "kept": text_of(kept)}
-        for area in ("auroc", "oscr"):
-            row[area] = over_seeds([score[area] for score in scores], bounds=(0, 1)).text(2)
-        rows.append(row)
+        for spacing in reversed(DENSE):
+            place: dict[str, object] = {"template_spacing": spacing, "misfit_weight": weight}
+            kinds.append((f"likelihood, {label}, {spacing:g}°", "likelihood", found, place))
+    rows = []
+    for km in (25, 100):
+        for label, name, found, place in kinds:
+            scores = [open_set(one[f"classification/{name}"], range=km, **place) for one in found]
+            row = {"what": f"{km} km: {label}", "kept": text_of([one["kept"] for one in scores])}
+            for area in ("auroc", "oscr"):
+                row[area] = over_seeds([one[area] for one in scores], bounds=(0, 1)).text(2)
+            rows.append(row)
     columns = (
-        Column("what", f"similarity, mean of {len(found)} seeds [95 % interval]"),
+        Column("what", f"similarity, mean of {len(likely)} seeds [95 % interval]"),
         *(Column("auroc", "AUROC"), Column("oscr", "OSCR")),
         Column("kept", "known ships right where 90 % of unknown ones are rejected [%]"),
     )

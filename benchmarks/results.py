@@ -27,9 +27,11 @@ from benchmarks.result_flights import (
 )
 from benchmarks.result_learners import learners
 from benchmarks.result_tables import (
+    DENSE,
     GROUPS,
     STEP,
     TRACKS,
+    UNKNOWN_SHIPS,
     Answers,
     categories,
     fusion,
@@ -48,6 +50,7 @@ DRAWS = 10  # of what takes long: trainings of the multilayered network, and fli
 CLASSIFIERS = ("acn", "correlation", "likelihood")
 
 LEARNED = tuple(np.arange(0.0, 90.1, STEP).tolist())
+FINEST = tuple(np.arange(0.0, 90.1, DENSE[0]).tolist())
 FRESH = 10
 SOURCE_STEP = 3
 BOTH = ("sensor=both", "grid.frame_count=16", "infrared.frame_count=16", "infrared.vigilance=0.87")
@@ -88,11 +91,21 @@ FORMED = (
     *("grid.pulse_width=[10,30,50]", "grid.frame_count=16", "classifier.orders=8"),
     "classifier.name=acn",
 )
-UNKNOWN = (
-    *("grid.ship=[duncan,horne,spruance,texas,connole,roberts]", "grid.frame_count=16"),
-    *("classifier.unknown=[connole,roberts]", "classifier.name=[acn,correlation,likelihood]"),
-    "classifier.template_spacing=3",
+REJECTING = ("grid.frame_count=16", "grid.range=[25,100]")
+LOOKED_UP = (*REJECTING, "classifier.name=[acn,correlation]", "classifier.template_spacing=3")
+DENSITIES = (
+    *(*REJECTING, "classifier.name=likelihood", f"classifier.template_spacing={listed(DENSE)}"),
+    "classifier.misfit_weight=[0,0.01]",
 )
+
+
+def of_unknown(*alternative: str) -> tuple[str, ...]:
+    """Return the ships of a sweep with unknown ones, and with some that are known to be unknown."""
+    unknown = list(dict.fromkeys([*UNKNOWN_SHIPS, *alternative]))
+    given = [f"classifier.alternative=[{','.join(alternative)}]"] if alternative else []
+    ships = ",".join(["duncan", "horne", "spruance", "texas", *unknown])
+    return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(unknown)}]", *given
+
 
 PARTS = (
     "new",
@@ -127,6 +140,8 @@ class Sizes:
         Names of the parts of `PARTS` that are made; all if empty.
     workers : ClusterChoice
         Where cells are computed.
+    finest : tuple of float
+        Learned aspects where unknown ships are rejected [deg].
     """
 
     seeds: int
@@ -136,6 +151,7 @@ class Sizes:
     fresh: int = FRESH
     parts: tuple[str, ...] = ()
     workers: ClusterChoice = WORKERS
+    finest: tuple[float, ...] = FINEST
 
     def alone(
         self, overrides: Sequence[str], groups: Sequence[str], label: str
@@ -229,8 +245,25 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "categories" in parts:
         made |= categories(sizes.alone(FORMED, in_group("classification/", "acn"), "categories"))
     if "unknown" in parts:
-        groups = in_group("classification/", *CLASSIFIERS)
-        made |= unknown(sizes.each(UNKNOWN, groups, "unknown ships"))
+        sisters = tuple(f"{ship}@1.1x2" for ship in UNKNOWN_SHIPS)
+        looked_up, likely, against, themselves = (
+            swept_by_seed(
+                [*overrides, *ships, *sizes.more],
+                in_group("classification/", *names),
+                seeds=sizes.draws,
+                learned=sizes.finest,
+                fresh=sizes.fresh,
+                label=label,
+                workers=sizes.workers,
+            )
+            for overrides, ships, names, label in (
+                (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
+                (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
+                (DENSITIES, of_unknown(*sisters), CLASSIFIERS[2:], "unknown ships, alternative"),
+                (DENSITIES, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
+            )
+        )
+        made |= unknown(looked_up, likely, against, themselves)
     if "flights" in parts:
         made |= near_stern(sizes.past(MISSIONS, NEAR, "near-stern flights"))
         made |= tilts(sizes.past(FLOWN, [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"], "clutter"))
