@@ -8,7 +8,7 @@ import xarray as xr
 
 from ncti.reproduction import PRIORS, Choice
 
-FITS = {"2, 3": "C0", "4, 5": "C1", "all": "0.2"}
+FITS = {"2, 3": ("C0", "Tables 2, 3"), "4, 5": ("C1", "Tables 4, 5"), "all": ("0.2", "all tables")}
 store, picture = sys.argv[1:]
 weight = xr.open_zarr(store, group="tables/reproduction_fits").weight
 value = xr.open_zarr(store, group="reproduction").value.sel(setting=weight.setting).load()
@@ -18,9 +18,9 @@ for axes, (name, prior) in zip(panels.flat, PRIORS.items(), strict=True):
     classes = prior.classes(value.sel(parameter=name).values)
     several = len(prior.values) if isinstance(prior, Choice) else int(classes.max()) + 1
     places = np.arange(several + 1)
-    for fit, colour in FITS.items():
+    for fit, (colour, tables) in FITS.items():
         share = np.bincount(classes, weight.sel(fitted=fit).values, several) * several
-        axes.stairs(share, places, color=colour, lw=1.6, label=f"fitted to tables {fit}")
+        axes.stairs(share, places, color=colour, lw=1.6, label=f"fitted to {tables}")
     axes.axhline(1, color="0.6", ls=":", label="prior")
     axes.set_title(f"{prior.group}: {prior.label}", fontsize=8)
     words = getattr(prior, "values", ())

@@ -23,7 +23,7 @@ for axes, (title, mask) in zip(panels.flat, parts, strict=True):
     for offset, (fit, colour) in zip((0.15, -0.15), FITS.items(), strict=True):
         one = here.sel(fitted=fit)
         axes.hlines(places + offset, one.percent_low, one.percent_high, color=colour)
-        label = f"fitted to tables {fit}, 95 %"
+        label = f"fitted to Tables {fit}, 95 %"
         axes.plot(one.percent, places + offset, "o", ms=3, color=colour, label=label)
     axes.plot(here.article, places, "kx", label="article")
     axes.set_yticks(places, [name.split(", ", 1)[1] for name in here.figure.values], fontsize=7)
