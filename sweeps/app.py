@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sweeps.engine.process import Stopped, heed, stopping
+from sweeps.engine.interrupts import Stopped, heed, stopping
 
 if TYPE_CHECKING:
     from sweeps.engine.command import Command

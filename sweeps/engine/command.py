@@ -22,6 +22,7 @@ from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepInco
 from sweeps.engine.failures import FailureLog, reason
 from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.index import CellIndex
+from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.kinds import Value
 from sweeps.engine.overrides import (
     STORE,
@@ -37,16 +38,7 @@ from sweeps.engine.overrides import (
 from sweeps.engine.packs import PACK, SHORTAGES, cells_of
 from sweeps.engine.places import UNREACHED, Where, namesake, where
 from sweeps.engine.plan import Plan
-from sweeps.engine.process import (
-    Stopped,
-    environment,
-    forgiving,
-    heed,
-    interruptible,
-    say,
-    show,
-    stopping,
-)
+from sweeps.engine.process import environment, forgiving, say, show
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run
 from sweeps.engine.stage import Experiment

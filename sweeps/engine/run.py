@@ -21,13 +21,14 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import check_apart, check_folder, check_target
 from sweeps.engine.index import CellIndex
+from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
 from sweeps.engine.locks import locked
 from sweeps.engine.manifest import verify
 from sweeps.engine.packs import MISSING, cells_of, each_cell, read_cells
 from sweeps.engine.places import Objects, Where
 from sweeps.engine.plan import Plan
-from sweeps.engine.process import environment, heed, heeding, interruptible
+from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
 from sweeps.engine.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.settings import Choices

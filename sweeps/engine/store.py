@@ -23,9 +23,9 @@ from typing import Any
 from sweeps.engine.cluster import Executor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import check_target
+from sweeps.engine.interrupts import Stopped, heed, interruptible
 from sweeps.engine.manifest import MANIFEST, Manifest, checksum_of, manifest_of, read_manifest
 from sweeps.engine.places import AT_ONCE, Objects, Where, readable, real_place
-from sweeps.engine.process import Stopped, heed, interruptible
 from sweeps.engine.zarr_array import (
     METADATA,
     SPACES,

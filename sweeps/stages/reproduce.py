@@ -108,7 +108,9 @@ def check(choices: Choices) -> Choices:
     if looks(SENSOR)(choices):
         ships, aspects = choices[Grid.ship], choices[Grid.aspect]
         if tuple(map(str, ships)) != library.SHIPS:
-            views.refuse(Grid.ship, list(map(str, ships)), f"the article's {', '.join(library.SHIPS)}")
+            views.refuse(
+                Grid.ship, list(map(str, ships)), f"the article's {', '.join(library.SHIPS)}"
+            )
         try:
             library.figures(aspects)
         except ValueError as error:

@@ -12,7 +12,7 @@ from toys import SPRINGS, go, having
 
 from sweeps.engine import run, store
 from sweeps.engine.command import Command
-from sweeps.engine.process import Stopped, heed, heeding, interruptible, stopping
+from sweeps.engine.interrupts import Stopped, heed, heeding, interruptible, stopping
 from sweeps.engine.stage import Table
 
 SMALL = {"spring__stiffness": [1, 2], "spring__mass": 1}

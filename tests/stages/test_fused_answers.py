@@ -40,8 +40,10 @@ def scores_of(moments, averaged, valid, frames=FRAMES):
 def compared(cell, templates, seen, valid=None, **training_views):
     """Scores of profiles (replicate, gain, count, view, template); of silhouettes; constants."""
     valid = np.ones((PHASES, *GRID), dtype=bool) if valid is None else valid
-    known = cell.expected, bands(cell, VARIANCE), cell.valid, learned(**training_views), ASPECTS
-    moments = profile_templates(profile_moments(*known, PRIOR), np.array(0.0))  # exact, as by hand
+    known = learned(**training_views)
+    views = cell.valid, known, np.zeros_like(known), ASPECTS
+    moments = profile_moments(cell.expected, bands(cell, VARIANCE), *views, PRIOR)
+    moments = profile_templates(moments, np.array(0.0))  # exact, as by hand
     profiles = np.stack([scores_of(moments, one, cell.valid) for one in cell.averaged])
     silhouettes = fusion.silhouette_scores(templates, seen, valid, learned(**training_views))
     constants = [fusion.silhouette_constants(one, learned(**training_views)) for one in silhouettes]
