@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import trimesh
+import yaml
 from commands import FAST, prepared, ran
 from documentation import DOCS, PAGES, ROOT, commands, fences, text_of
 from once import sharing_ships
@@ -22,6 +23,7 @@ from sweeps.experiment import EXPERIMENT
 
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
 
+COMPOSED = yaml.safe_load((ROOT / "tests/sweeps/experiments.yaml").read_text())["composed"]
 ELSEWHERE = {"engine.md"}  # tests/engine/test_sweep.py runs what is on it
 WITH_CODE = [
     page
@@ -97,7 +99,9 @@ def test_what_is_on_the_page_runs(
             exec(compile(block, page.name, "exec"), namespace)
         for line in commands(block, "ncti-sweep") if language == "sh" else ():
             if not re.search(r" (--|-sc)", line):  # options that print something and end
-                assert prepared(*stored(shlex.split(line)[1:])), line
+                name = re.search(r"\+experiment=(\w+)", line)
+                smaller = COMPOSED.get(name[1], ()) if name else ()
+                assert prepared(*stored(shlex.split(line)[1:]), *smaller), line
         for line in commands(block, "python") if language == "sh" else ():
             name, *arguments = shlex.split(line)[1:]
             if name == "-m":
