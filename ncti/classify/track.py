@@ -34,8 +34,8 @@ def aspect_prior(
     (sample, template) float64 ndarray
         Natural logarithm of the probability that a normal deviate about the report lies in the
         cell of the template, which reaches half-way to its neighbours, or a turn beside it. Not
-        normalised, since a
-        range of aspects may end beside the report; `label_posterior` does that for each label.
+        normalised, since a range of aspects may end beside the report; `label_posterior` does that
+        for each label.
 
     Raises
     ------

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ncti.data.views import drawn_at, drawn_lines
 from ncti.labels import labelled
 from ncti.ladar.budget import power_ratio
 from ncti.ladar.extent import range_extent
 from ncti.ladar.moments import banded_frame_moments
-from ncti.render import drawn_range, line_image
-from ncti.render.far_field import SHARE, reach_of
-from ncti.simulate.subject import mesh_of, roll_at
+from ncti.simulate.subject import mesh_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,14 +64,14 @@ def moments(rows: xr.Dataset) -> xr.Dataset:
             float(rows[name][k]) for name in OF_VIEW[2:]
         )
         mesh, ifov = mesh_of(str(drawn_as[k])), about["ifov_urad"] * 1e-6
-        tolerance = about["far_field_error"] / SHARE
-        image = line_image(
+        image = drawn_lines(
             mesh,
             aspect=aspect,
             depression=depression,
-            slant_range=drawn_range(reach_of(mesh.vertices), slant_range, tolerance=tolerance),
-            roll=roll_at(aspect),
-            spacing=min(about["spacing_m"], ifov * slant_range),
+            slant_range=slant_range,
+            range_drawn=drawn_at(mesh, slant_range, about["far_field_error"]),
+            spacing=about["spacing_m"],
+            ifov=ifov,
         )
         extent = range_extent(
             image,

@@ -101,11 +101,6 @@ class Recipe:
         """Return the source of randomness of one row."""
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(key, row)))
 
-    def drawn_range(self, mesh: trimesh.Trimesh, slant_range: float) -> float | None:
-        """Return the slant range to draw a ship at, or None for the far field."""
-        tolerance = self.far_field_error / SHARE
-        return drawn_range(reach_of(mesh.vertices), slant_range, tolerance=tolerance)
-
 
 def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
     """Return the signatures of rows, in which equal views are beside one another.
@@ -140,17 +135,18 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
     for rows in equal_rows(drawn, VIEW):
         ship, aspect, depression, slant_range = (drawn[name][rows.start].item() for name in VIEW)
         mesh = mesh_of(recipe.ships[ship])
-        sight = (ship, aspect, depression, recipe.drawn_range(mesh, slant_range))
+        sight = (ship, aspect, depression, drawn_at(mesh, slant_range, recipe.far_field_error))
         # Ranges of a far field share its image.
         if image is None or sight != seen:
             seen = sight
-            image = line_image(
+            image = drawn_lines(
                 mesh,
                 aspect=aspect,
                 depression=depression,
-                slant_range=sight[-1],
-                roll=roll_at(aspect),
-                spacing=min(recipe.spacing, recipe.radar.ifov * slant_range),
+                slant_range=slant_range,
+                range_drawn=sight[-1],
+                spacing=recipe.spacing,
+                ifov=recipe.radar.ifov,
             )
         of_rows = {name: values[rows] for name, values in drawn.items()}
         found: Arrays = {}
@@ -159,6 +155,32 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
         if "infrared" in SENSORS[recipe.sensor]:
             found["silhouette"] = silhouettes(recipe, image, slant_range, of_rows)
         yield found
+
+
+def drawn_at(mesh: trimesh.Trimesh, slant_range: float, error: float) -> float | None:
+    """Return the slant range [m] to draw a ship at; None for the far field, if that errs less."""
+    return drawn_range(reach_of(mesh.vertices), slant_range, tolerance=error / SHARE)
+
+
+def drawn_lines(
+    mesh: trimesh.Trimesh,
+    *,
+    aspect: float,
+    depression: float,
+    slant_range: float,
+    range_drawn: float | None,
+    spacing: float,
+    ifov: float,
+) -> LineImage:
+    """Return a view by lines that are no farther apart than an IFOV is wide."""
+    return line_image(
+        mesh,
+        aspect=aspect,
+        depression=depression,
+        slant_range=range_drawn,
+        roll=roll_at(aspect),
+        spacing=min(spacing, ifov * slant_range),
+    )
 
 
 def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:
