@@ -11,7 +11,6 @@ def ishigami(x):
 
 
 def test_indices_of_the_ishigami_function():
-    pytest.importorskip("SALib", reason="Sobol indices need SALib")
     ends = {name: (-np.pi, np.pi) for name in "abc"}
     indices = sobol_indices(ishigami, ends, samples=4096, seed=3)
     # Closed forms, with a = 7 and b = 0.1.
