@@ -343,7 +343,7 @@ def _object(calls: Calls, number: int, packs: Objects) -> Any:
     while len(objects) >= calls.step.keep:
         objects.popitem(last=False)
     # What is read for the next ones, too, of the latest calls of a function.
-    ahead = vars(_kept).setdefault(AHEAD, {})
+    ahead = vars(_ahead)
     latest, due, inputs = ahead.get(calls.step.place, (None, 0, None))
     if latest is not calls or due != number:
         inputs = _with_inputs(calls, packs, number)
@@ -424,13 +424,14 @@ def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays 
     return Damaged(tuple(lost)) if lost else wrong or whole
 
 
-AHEAD = "ahead"  # which is the name of no function
-_kept = threading.local()
+# By function, its objects, and the latest calls with their inputs that are read ahead.
+_kept, _ahead = threading.local(), threading.local()
 
 
 def forget_all() -> None:
-    """Drop all objects kept in this thread."""
-    vars(_kept).clear()
+    """Drop all objects kept in this thread, and what is read ahead of them."""
+    for kept in (_kept, _ahead):
+        vars(kept).clear()
 
 
 # results of a call --------------------------------------------------------------------------------
