@@ -14,20 +14,13 @@ from benchmarks.repeated import Interval, swept
 from benchmarks.reports import Column, Report
 from ncti.data.splits import OUTSIDERS, SPLITS
 from ncti.evaluate import tabulate_differences, tabulate_rows
+from sweeps.report.words import WORDS, shown
 from sweeps.stages.benchmark import ENTRIES, REFERENCE, TESTS
 from sweeps.stages.views import BENCHMARK
 
 HELD_OUT = 3  # seeds, for the ranking
-TITLES = {
-    "likelihood": "likelihood",
-    "correlation": "correlation",
-    "acn": "ACN",
-    "mnn": "MNN",
-    "random_forest": "random forest",
-    "gradient_boosting": "gradient boosting",
-    "pca_qda": "PCA with QDA",
-    "mlp": "MLP",
-}
+TITLES = {name: WORDS.get(name, shown(name)) for name in ENTRIES}
+TITLES["likelihood"] = "likelihood"  # as on other pages
 ASKED = tuple(name for name in SPLITS if name not in OUTSIDERS)  # for the ship's name
 SHOWN = ("aspect-random", "aspect-gap", "range-shift", "variant")  # in README
 LEVEL = 0.01  # of tests of differences

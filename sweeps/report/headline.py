@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sweeps.report.frames import Frame, values_of
-from sweeps.report.pivot import FEW, at_main, constants, entry, ordered
-from sweeps.report.words import MAIN, preferred
+from sweeps.report.pivot import FEW, at_main, constants, entry
+from sweeps.report.words import MAIN, missing, preferred
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame count", "aspects")
@@ -71,16 +71,25 @@ def _of_scores(scores: Frame, axis: str, attributes: Mapping[str, Any]) -> str:
 
 
 def _of_any(frame: Frame, swept: Sequence[str]) -> str:
-    """Return a sentence on the main figure of any table, between the ends of the swept axis."""
+    """Return a sentence on the main figure of any table, between the ends of the swept axis.
+
+    Of a figure that has a level of chance it is the best row, else the first.
+    """
     axis, column = main_axis(frame, swept), frame.columns[frame.figures[0]]
-    at = at_main(frame, [axis] if axis else [])
+    chance = frame.of_role("chance", column.name)
+    compared = [name for name in frame.down if chance and name != axis]
+    at = at_main(frame, [*compared, *[axis] * bool(axis)])
+    if across := at.across:
+        at = at.at({across: preferred(at.columns[across].axis, values_of(at.rows, across))})
     at = at.where(at.rows[column.name].notna())
     if at.rows.empty:
         return f"{frame.title}: no result."
-    first = at.rows.iloc[0]
-    names = [name for name in ordered(at) if name != axis]
-    place = ", ".join(frame.columns[name].in_words(first[name]) for name in names)
-    return f"{column.words.capitalize()}: {_ends(at, axis)}{f' ({place})' if place else ''}."
+    best = at.rows.loc[at.rows[column.name].idxmax() if compared else at.rows.index[0]]
+    at = at.at({name: best[name] for name in compared})
+    names = [name for name in frame.several if name != axis and not missing(best[name])]
+    place = ", ".join(frame.columns[name].in_words(best[name]) for name in names)
+    level = f"; chance {best[chance[0]]:.0f} %" if chance else ""
+    return f"{column.words.capitalize()}: {_ends(at, axis)}{f' ({place})' if place else ''}{level}."
 
 
 def _ends(frame: Frame, axis: str) -> str:

@@ -17,6 +17,7 @@ UNITS = {"aspect_bin": "degree"}  # of pooled aspects, whose values are words
 # Words of classifiers and sensors, which the configuration names shortly.
 WORDS = {
     **{"acn": "ACN", "mnn": "MNN", "likelihood": "maximum likelihood", "fusion": "fusion"},
+    **{"pca_qda": "PCA with QDA", "mlp": "MLP"},
     **{"range": "range profile", "infrared": "silhouette", "both": "both sensors"},
 }
 WORDED = ("classifier", "channel")
@@ -30,6 +31,7 @@ MAIN: dict[str, Any] = {
     **{"coverage_rule": 0.25, "inner_radius": 0.5, "segmentation": "matched"},
     **{"interpolation": "nearest", "learning_rate": 0.1, "target_free_ifovs": 4000},
     **{"transom_gain": 1.0, "mast_gain": 1.0, "error_parameter": "none", "autofocus": False},
+    **{"split": "aspect-random", "fitted": "all", "fleet": 4},
     **{"chain": "exact", "azimuth": "pixel", "mirror": "exact", "range_filter": "cluster"},
     "kind": ("measured", "test"),
     **{"aspect_bin": "overall", "channel": "both", "aspect": 175.0, "source": "measured"},

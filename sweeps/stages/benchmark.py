@@ -379,6 +379,7 @@ def chance(choices: Choices) -> float:
 
 def displays(labels: dict[str, str]) -> tuple[Display, ...]:
     """Return the displays of one classifier: percent correct by split and aspect, other scores."""
+    named = {"classifier": labels["classifier"]}
     return (
         Display(
             BENCHMARK,
@@ -392,24 +393,24 @@ def displays(labels: dict[str, str]) -> tuple[Display, ...]:
         ),
         Display(
             f"{BENCHMARK}_aspects",
-            "Ships named correctly [%], by split and aspect [deg]",
+            "Ships named correctly [%], by aspect [deg]",
             (_percent("aspect_accuracy", "percent_correct"),),
-            rows=(Benchmark.split.name, "classifier"),
+            rows=("classifier",),
             columns="aspect_bin",
-            labels=labels,
+            labels=named,
             chance=chance,
             notes=("With 95 % Wilson intervals of the views of all seeds.",),
         ),
         Display(
             f"{BENCHMARK}_scores",
-            "Probabilities and rejection, by split",
+            "Probabilities and rejection",
             (
                 _percent("kept", "percent_kept"),
                 *(Figure(name, digits=3, format=".2f") for name in ("auroc", "oscr")),
                 *(Figure(name, digits=3, format=".2f") for name in ("log_loss", "ece")),
             ),
-            rows=(Benchmark.split.name, "classifier"),
-            labels=labels,
+            rows=("classifier",),
+            labels=named,
             notes=(
                 "percent_kept: known ships named correctly and accepted where 90 % of the rows of "
                 "an unknown ship are rejected. " + INTERVAL,

@@ -5,6 +5,8 @@ import re
 from made import SHIPS, scores, shown
 from pages import stored
 
+from sweeps.engine.display import ATTRIBUTE, Display, Figure
+from sweeps.engine.zarr_array import plain
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
 
@@ -44,6 +46,21 @@ def test_the_best_classifier_is_named_and_few_answers_are_said(tmp_path):
     said = sentence(tmp_path, given, **tables)
     assert said.startswith("Maximum likelihood") and "of one ship" in said
     assert re.search(r"Few answers \(n = 8\)", said)
+
+
+def test_of_other_percentages_the_best_row_is_named_where_it_is_asked_first(tmp_path):
+    import xarray as xr
+
+    share = xr.DataArray([[0.2, 0.6], [0.9, 0.1], [0.3, 0.5]], dims=("tree", "split"))
+    table = xr.Dataset(
+        {"share": share}, {"tree": ["ash", "elm", "oak"], "split": ["a-gap", "aspect-random"]}
+    )
+    figure = Figure("share", "percent_correct", percent=True, format=".0f")
+    display = Display("trees", "Trees", (figure,), rows=("tree",), columns="split", chance=25.0)
+    table = table.assign_attrs(plain({ATTRIBUTE: [display.written(None)]}))
+    said = sentence(tmp_path, {"swept": []}, tables__trees=table)
+    assert said.startswith("Percent correct: 60 % ") and said.endswith("; chance 25 %.")
+    assert "ash" in said and "aspect-random" in said
 
 
 def test_any_table_has_a_headline(smoke_store, sisters, tmp_path):
