@@ -110,7 +110,7 @@ def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
     ours, theirs = shares(normal), shares(plain)
     spread = ours * (1 - ours) + theirs * (1 - theirs)
     error = np.sqrt(spread.mean() / count / len(views))
-    assert abs((ours - theirs).mean()) < 4 * error + 1e-12
+    assert abs((ours - theirs).mean()) < 4 * error
 
 
 def test_percent_by_bin_is_counted_by_hand():
@@ -180,8 +180,9 @@ def test_the_defaults_give_the_tables_of_sweeps():
     ):
         ours = tables[name].mean[2]  # 16 frames
         spread = tables[name].spread[2]
-        assert (np.abs(ours - theirs) < 4 * np.hypot(error, spread / np.sqrt(12)) + 2).all(), name
-    assert (np.abs(tables["table2"].mean[0] - [100, 99, 41]) < [1, 4, 12]).all()
+        assert (np.abs(ours - theirs) < 4 * np.hypot(error, spread / np.sqrt(12))).all(), name
+    # One training beside the mean of eight: a view is 2.5 points, and abeam trainings differ.
+    assert (np.abs(tables["table2"].mean[0] - [100, 99, 41]) < [1, 3, 12]).all()
 
 
 def test_a_setting_is_the_same_for_the_same_stream_and_another_for_another():
