@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.commands import CORES, Swept, new_folder, sweep
 from benchmarks.reports import Column, Report, Sample
 
-COLD, AGAIN = "cold, ships built", "again"
+COLD, BUSY, AGAIN = "cold, ships built", "cold, beside a busy process", "again"
 EXPERIMENT = ("+experiment=paper",)
 MORE = {
     "one more vigilance": "grid.vigilance=[0.80,0.85,0.90,0.95,0.97,0.99]",
@@ -51,11 +54,13 @@ def measure(
     Report
         One row per step.
     """
-    steps: dict[str, list[Swept]] = {step: [] for step in (COLD, AGAIN, *more)}
+    steps: dict[str, list[Swept]] = {step: [] for step in (COLD, BUSY, AGAIN, *more)}
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as parent:
             folder = new_folder(Path(parent, "cold"))
             steps[COLD].append(sweep(experiment, folder))
+            with _busy():
+                steps[BUSY].append(sweep(experiment, new_folder(Path(parent, "busy"))))
             steps[AGAIN].append(sweep(experiment, folder))
             for step, override in more.items():
                 copy = Path(shutil.copytree(folder, Path(parent, "more"), symlinks=True))
@@ -83,7 +88,8 @@ def measure(
         rows,
         [
             "From start to exit of the command, workers started and tables printed. Again: the "
-            "same command, all reused. One more: added to the finished store and its cache. "
+            "same command, all reused. One more: added to the finished store and its cache. Busy: "
+            "another process computes all the time, so that a core less is left. "
             "Work: time of all calls of stages, as the command prints it to 0.1 s; a worker's "
             f"first call of a stage imports it. Efficiency: work over {CORES} times the time. "
             "Expected: under 30 s cold, under 2 GiB.",
@@ -91,3 +97,14 @@ def measure(
             "largest alone: highest of some twenty looks a second.",
         ],
     )
+
+
+@contextmanager
+def _busy() -> Iterator[None]:
+    """Keep a process computing meanwhile."""
+    busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        yield
+    finally:
+        busy.kill()
+        busy.wait()
