@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_labels, require_shape
 from ncti.classify.between import CIRCLE, halves
+from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import label_posterior, members, posterior_of
 
 if TYPE_CHECKING:
@@ -232,19 +235,39 @@ def fit_temperature_and_outliers(
             f"truth has shape {true.shape}, but must be one label of a template for each of "
             f"{len(values)} samples, one or more"
         )
-    spread = float(np.ptp(values, axis=1).mean()) if len(classes) > 1 else 0.0
+    pieces = [partial(values.__getitem__, rows) for rows in row_blocks(len(values))]
+    return _likeliest(
+        pieces, np.searchsorted(classes, names), np.searchsorted(classes, true), weights
+    )
+
+
+def _likeliest(
+    pieces: Sequence[Callable[[], Floats]],
+    labels: NDArray[np.intp],
+    truth: NDArray[np.intp],
+    weights: Floats,
+) -> tuple[float, float]:
+    """Return `fit_temperature_and_outliers` of scores of which each piece makes some rows.
+
+    Labels and truth are numbers, all of which are labels of templates.
+    """
+    classes = int(labels.max()) + 1
+    ptp = np.concatenate([np.ptp(piece(), axis=1) for piece in pieces])
+    spread = float(ptp.mean()) if classes > 1 else 0.0
     if spread == 0.0:
         return 0.0, 0.0
-    at = np.arange(len(true)), np.searchsorted(classes, true)
-    member, every = members(np.searchsorted(classes, names)), np.ones((1, names.size), np.bool_)
+    member, every = members(labels), np.ones((1, labels.size), np.bool_)
 
     def fitted(log_inverse_temperature: float) -> tuple[float, float]:
         """Return the best outlier fraction at an inverse temperature, and the loss."""
-        logs = math.exp(log_inverse_temperature) * values
-        probability = posterior_of(logs, member, every)[at]
-        outlier_fraction = float(likely_outlier_fraction(probability, len(classes), weights))
+        factor = math.exp(log_inverse_temperature)
+        posterior = np.concatenate(
+            [posterior_of(factor * piece(), member, every) for piece in pieces]
+        )
+        probability = posterior[np.arange(len(truth)), truth]
+        outlier_fraction = float(likely_outlier_fraction(probability, classes, weights))
         answers = np.append(probability, [1.0, 0.0])
-        mixed = (1 - outlier_fraction) * answers + outlier_fraction / len(classes)
+        mixed = (1 - outlier_fraction) * answers + outlier_fraction / classes
         return outlier_fraction, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
 
     logarithm = least_at(lambda log_inverse_temperature: fitted(log_inverse_temperature)[1], spread)
@@ -311,14 +334,22 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     >>> (fit_held_out_phases([-good, good, good], labels, aspect)[1] > 0.5).tolist()
     [False, True, True]
     """
-    values, place = require_all("scores", scores), require_all("aspect", aspect)
+    values, place = np.asarray(scores), require_all("aspect", aspect)
     phases, views, _ = values.shape
-    without = np.where(place[:, None] == place, UNLIKE, values)
+    for of_phase in values:
+        require_all("scores", of_phase)
+    _, names = np.unique(require_labels("labels", labels), return_inverse=True)
+
+    def piece(phase: int, rows: slice, left_out: bool) -> Floats:
+        """Return some rows of scores, with or without the templates of their own aspects."""
+        found = values[phase, rows].astype(np.float64)
+        return np.where(place[rows, None] == place, UNLIKE, found) if left_out else found
+
     weight = np.repeat([1 - FRESH, FRESH], (phases - 1) * views)
-    truth = np.tile(require_labels("labels", labels), 2 * (phases - 1))
+    truth = np.tile(names, 2 * (phases - 1))
     constants = np.empty((2, phases))
     for phase in range(phases):
-        others = np.arange(phases) != phase
-        rows = np.concatenate([values[others], without[others]]).reshape(-1, views)
-        constants[:, phase] = fit_temperature_and_outliers(rows, labels, truth, weight=weight)
+        others = product((False, True), np.delete(np.arange(phases), phase), row_blocks(views))
+        pieces = [partial(piece, other, rows, left_out) for left_out, other, rows in others]
+        constants[:, phase] = _likeliest(pieces, names, truth, weight)
     return constants

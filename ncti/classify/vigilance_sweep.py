@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_shape
+from ncti.classify.blocks import ROWS
 from ncti.classify.directions import NO_CATEGORY, SAME_DIRECTION, polar
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
+BLOCK = 2 * ROWS
+"""Vectors whose cosines to each other and to all categories are held at once."""
+
+
 @dataclass(frozen=True)
 class Similarities:
-    """Cosines between vectors, which all clusterings of these vectors share.
+    """Directions of training vectors and of tests, which all clusterings of these vectors share.
 
     Attributes
     ----------
@@ -24,16 +30,15 @@ class Similarities:
         Unit directions of the training vectors; zero for a zero vector.
     lengths : (sample,) float64 ndarray
         Lengths of the training vectors.
-    training : (sample, sample) float64 ndarray
-        Cosines between training vectors; 0 if one of them is zero.
-    test : (test, sample) float64 ndarray
-        Cosines between test and training vectors.
+    test : (test, coordinate) float64 ndarray
+        Unit directions of test vectors; or, where features are no fewer than training vectors,
+        their cosines to these.
     answers : (test,) bool ndarray
         False if a test vector is zero.
 
     See Also
     --------
-    cluster : Categories from these cosines.
+    cluster : Categories from the cosines between the vectors.
 
     Examples
     --------
@@ -47,7 +52,6 @@ class Similarities:
 
     directions: Floats
     lengths: Floats
-    training: Floats
     test: Floats
     answers: NDArray[np.bool_]
 
@@ -69,8 +73,8 @@ class Similarities:
         directions, lengths = polar(learned)
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
-        none = np.zeros((0, len(learned)))
-        own = cls(directions, lengths, directions @ directions.T, none, np.zeros(0, dtype=bool))
+        none = np.zeros((0, min(learned.shape)))
+        own = cls(directions, lengths, none, np.zeros(0, dtype=bool))
         return own if tests is None else own.to(tests)
 
     def to(self, tests: ArrayLike) -> Similarities:
@@ -87,7 +91,29 @@ class Similarities:
                 f"tests has shape {shown.shape}, but must be (test, {self.directions.shape[1]})"
             )
         seen, sizes = polar(shown)
-        return replace(self, test=seen @ self.directions.T, answers=sizes > 0)
+        return replace(self, test=self.products(seen), answers=sizes > 0)
+
+    @property
+    def few_features(self) -> bool:
+        """Whether features are fewer than training vectors."""
+        return self.directions.shape[1] < len(self.directions)
+
+    @property
+    def coordinates(self) -> Floats:
+        """The (sample, coordinate) training directions in coordinates of which categories are sums.
+
+        They are the features, or the training directions themselves if these are no more.
+        """
+        return self.directions if self.few_features else np.eye(len(self.directions))
+
+    def products(self, directions: Floats) -> Floats:
+        """Return what, times the coordinates of a category, are cosines of (..., feature) ones."""
+        return directions if self.few_features else directions @ self.directions.T
+
+    @cached_property
+    def between_few(self) -> Floats:
+        """The (sample, sample) cosines, where samples are at most `BLOCK`."""
+        return self.directions @ self.directions.T
 
 
 @dataclass(frozen=True)
@@ -98,8 +124,9 @@ class Clustering:
     ----------
     labels : (sample,) intp ndarray
         Category of each training vector; -1 for a zero vector.
-    weights : (category, sample) float64 ndarray
-        Weights of the training directions whose sum is the unit direction of a category.
+    weights : (category, coordinate) float64 ndarray
+        Unit direction of each category in `Similarities.coordinates`: its features, or, where
+        these are no fewer than training vectors, the weights of their directions.
     passes : int
         Presentations of the whole training set.
     converged : bool
@@ -202,9 +229,9 @@ def cluster(
         ((1 - t) w + t x) / n,   n^2 = (1 - t)^2 + t^2 + 2 t (1 - t) w x,
 
     with t the share of X in the new length, and transforms its row of cosines by the same two
-    numbers. The cost of a presentation is therefore proportional to the number of samples and does
-    not depend on the number of features; the products between samples are computed once for all
-    vigilances and orders. The result equals that of the network except for rounding.
+    numbers. Cosines to a block of samples are held at a time, and computed from the category when
+    the block is presented; up to 384 samples are one block, whose products are computed once for
+    all vigilances and orders. The result equals that of the network except for rounding.
 
     Examples
     --------
@@ -228,45 +255,59 @@ def cluster(
     turn = turn[similarities.lengths[turn] > 0]
     if not turn.size:
         raise ValueError("order holds no vector with a direction, but must hold at least one")
-    # Each row holds the cosines of a category to all samples, then its weights, which follow the
-    # same rule and are updated together.
-    rows = np.zeros((32, 2 * count))
-    own = np.hstack([similarities.training, np.eye(count)])
+    # Each row holds the cosines of a category to a block of samples, then its coordinates, which
+    # follow the same rule and are updated together. Few samples are one block.
+    few = count <= BLOCK
+    blocks = [np.arange(count)] if few else np.split(turn, range(BLOCK, len(turn), BLOCK))
+    coordinates, width = similarities.coordinates, min(count, BLOCK)
+    rows = np.zeros((32, width + coordinates.shape[1]))
+    owns = []  # rows of categories that are single samples
+    for block in blocks:
+        shown = similarities.directions[block]
+        between = similarities.between_few if few else shown @ shown.T
+        padding = np.zeros((len(block), width - len(block)))
+        owns.append(np.hstack([between, padding, coordinates[block]]))
     lengths: list[float] = []
-    presented = list(zip(turn.tolist(), similarities.lengths[turn].tolist(), strict=True))
     threshold = min(vigilance, SAME_DIRECTION)
     assigned: list[int] = []
     passes, converged = 0, False
     while not converged and passes < max_passes:
         # One pass: each vector joins its best match above the threshold, or founds a category.
         previous, assigned = assigned, []
-        for i, length in presented:
-            cosines = rows[: len(lengths), i]
-            k = int(cosines.argmax()) if lengths else NO_CATEGORY
-            if lengths and cosines[k] > threshold:
-                kept = (1.0 - learning_rate) * lengths[k]
-                share = learning_rate * length / (kept + learning_rate * length)
-                row = rows[k]
-                norm = (1 - share) ** 2 + share**2 + 2 * share * (1 - share) * float(cosines[k])
-                norm = max(norm, 0.0) ** 0.5
-                scale = 1.0 / norm if norm > 0.0 else 1.0  # zero if opposite vectors cancel
-                row *= (1.0 - share) * scale
-                row += (share * scale) * own[i]
-                lengths[k] = (kept + learning_rate * length) * norm
-            else:
-                k = len(lengths)
-                if k == len(rows):
-                    rows = np.concatenate([rows, np.zeros_like(rows)])
-                rows[k] = own[i]
-                lengths.append(length)
-            assigned.append(k)
+        for block, own in zip(blocks, owns, strict=True):
+            size, known = len(block), rows[: len(lengths)]
+            if lengths and not few:
+                shown = similarities.products(similarities.directions[block])
+                known[:, :size] = known[:, width:] @ shown.T
+            presented = turn if few else np.arange(size)
+            sizes = similarities.lengths[block[presented]]
+            for i, length in zip(presented.tolist(), sizes.tolist(), strict=True):
+                cosines = rows[: len(lengths), i]
+                k = int(cosines.argmax()) if lengths else NO_CATEGORY
+                if lengths and cosines[k] > threshold:
+                    kept = (1.0 - learning_rate) * lengths[k]
+                    share = learning_rate * length / (kept + learning_rate * length)
+                    row = rows[k]
+                    norm = (1 - share) ** 2 + share**2 + 2 * share * (1 - share) * float(cosines[k])
+                    norm = max(norm, 0.0) ** 0.5
+                    scale = 1.0 / norm if norm > 0.0 else 1.0  # zero if opposite vectors cancel
+                    row *= (1.0 - share) * scale
+                    row += (share * scale) * own[i]
+                    lengths[k] = (kept + learning_rate * length) * norm
+                else:
+                    k = len(lengths)
+                    if k == len(rows):
+                        rows = np.concatenate([rows, np.zeros_like(rows)])
+                    rows[k] = own[i]
+                    lengths.append(length)
+                assigned.append(k)
         passes += 1
         converged = assigned == previous
     # A category that lost all its vectors has no label and is dropped.
     live, category = np.unique(assigned, return_inverse=True)
     labels = np.full(count, NO_CATEGORY)
     labels[turn] = category
-    return Clustering(labels, rows[live, count:], passes, converged)
+    return Clustering(labels, rows[live, width:], passes, converged)
 
 
 def _places(order: ArrayLike, count: int) -> Indices:

@@ -143,8 +143,7 @@ def form_categories(
         training_correct : (ship, aspect), 1 where a view's category has its ship's name;
         training_category, training_confused : (ship, aspect), negative outside training;
         passes : (), negative where the categories did not settle;
-        weights : (sample, sample) float64, of the vectors of the training set, a row a category,
-        zero below the last of them;
+        weights : (sample, coordinate) float64, of `Clustering`, zero below the last category;
         turn : (view,), the order of all views; taught_by : vigilance, learning rate, passes
     """
     known = training_views & training_set.valid
@@ -163,7 +162,8 @@ def form_categories(
     labels[views] = clustering.labels
     formed = category_formation(labels, ship, aspect)
     count, own = len(clustering.weights), ship[views]
-    names, weights = np.full(views.size, NONE), np.zeros((views.size, views.size))
+    names = np.full(views.size, NONE)
+    weights = np.zeros((views.size, clustering.weights.shape[1]))
     by_first = label_rule == "first"
     names[:count] = clustering.first_names(own, order) if by_first else clustering.names(own)
     weights[:count] = clustering.weights
@@ -341,7 +341,7 @@ acn_training = OF_RANGE.stage(
     ),
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
     inner("names", ("category",), "i2"),
-    inner("weights", ("category", "sample"), "f8"),
+    inner("weights", ("category", "coordinate"), "f8"),
     inner("turn", ("view",), "i8"),
     inner("taught_by", ("setting",), "f8"),
     uses=(Grid, Network),

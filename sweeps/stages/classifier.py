@@ -298,7 +298,8 @@ def in_blocks(*names: str) -> dict[str, At]:
 def judged(named: Ships, valid: Views) -> Arrays:
     """Return the arrays of answers: (..., ship, aspect) ships predicted for existing views."""
     predicted = np.where(valid, named, NONE)
-    correct = np.where(valid, predicted == np.arange(len(valid))[:, None], NONE)
+    right = predicted == np.arange(len(valid))[:, None]
+    correct = np.where(valid, right, np.int8(NONE))
     return {"predicted": predicted, "correct": correct, "cell": state(correct, valid)}
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.blocks import row_blocks
+from ncti.classify.blocks import ROWS, row_blocks
 from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import At, Output, Stream, coordinate, stage
@@ -19,8 +19,18 @@ from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Sweep, refuse, require_among
+from sweeps.stages.likelihood import AT_ONCE, Likelihood, Prior
+from sweeps.stages.views import (
+    INFRARED,
+    RANGE,
+    Arrays,
+    Floats,
+    Grid,
+    Profiles,
+    Sweep,
+    refuse,
+    require_among,
+)
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
@@ -30,6 +40,8 @@ CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
 OF_DRAWS = ("channel", "draw")
 
+Indices = NDArray[np.intp]
+
 
 def names_by_both(choices: Choices) -> bool:
     """Return whether fusion is chosen, and both sensors see every range of profiles."""
@@ -38,56 +50,63 @@ def names_by_both(choices: Choices) -> bool:
     return NAME in choices[Classifier.name] and sensors and ranges
 
 
+def cosines(
+    templates: NDArray[np.float32], maps: NDArray[np.uint8], number: int, views: Indices
+) -> NDArray[np.float32]:
+    """Return (phase, view, template) cosines of some views of (number, phase, view, ...) maps.
+
+    They are the maps of a number on the first axis; templates are (phase, template, feature)
+    vectors. See `ncti.classify.fusion.similarity_between_phases`.
+    """
+    found = np.empty((len(templates), len(views), templates.shape[1]), np.float32)
+    for rows in row_blocks(len(views)):
+        seen = maps[number, :, views[rows]]
+        # Advanced indices on both sides of a slice come first.
+        vectors = classifier.map_vectors(seen.swapaxes(0, 1)[:, None])
+        found[:, rows] = similarity_between_phases(vectors, templates)
+    return found
+
+
+def by_view(maps: NDArray[np.uint8], lead: int) -> NDArray[np.uint8]:
+    """Return (..., ship, aspect, angle, radius) maps as (..., view, angle, radius) ones."""
+    return maps.reshape(*maps.shape[:lead], -1, *maps.shape[lead + 2 :])
+
+
 @stage(
-    Output("silhouette_scores", ("phase", "view", "template"), "f4"),
+    Output("silhouette_constants", ("constant", "phase"), "f8"),
     uses=(Infrared,),
     along=(Infrared.frame_count,),
     gather=(Infrared.subpixel_offsets, *GATHERED),
+    reads=classifier.in_blocks("template_log_polar", "log_polar"),
 )
-def silhouette_scores(
+def silhouette_constants(
     template_log_polar: NDArray[np.uint8],
     log_polar: NDArray[np.uint8],
     valid: Views,
     training_views: Views,
-) -> NDArray[np.float32]:
-    """Return (frame_count, phase, view, template) cosines, NaN of views missing in any phase.
+) -> Floats:
+    """Return (frame_count, constant, phase) inverse temperatures and outlier fractions.
 
-    A template is a learned view that is there. See
-    `ncti.classify.fusion.similarity_between_phases`.
-    """
-    views = valid.all(axis=0).reshape(-1)
-    present, learned = views.nonzero()[0], (views & training_views.reshape(-1)).nonzero()[0]
-    # Compared with all views, as rounding of single precision depends on their number.
-    templates = classifier.map_vectors(template_log_polar)[:, present]
-    columns = np.searchsorted(present, learned)
-    shape = len(log_polar), len(valid), views.size, learned.size
-    scores = np.full(shape, np.nan, np.float32)
-    for of_count, maps in zip(scores, log_polar, strict=True):
-        seen = maps.reshape(len(maps), 1, -1, *maps.shape[-2:])
-        for rows in row_blocks(len(present)):
-            vectors = classifier.map_vectors(seen[:, :, present[rows]])
-            cosines = similarity_between_phases(vectors, templates)
-            of_count[:, present[rows]] = cosines[..., columns]
-    return scores
-
-
-@stage(Output("silhouette_constants", ("constant", "phase"), "f8"))
-def silhouette_constants(silhouette_scores: NDArray[np.float32], training_views: Views) -> Floats:
-    """Return the (constant, phase) inverse temperature and outlier fraction of silhouettes.
-
-    See `ncti.classify.calibration.fit_held_out_phases`.
+    Of silhouettes of learned views, whose cosines to each other are held, those of one number of
+    frames. See `ncti.classify.calibration.fit_held_out_phases`.
     """
     # Imported here because scikit-learn takes a second.
     from ncti.classify.calibration import fit_held_out_phases
 
-    training_set = (training_views.reshape(-1) & compared(silhouette_scores)).nonzero()[0]
-    # Rows and columns together, which decides the order in memory, and so that of sums.
-    scores = silhouette_scores[:, training_set[:, None], np.arange(training_set.size)]
-    return fit_held_out_phases(scores, *np.divmod(training_set, training_views.shape[1]))
+    learned = np.flatnonzero(valid.all(axis=0) & training_views)
+    templates = classifier.map_vectors(by_view(template_log_polar, 1)[:, learned][:, None])
+    maps = by_view(log_polar, 2)
+    place = np.divmod(learned, training_views.shape[1])
+    return np.stack(
+        [
+            fit_held_out_phases(cosines(templates, maps, m, learned), *place)
+            for m in range(len(maps))
+        ]
+    )
 
 
 @stage(
-    Output("profile_outlier_fraction", ("view",), "f8"),
+    Output("profile_outlier_fraction", ("template",), "f8"),
     uses=(Grid, Likelihood),
     along=(Grid.frame_count,),
     # Of its first name, so that it draws as it always did.
@@ -99,21 +118,23 @@ def profile_outlier_fraction(
     frame_count: tuple[int, ...],
     rng: np.random.Generator,
 ) -> Floats:
-    """Return (frame_count, view) outlier fractions of profiles.
+    """Return (frame_count, template) outlier fractions of profiles.
 
-    See `ncti.classify.calibration.fit_outlier_fraction`; NaN for views that are not learned.
+    See `ncti.classify.calibration.fit_outlier_fraction`.
     """
     # Imported here because scipy takes a second.
     from ncti.classify.calibration import fit_outlier_fraction
 
-    templates, known = profile_templates
-    seed = int(rng.integers(2**63))
-    outlier_fraction = np.full((len(frame_count), known.size), np.nan)
-    for of_count, count in zip(outlier_fraction, frame_count, strict=True):
-        drawn = np.random.default_rng(seed)
-        fraction = fit_outlier_fraction(templates, count, drawn, gain_sigma=gain_sigma)
-        of_count[known.reshape(-1)] = fraction
-    return outlier_fraction
+    seed, (templates, _) = int(rng.integers(2**63)), profile_templates
+    # Of equal draws for each number of frames.
+    return np.stack(
+        [
+            fit_outlier_fraction(
+                templates, count, np.random.default_rng(seed), gain_sigma=gain_sigma
+            )
+            for count in frame_count
+        ]
+    )
 
 
 ANSWERS = classifier.ClassifierGroup.of(
@@ -142,21 +163,28 @@ ANSWERS = classifier.ClassifierGroup.of(
         label="probability that a sensor is uninformative, the mean over templates; of both: that "
         "of profiles",
     ),
-    uses=(Grid,),
-    gather=(Grid.replicate, *GATHERED),
-    reads={
-        name: At(name, {Infrared.range: Grid.range})
-        for name in ("silhouette_scores", "silhouette_constants")
+    uses=(Grid, Likelihood),
+    gather=(Grid.replicate, Infrared.subpixel_offsets, *GATHERED),
+    # Scores of each sensor are shared by all of them.
+    along=(Likelihood.gain_sigma, Grid.frame_count, Infrared.frame_count),
+    reads=classifier.in_blocks("averaged")
+    | {
+        name: At(name, {Infrared.range: Grid.range}, in_blocks=name != "silhouette_constants")
+        for name in ("template_log_polar", "log_polar", "silhouette_constants")
     },
 )
 def fusion(
-    profile_scores: Floats,
-    silhouette_scores: NDArray[np.float32],
-    silhouette_constants: Floats,
+    profile_templates: tuple[GaussianTemplates, Views],
     profile_outlier_fraction: Floats,
+    averaged: Profiles,
+    template_log_polar: NDArray[np.uint8],
+    log_polar: NDArray[np.uint8],
+    silhouette_constants: Floats,
+    valid: Views,
     training_views: Views,
-    ship: tuple[str, ...],
-    aspect: tuple[float, ...],
+    prior: Prior,
+    gain_sigma: tuple[float, ...],
+    frame_count: tuple[int, ...],
 ) -> Arrays:
     """Return the ships predicted by profile, by silhouette and by both.
 
@@ -164,39 +192,51 @@ def fusion(
     of a silhouette is given the inverse temperature found on the silhouettes of the *other* phases.
     For both, they are added, each with its outlier fraction: neither outweighs the other by more
     than answers about learned views support. An empty silhouette carries no information: all its
-    scores are 0.
+    scores are 0. Views count that both sensors see in all draws; scores are held of some of them.
     """
-    of_both = compared(profile_scores), compared(silhouette_scores)
-    # Templates of each sensor, of which those of both are compared.
-    templates = np.isfinite(profile_outlier_fraction), training_views.reshape(-1) & of_both[1]
-    seen = np.logical_and(*of_both)
-    views = seen.nonzero()[0]
-    training_set = (np.logical_and(*templates) & seen).nonzero()[0]
-    columns = [np.searchsorted(own.nonzero()[0], training_set) for own in templates]
-    draws = max(len(profile_scores), len(silhouette_scores))
-    whole = (len(CHANNELS), draws, len(ship), len(aspect))
-    valid = seen.reshape(whole[2:])
-    named, probability = np.full(whole, NONE), np.full(whole, np.nan)
-    inverse_temperature, outlier_fraction = np.full((2, *whole[:2]), np.nan)
-    of_ship, of_profiles = training_set // len(aspect), profile_outlier_fraction[training_set]
-    for d in range(draws):
-        phase = d % len(silhouette_scores)
-        factor, of_silhouettes = silhouette_constants[:, phase]
-        inverse_temperature[:, d] = 1.0, factor, factor
-        outlier_fraction[:, d] = of_profiles.mean(), of_silhouettes, of_profiles.mean()
-        for rows in row_blocks(len(views)):
-            profile = profile_scores[d % len(profile_scores)][views[rows, None], columns[0]]
-            silhouette = silhouette_scores[phase][views[rows, None], columns[1]]
-            silhouette = factor * silhouette.astype(np.float64)
-            silhouette = with_outliers(silhouette, of_ship, outlier_fraction=of_silhouettes)
-            certain = with_outliers(profile, of_ship, outlier_fraction=of_profiles)
-            both = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
-            true, column = np.divmod(views[rows], len(aspect))
-            for c, scores in enumerate((profile, silhouette, both)):
-                at = c, d, true, column
-                posterior = label_posterior(scores, of_ship)
-                named[at], probability[at] = classifier.most_probable(posterior, true)
-    return classifier.judged(named, valid) | {
+    templates, known = profile_templates
+    compared: Views = np.asarray(valid.all(axis=(0, 1)))
+    views, training_set = (
+        np.flatnonzero(compared),
+        np.flatnonzero(compared & known & training_views),
+    )
+    own = np.searchsorted(np.flatnonzero(known), training_set)  # among templates of profiles
+    of_ship, of_profiles = training_set // known.shape[1], profile_outlier_fraction[..., own]
+    maps, shown = by_view(log_polar, 2), by_view(template_log_polar, 1)[:, training_set]
+    silhouettes = classifier.map_vectors(shown[:, None])
+    looks, replicates, phases = len(maps), averaged.shape[1], len(silhouettes)
+    profiles = averaged.reshape(len(frame_count), replicates, -1, averaged.shape[-1])
+    draws = max(replicates, phases)
+    axes = len(gain_sigma), len(frame_count), looks
+    whole = (*axes, len(CHANNELS), draws, *known.shape)
+    named = np.full(whole, NONE, dtype=np.int16)
+    probability = np.full(whole, np.nan, dtype=np.float32)
+    inverse_temperature, outlier_fraction = np.empty((2, *axes, len(CHANNELS), draws))
+    factors = silhouette_constants[..., np.arange(draws) % phases]  # (look, constant, draw)
+    inverse_temperature[..., 0, :], inverse_temperature[..., 1:, :] = 1.0, factors[:, :1]
+    outlier_fraction[..., ::2, :] = of_profiles.mean(axis=-1)[..., None, None, None]
+    outlier_fraction[..., 1, :] = factors[:, 1]
+    for rows in row_blocks(len(views), ROWS * max(1, AT_ONCE // (ROWS * replicates))):
+        true, column = np.divmod(views[rows], known.shape[1])
+        similar = [cosines(silhouettes, maps, m, views[rows]) for m in range(looks)]
+        for f, count in enumerate(frame_count):
+            seen = np.concatenate([profiles[f, r, views[rows]] for r in range(replicates)])
+            logs = templates.log_likelihood(prior.levelled(seen), count, gain_sigma=gain_sigma)
+            logs = logs.reshape(len(gain_sigma), replicates, len(true), -1)[..., own]
+            for g, d in np.ndindex(len(gain_sigma), draws):
+                profile = logs[g, d % replicates]
+                certain = with_outliers(profile, of_ship, outlier_fraction=of_profiles[g, f])
+                of_profile = label_posterior(profile, of_ship)
+                for m, cosine in enumerate(similar):
+                    factor, share = factors[m, :, d]
+                    silhouette = factor * cosine[d % phases].astype(np.float64)
+                    silhouette = with_outliers(silhouette, of_ship, outlier_fraction=share)
+                    both = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
+                    of_both = (label_posterior(scores, of_ship) for scores in (silhouette, both))
+                    for c, posterior in enumerate((of_profile, *of_both)):
+                        at = g, f, m, c, d, true, column
+                        named[at], probability[at] = classifier.most_probable(posterior, true)
+    return classifier.judged(named, compared) | {
         "probability": probability,
         "inverse_temperature": inverse_temperature,
         "outlier_fraction": outlier_fraction,
@@ -215,12 +255,6 @@ fusion_draws = ANSWERS.coordinates(
     uses=(Grid, Infrared),
     gather=(Grid.replicate, Infrared.subpixel_offsets),
 )(draws_of)
-
-
-def compared(scores: NDArray[np.floating]) -> Views:
-    """Return the (view,) mask of views with (draw, view, template) scores in every draw."""
-    valid: Views = np.isfinite(scores).any(axis=-1).all(axis=0)
-    return valid
 
 
 def check(choices: Choices) -> Choices:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncti.classify.blocks import row_blocks
+from ncti.classify.blocks import ROWS, row_blocks
 from ncti.classify.fusion import label_posterior
 from ncti.classify.misfit import log_fit
 from ncti.classify.track import aspect_prior
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
 ANSWERS = classifier.of_profiles(NAME, "gain_sigma", "left_out")
+AT_ONCE = 8 * ROWS
+"""Rows whose densities are held: covariances are factored anew for each block of them."""
 
 
 class Likelihood(Settings, key="classifier"):
@@ -195,41 +197,6 @@ def alternative_templates(
     return found, chosen
 
 
-@stage(
-    Output("log_density", ("view", "template"), "f8"),
-    uses=(Grid, Likelihood),
-    along=(Grid.frame_count,),
-    gather=GATHERED,
-)
-def profile_scores(
-    profile_templates: tuple[GaussianTemplates | None, Views],
-    averaged: Profiles,
-    valid: Views,
-    gain_sigma: float,
-    frame_count: tuple[int, ...],
-    prior: Prior,
-) -> Floats:
-    """Return (frame_count, view, template) log densities, NaN for missing views.
-
-    A template is a learned view; without any there is one column, for nothing is kept of no size.
-    `gain_sigma` is the prior standard deviation of the gain.
-    """
-    templates, known = profile_templates
-    scores = np.full((len(frame_count), valid.size, max(1, int(known.sum()))), np.nan)
-    if templates is None:
-        return scores
-    for of_count, count, profiles in zip(scores, frame_count, averaged, strict=True):
-        of_count[valid.reshape(-1)] = templates.log_likelihood(
-            prior.levelled(profiles[valid]), count, gain_sigma=gain_sigma
-        )
-    return scores
-
-
-alternative_scores = replace(
-    profile_scores, name="alternative_scores", reads={"profile_templates": "alternative_templates"}
-)
-
-
 @dataclass(frozen=True, eq=False)
 class Track:
     """Aspects of the grid, and what a track reports of the aspect of each view [deg], if any.
@@ -245,12 +212,12 @@ class Track:
     sigma: float | None
     reported: Floats
 
-    def log_prior(self, valid: Views, rows: slice, ship: Ships, column: Ships) -> ArrayLike:
-        """Return the log prior of templates, of ships and columns, for some of the valid views."""
+    def log_prior(self, views: Ships, ship: Ships, column: Ships) -> ArrayLike:
+        """Return the log prior of templates, of ships and columns, for views by number."""
         if self.sigma is None:
             return 0.0
         at = np.array(self.aspect)[column]
-        return aspect_prior(at, ship, self.reported[valid][rows], sigma=self.sigma)
+        return aspect_prior(at, ship, self.reported.reshape(-1)[views], sigma=self.sigma)
 
 
 @in_memory(uses=(Grid, Likelihood, Run), gather=GATHERED)
@@ -277,22 +244,27 @@ def _in_wider_cells(
     templates: GaussianTemplates,
     seen: Profiles | Floats,
     given: tuple[Floats, Floats],
-    at: tuple[Ships, Ships, Ships],
+    at: tuple[Ships, Ships],
     count: int,
-    gain_sigma: float,
+    gain_sigma: tuple[float, ...],
 ) -> tuple[Floats, Floats]:
     """Return the scores and peaks of templates whose cells reach as far as an aspect left out.
 
-    `at` has the rows of views, their aspects and those of templates.
+    `at` has the aspects of what is seen and those of templates.
     """
-    scores, peak = (values.copy() for values in given)
-    views, of_view, of_template = at
-    for column in np.unique(of_view):
+    of_view, of_template = at
+    scores, peak = given[0].copy(), np.broadcast_to(given[1], given[0].shape).copy()
+    for column in np.intersect1d(of_view, of_template):
         rows, others = of_view == column, of_template != column
-        rest, place = templates.without(~others), np.ix_(views[rows], others)
+        rest, place = templates.without(~others), (slice(None), *np.ix_(rows, others))
         scores[place] = rest.log_likelihood(seen[rows], count, gain_sigma=gain_sigma)
-        peak[place] = rest.peak(count, gain_sigma=gain_sigma)
+        peak[place] = peaks(rest, count, gain_sigma)
     return scores, peak
+
+
+def peaks(templates: GaussianTemplates, count: int, gain_sigma: tuple[float, ...]) -> Floats:
+    """Return the (gain, 1, template) greatest log densities under each template."""
+    return np.stack([[templates.peak(count, gain_sigma=gain)] for gain in gain_sigma])
 
 
 @ANSWERS.answers(
@@ -305,66 +277,79 @@ def _in_wider_cells(
     Output("fit", classifier.VIEW, label="log probability of a worse fit of the best template"),
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
-    along=(Grid.frame_count,),
+    reads=classifier.in_blocks("averaged"),
+    # Densities are shared by all of them.
+    along=(Classifier.left_out, Likelihood.gain_sigma, Grid.frame_count),
 )
 def likelihood(
     profile_templates: tuple[GaussianTemplates, Views],
-    profile_scores: Floats,
     alternative_templates: tuple[GaussianTemplates | None, Views],
-    alternative_scores: Floats,
     averaged: Profiles,
     valid: Views,
     prior: Prior,
     track: Track,
     *,
-    gain_sigma: float,
+    gain_sigma: tuple[float, ...],
     misfit_weight: float,
     frame_count: tuple[int, ...],
-    left_out: bool,
+    left_out: tuple[bool, ...],
 ) -> Arrays:
-    """Return the most probable ship, one number of frames at a time.
+    """Return the most probable ship of (frame_count, ship, aspect, bin) averages.
 
     Where the true aspect is left out, templates of all ships at it are, and cells of those beside
     it reach as far as it. Ships known to be unknown are together one more, which is never named.
+    `gain_sigma` are prior standard deviations of the gain. Log densities are held of some views at
+    a time, those of an aspect together.
     """
     templates, known = profile_templates
-    classifier.require_another_aspect(known, left_out)
-    (true, of_view), (of_ship, of_template) = np.nonzero(valid), np.nonzero(known)
-    others_ship, others_column = np.nonzero(alternative_templates[1])
+    classifier.require_another_aspect(known, any(left_out))
+    unknown, of_unknown = alternative_templates
+    of_view, true = np.nonzero(valid.T)
+    views = true * valid.shape[1] + of_view
+    of_ship, of_template = np.nonzero(known)
+    others_ship, others_column = np.nonzero(of_unknown)
     label = np.concatenate([of_ship, np.full(others_ship.size, NONE)])
     ship, column = np.append(of_ship, others_ship), np.append(of_template, others_column)
-    views = np.flatnonzero(valid)
-    whole = (len(frame_count), *valid.shape)
-    named, (probability, similarity, fit) = np.full(whole, NONE), np.full((3, *whole), np.nan)
+    flat = averaged.reshape(len(frame_count), -1, averaged.shape[-1])
+    whole = (len(left_out), len(gain_sigma), len(frame_count), *valid.shape)
+    named = np.full(whole, NONE, dtype=np.int16)
+    probability, similarity, fit = np.full((3, *whole), np.nan)
     for f, count in enumerate(frame_count):
-        scores = profile_scores[f]
-        peak = np.broadcast_to(templates.peak(count, gain_sigma=gain_sigma), scores.shape)
-        if left_out and templates.template_error_:
-            seen = prior.levelled(averaged[f][valid])
-            scores, peak = _in_wider_cells(
-                templates, seen, (scores, peak), (views, of_view, of_template), count, gain_sigma
-            )
-        for rows in row_blocks(len(views)):
-            exclude = (of_view[rows, None] == column) & left_out
-            others = alternative_scores[f, views[rows], : others_ship.size]
-            every = np.concatenate([scores[views[rows]], others], axis=1)
-            posterior = label_posterior(
-                every, label, exclude=exclude, log_prior=track.log_prior(valid, rows, ship, column)
-            )
-            at = f, true[rows], of_view[rows]
-            ships, chance = posterior
-            posterior = ships[ships != NONE], chance[:, ships != NONE]
-            named[at], probability[at] = classifier.most_probable(posterior, true[rows])
-            own = np.where(exclude[:, : of_ship.size], -np.inf, scores[views[rows]])
-            best = np.arange(len(own)), own.argmax(axis=1)
-            distant = peak[views[rows]][best] - scores[views[rows]][best]
-            fit[at] = log_fit(-distant[:, None], [0.0], averaged.shape[-1])[:, 0]
-            similarity[at] = posterior[1].max(axis=1) * np.exp(misfit_weight * fit[at])
+        highest = peaks(templates, count, gain_sigma)
+        for rows in row_blocks(len(views), AT_ONCE):
+            seen = prior.levelled(flat[f, views[rows]])
+            plain = templates.log_likelihood(seen, count, gain_sigma=gain_sigma), highest
+            others = np.empty((len(gain_sigma), len(seen), 0))
+            if unknown is not None:
+                others = unknown.log_likelihood(seen, count, gain_sigma=gain_sigma)
+            log_prior = track.log_prior(views[rows], ship, column)
+            for n, leave in enumerate(left_out):
+                found = plain
+                if leave and templates.template_error_:
+                    at = of_view[rows], of_template
+                    found = _in_wider_cells(templates, seen, plain, at, count, gain_sigma)
+                exclude = (of_view[rows, None] == column) & leave
+                for g, (scores, peak) in enumerate(zip(*found, strict=True)):
+                    place = n, g, f, true[rows], of_view[rows]
+                    every = np.concatenate([scores, others[g]], axis=1)
+                    ships, chance = label_posterior(
+                        every, label, exclude=exclude, log_prior=log_prior
+                    )
+                    posterior = ships[ships != NONE], chance[:, ships != NONE]
+                    named[place], probability[place] = classifier.most_probable(
+                        posterior, true[rows]
+                    )
+                    own = np.where(exclude[:, : of_ship.size], -np.inf, scores)
+                    best = np.arange(len(own)), own.argmax(axis=1)
+                    distant = np.broadcast_to(peak, scores.shape)[best] - scores[best]
+                    worse = log_fit(-distant[:, None], [0.0], averaged.shape[-1])[:, 0]
+                    fit[place] = worse
+                    similarity[place] = posterior[1].max(axis=1) * np.exp(misfit_weight * worse)
     return classifier.judged(named, valid) | {
         "probability": probability,
         "similarity": similarity,
         "fit": fit,
-        "calibrated_error": np.full(len(frame_count), templates.template_error_),
+        "calibrated_error": np.full(whole[:3], templates.template_error_),
     }
 
 

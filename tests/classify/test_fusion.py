@@ -5,7 +5,12 @@ import pytest
 from scipy import stats
 
 from ncti.classify import fuse, label_posterior
-from ncti.classify.calibration import fit_temperature_and_outliers
+from ncti.classify.calibration import (
+    FRESH,
+    UNLIKE,
+    fit_held_out_phases,
+    fit_temperature_and_outliers,
+)
 from ncti.classify.fusion import with_outliers
 
 LABELS = np.repeat([0, 1, 2, 3], 5)  # four ships, five aspects
@@ -128,3 +133,21 @@ def test_two_sensors_together_are_the_sensor_with_both_views():
     whole = halves[0] + halves[1]
     both = fuse(*halves, inverse_temperature=(1.0, 1.0))
     np.testing.assert_allclose(np.diff(both, axis=1), np.diff(whole, axis=1), atol=1e-9)
+
+
+def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
+    """More templates than a block has rows, whose scores are in single precision."""
+    phases, ships, aspects = 3, 4, 60
+    rng = np.random.default_rng(3)
+    labels, aspect = np.divmod(np.arange(ships * aspects), aspects)
+    near = np.exp(-(((aspect[:, None] - aspect) / 5) ** 2)) * (labels[:, None] == labels)
+    scores = (near + 0.3 * rng.standard_normal((phases, *near.shape))).astype(np.float32)
+    found = fit_held_out_phases(scores, labels, aspect)
+    unlike = np.where(aspect[:, None] == aspect, UNLIKE, scores)
+    for phase, constants in enumerate(found.T):
+        rows = [np.delete(one, phase, axis=0).reshape(-1, len(labels)) for one in (scores, unlike)]
+        truth = np.tile(labels, 2 * (phases - 1))
+        weight = np.repeat([1 - FRESH, FRESH], len(truth) // 2)
+        plain = fit_temperature_and_outliers(np.concatenate(rows), labels, truth, weight=weight)
+        # Where the search stops hangs on rounding, but not by more than its tolerance.
+        np.testing.assert_allclose(constants, plain, rtol=1e-6)

@@ -1,5 +1,6 @@
 """The network from cosines alone, against the network itself."""
 
+import tracemalloc
 import warnings
 
 import numpy as np
@@ -7,9 +8,15 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster
+from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster, vigilance_sweep
 
 vectors = arrays(float, st.tuples(st.integers(1, 20), st.just(4)), elements=st.integers(-3, 3))
+
+
+@pytest.fixture(params=[vigilance_sweep.BLOCK, 12], ids="block of {}".format, autouse=True)
+def block(request, monkeypatch):
+    """Vectors whose cosines are held at once: all of those here, or some."""
+    monkeypatch.setattr(vigilance_sweep, "BLOCK", request.param)
 
 
 def assert_same(training, tests, order, *, vigilance, learning_rate, max_passes):
@@ -66,25 +73,42 @@ def test_a_vector_must_exceed_the_vigilance():
     assert cluster(Similarities.of(np.eye(2)), vigilance=0.0).labels.tolist() == [0, 1]
 
 
-def test_samples_left_out_of_the_order_are_not_learned():
+@pytest.mark.parametrize("features", [5, 30])
+def test_samples_left_out_of_the_order_are_not_learned(features):
+    """Whether there are more of them than features or not."""
     rng = np.random.default_rng(0)
-    training = rng.normal(size=(9, 5))
-    found = cluster(Similarities.of(training, training), vigilance=0.9, order=np.arange(4))
-    alone = cluster(Similarities.of(training[:4], training[:4]), vigilance=0.9)
+    training, tests = rng.normal(size=(9, features)), rng.normal(size=(7, features))
+    every, few = Similarities.of(training, tests), Similarities.of(training[:4], tests)
+    found, alone = cluster(every, vigilance=0.9, order=np.arange(4)), cluster(few, vigilance=0.9)
     np.testing.assert_array_equal(found.labels, [*alone.labels, *[-1] * 5])
-    assert not found.weights[:, 4:].any()
+    (category, cosine), (other, same) = found.match(every), alone.match(few)
+    np.testing.assert_array_equal(category, other)
+    np.testing.assert_allclose(cosine, same, atol=1e-13)
 
 
-def test_tests_may_come_later():
-    """And again: what is shared between training vectors is not theirs."""
+@pytest.mark.parametrize("features", [6, 20])
+def test_tests_may_come_later(features):
     rng = np.random.default_rng(5)
-    training, tests, others = (rng.normal(size=(count, 6)) for count in (12, 5, 7))
+    training, tests, others = (rng.normal(size=(count, features)) for count in (12, 5, 7))
     later = Similarities.of(training)
-    assert (later.test.shape, later.answers.shape) == ((0, 12), (0,))
+    assert (later.test.shape, later.answers.shape) == ((0, min(features, 12)), (0,))
     for shown in (tests, others):
         at_once, found = Similarities.of(training, shown), later.to(shown)
-        for name in ("directions", "lengths", "training", "test", "answers"):
+        for name in ("directions", "lengths", "test", "answers"):
             np.testing.assert_array_equal(getattr(found, name), getattr(at_once, name))
-        assert found.training is later.training
-    with pytest.raises(ValueError, match=r"tests has shape \(5, 4\), but must be \(test, 6\)"):
+    with pytest.raises(ValueError, match=rf"tests has shape \(5, 4\), .* \(test, {features}\)"):
         later.to(tests[:, :4])
+
+
+def test_memory_is_in_proportion_to_the_vectors():
+    def peak(count):
+        vectors = np.random.default_rng(1).normal(size=(count, 12))
+        tracemalloc.start()
+        found = cluster(Similarities.of(vectors), vigilance=0.95, max_passes=2)
+        held = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return held, len(found.weights)
+
+    (small, few), (large, many) = peak(500), peak(4_000)
+    assert many < 8 * few  # categories, whose cosines to a block are held
+    assert large < 10 * small  # sixty-four times, if all were held against all

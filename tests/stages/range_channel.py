@@ -1,9 +1,11 @@
 """The range channel alone: its experiment, and profiles of one cell that are made up."""
 
+import tracemalloc
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ncti.classify import GaussianTemplates
 from sweeps.engine.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import classifier
@@ -110,3 +112,26 @@ def dense(band):
         beside = np.diag(band[lag, : BINS - lag].astype(np.float64), lag)
         whole += beside + beside.T
     return whole
+
+
+def few_learned(aspects, learned=20):
+    """Mask of views learned, their templates with it, and (ship, aspect, bin) averages in noise."""
+    rng = np.random.default_rng(aspects)
+    known = np.zeros((SHIPS, aspects), dtype=bool)
+    known[:, :: aspects // learned] = True
+    averaged = np.abs(rng.standard_normal((*known.shape, 16)))
+    of_ship, column = known.nonzero()
+    band = np.ones((len(column), 1, 16))
+    templates = GaussianTemplates(template_error=0.2)
+    templates.fit(averaged[known], band, of_ship, averaged[known][:, :1], aspect=0.01 * column)
+    return known, (templates, known), averaged
+
+
+def peak_memory(call):
+    """Return the most memory [B] that a call held."""
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

@@ -232,7 +232,7 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     [clustering] = [acn._clustering(plain)]
     category, cosine = clustering.match(of_all.similarities.to(profile_vectors(tests)))
     np.testing.assert_array_equal(found["category"][0][valid], category.reshape(valid.shape)[valid])
-    # Sums over all views, zero where one is not learned, of cosines with weights.
+    # Sums over features or over all views, zero where one is not learned, of cosines with weights.
     bound = 4 * valid.size * np.finfo(float).eps * max(1, np.abs(plain["weights"]).max())
     cosine = cosine.reshape(valid.shape)[valid]
     np.testing.assert_allclose(found["similarity"][0][valid], cosine, rtol=0, atol=bound)

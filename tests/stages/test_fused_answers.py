@@ -2,13 +2,23 @@
 
 import numpy as np
 import pytest
-from range_channel import ASPECTS, FRAMES, NAMED, REPLICATES, SHIPS, bands, learned, made
+from range_channel import (
+    ASPECTS,
+    FRAMES,
+    REPLICATES,
+    SHIPS,
+    bands,
+    few_learned,
+    learned,
+    made,
+    peak_memory,
+)
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from ncti.classify.blocks import row_blocks
 from sweeps.stages import fusion
-from sweeps.stages.likelihood import Prior, profile_moments, profile_scores, profile_templates
+from sweeps.stages.likelihood import Prior, profile_moments, profile_templates
 
 GRID = (SHIPS, len(ASPECTS))
 VIEWS = SHIPS * len(ASPECTS)
@@ -31,29 +41,20 @@ def maps():
     return templates.astype(np.uint8), seen.astype(np.uint8)
 
 
-def scores_of(moments, averaged, valid, frames=FRAMES):
-    """Scores of profiles (gain, count, view, template)."""
-    of_gains = [profile_scores(moments, averaged, valid, one, frames, PRIOR) for one in GAINS]
-    return np.stack(of_gains)
-
-
-def compared(cell, templates, seen, valid=None, **training_views):
-    """Scores of profiles (replicate, gain, count, view, template); of silhouettes; constants."""
+def answered(cell, templates, seen, valid=None, **training_views):
+    """Answers (gain, count, look, channel, draw, ship, aspect); scores of profiles; constants."""
     valid = np.ones((PHASES, *GRID), dtype=bool) if valid is None else valid
     known = learned(**training_views)
     views = cell.valid, known, np.zeros_like(known), ASPECTS
     moments = profile_moments(cell.expected, bands(cell, VARIANCE), *views, PRIOR)
-    moments = profile_templates(moments, np.array(0.0))  # exact, as by hand
-    profiles = np.stack([scores_of(moments, one, cell.valid) for one in cell.averaged])
-    silhouettes = fusion.silhouette_scores(templates, seen, valid, learned(**training_views))
-    constants = [fusion.silhouette_constants(one, learned(**training_views)) for one in silhouettes]
-    return profiles, silhouettes, constants
-
-
-def named_by(profiles, silhouettes, constants, g, m, n, outlier_fraction=0.0, **training_views):
-    of_profiles = np.where(learned(**training_views).reshape(-1), outlier_fraction, np.nan)
-    scores = profiles[:, g, n], silhouettes[m], constants[m], of_profiles
-    return fusion.fusion(*scores, learned(**training_views), NAMED, ASPECTS)
+    of_profiles = profile_templates(moments, np.array(0.0))  # exact, as by hand
+    constants = fusion.silhouette_constants(templates, seen, valid, known)
+    averaged = cell.averaged.swapaxes(0, 1)
+    outliers = np.full((len(GAINS), len(FRAMES), of_profiles[1].sum()), PROFILE_OUTLIERS)
+    both = np.broadcast_to(valid & cell.valid, (REPLICATES, *valid.shape))
+    given = of_profiles, outliers, averaged, templates, seen, constants, both
+    found = fusion.fusion(*given, known, PRIOR, GAINS, FRAMES)
+    return found, of_profiles[0], constants
 
 
 def similarity_by_hand(templates, seen):
@@ -137,26 +138,30 @@ def test_by_hand(unknown):
     """Every gain, number of frames and draw; a ship that is learned, or is not."""
     training_views = np.ones(VIEWS, dtype=bool) if unknown is None else SHIP != 1
     cell, (templates, seen) = made(noise=5.0), maps()
-    scores = compared(cell, templates, seen, unknown=unknown)
+    answers, of_profiles, constants = answered(cell, templates, seen, unknown=unknown)
     cosines = similarity_by_hand(templates, seen)
     # `test_likelihood_answers` holds these against densities.
     logs = np.full((len(GAINS), REPLICATES, len(FRAMES), VIEWS, VIEWS), np.nan)
-    logs[..., training_views] = scores[0].swapaxes(0, 1)
+    for r, n in np.ndindex(REPLICATES, len(FRAMES)):
+        flat = cell.averaged[r, n].reshape(VIEWS, -1)
+        logs[:, r, n][..., training_views] = of_profiles.log_likelihood(
+            flat, FRAMES[n], gain_sigma=GAINS
+        )
     for m, phase in np.ndindex(len(LOOKS), PHASES):
-        assert is_likeliest(cosines[m], training_views, phase, scores[2][m][:, phase])
+        assert is_likeliest(cosines[m], training_views, phase, constants[m][:, phase])
     doubtful = []
     for g, m, n in np.ndindex(len(GAINS), len(LOOKS), len(FRAMES)):
-        found = named_by(*scores, g, m, n, PROFILE_OUTLIERS, unknown=unknown)
+        found = {name: values[g, n, m] for name, values in answers.items()}
         assert found["predicted"].shape == (3, PHASES, *GRID)
         np.testing.assert_array_equal(found["inverse_temperature"][0], 1)
-        np.testing.assert_array_equal(found["inverse_temperature"][1:], scores[2][m][[0, 0]])
+        np.testing.assert_array_equal(found["inverse_temperature"][1:], constants[m][[0, 0]])
         calm = np.full(PHASES, PROFILE_OUTLIERS)
         np.testing.assert_allclose(
-            found["outlier_fraction"], [calm, scores[2][m][1], calm], rtol=1e-15
+            found["outlier_fraction"], [calm, constants[m][1], calm], rtol=1e-15
         )
         for d in range(PHASES):
             profile = logs[g, d % REPLICATES, n]
-            inverse_temperature, outlier_fraction = scores[2][m][:, d]
+            inverse_temperature, outlier_fraction = constants[m][:, d]
             silhouette = with_outliers_by_hand(
                 inverse_temperature * cosines[m, d], training_views, outlier_fraction
             )
@@ -183,19 +188,33 @@ def test_answers_in_blocks_are_those_of_all_views(rows, monkeypatch):
     valid = np.ones((PHASES, *GRID), dtype=bool)
     valid[1, 2, 2] = False
 
-    known = learned(unknown=("b",))
-    of_profiles = np.where(known & cell.valid, PROFILE_OUTLIERS, np.nan).reshape(-1)
-
     def found():
-        profiles, silhouettes, constants = compared(cell, templates, seen, valid, unknown=("b",))
-        assert profiles.shape[-1] == (known & cell.valid).sum()
-        assert silhouettes.shape[-1] == (known & valid.all(axis=0)).sum()
-        scores = profiles[:, 1, 1], silhouettes[0], constants[0], of_profiles
-        return fusion.fusion(*scores, known, NAMED, ASPECTS)
+        return answered(cell, templates, seen, valid, unknown=("b",))[0]
 
     whole = found()
-    monkeypatch.setattr(fusion, "row_blocks", lambda count: row_blocks(count, rows))
+    monkeypatch.setattr(fusion, "row_blocks", lambda count, most=0: row_blocks(count, rows))
     for name, values in found().items():
         # Inverse temperatures are found to 1e-4 of theirs, from scores in single precision.
         np.testing.assert_allclose(values, whole[name], rtol=1e-3, atol=1e-3, err_msg=name)
-    assert (whole["cell"] == 0).sum() == 2 * 3 * PHASES
+    assert (whole["cell"] == 0).sum() == 2 * 3 * PHASES * len(GAINS) * len(FRAMES) * len(LOOKS)
+
+
+def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
+    monkeypatch.setattr(fusion, "AT_ONCE", 192)
+
+    def peak(aspects):
+        known, templates, averaged = few_learned(aspects)
+        maps = np.random.default_rng(0).integers(0, 255, (2, *known.shape, 4, 3)).astype(np.uint8)
+        valid = np.ones((2, *known.shape), dtype=bool)
+
+        def answer():
+            constants = fusion.silhouette_constants(maps, maps[None], valid, known)
+            outliers = np.full((1, 1, known.sum()), 0.1)
+            sensors = templates, outliers, averaged[None, None], maps, maps[None], constants
+            fusion.fusion(*sensors, valid[None], known, PRIOR, (1.0,), (4,))
+
+        return peak_memory(answer)
+
+    peak(20)  # imports
+    # Four times as many tests, whose scores would be 3 MB more.
+    assert peak(800) < 1.5 * peak(200)
