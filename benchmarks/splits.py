@@ -41,7 +41,8 @@ def measure(more: Sequence[str] = (), held_out: int = HELD_OUT) -> Reports:
         Number of seeds by which the ranking of the others is checked.
     """
     groups = [TESTS.path, *(f"{BENCHMARK}/{name}" for name in ENTRIES)]
-    overrides = [f"+experiment={BENCHMARK}", *more]
+    entered = f"benchmark.classifier=[{','.join(ENTRIES)}]"  # those of extras, too
+    overrides = [f"+experiment={BENCHMARK}", entered, *more]
     return tables_of(swept(overrides, groups, label="the benchmark"), held_out)
 
 

@@ -1,8 +1,9 @@
 """The experiment, assembled from the declarations of the modules of `sweeps.stages`.
 
 A module declares groups of settings, stages, by themselves or in tuples, and perhaps TABLES;
-SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices, and
-`about`, which returns lines on them. To add one, pass it to `assemble` with `MODULES`.
+SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices,
+`check_first`, which refuses those that need no ship to be built, and `about`, which returns lines
+on them. To add one, pass it to `assemble` with `MODULES`.
 """
 
 from __future__ import annotations
@@ -78,9 +79,10 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     def check(choices: Choices) -> Choices:
         with environment(choices.variables):
-            for module in modules:
-                if hasattr(module, "check"):
-                    choices = module.check(choices)
+            for name in ("check_first", "check"):
+                for module in modules:
+                    if hasattr(module, name):
+                        choices = getattr(module, name)(choices)
             # A store records the engine that rendered, not the choice "auto".
             return choices.having(Render.engine, views.drawing_engines(choices))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.checks import require, require_word
-from ncti.data.rows import dataset
+from ncti.data.rows import NUMBERS, dataset
 from ncti.ladar.budget import carrier_to_noise
 from ncti.render.flight import DEPRESSION
 
@@ -170,6 +170,8 @@ def split(
     >>> bool(((halves.train.aspect < 30) | (halves.train.aspect >= 60)).all())
     True
     """
+    for part, count in ((TRAIN, train), (TEST, test)):
+        require(part, count, **vars(NUMBERS["count"]))
     counts = {TRAIN: train, TEST: test, UNKNOWN: max(test // 2, 1)}
     found = {
         part: rows_of(name, part, seed=seed, ships=ships, count=count, workers=workers)

@@ -47,7 +47,7 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
     Raises
     ------
     ValueError
-        If there is neither a profile nor a silhouette.
+        If they are not rows of a data set, or have neither a profile nor a silhouette.
 
     See Also
     --------
@@ -67,6 +67,13 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
     >>> groups.tolist()
     [0, 1, 1, 1, 0]
     """
+    import xarray as xr
+
+    if not isinstance(rows, xr.Dataset):
+        said = " ".join(repr(rows).split())
+        raise ValueError(f"rows is {said:.60}, but must be a data set of rows")
+    if lacking := [name for name in (*GROUP, "view") if name not in rows.coords]:
+        raise ValueError(f"rows has no {lacking[0]}, but must be rows of a data set")
     parts = [see(rows[name].values) for name, see in VECTORS.items() if name in rows]
     if not parts:
         raise ValueError(

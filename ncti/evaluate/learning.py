@@ -107,12 +107,20 @@ def learning_curve(
     from sklearn.base import clone
 
     require_generator("rng", rng)
+    for name, rows_of in (("train", train), ("test", test)):
+        if not isinstance(rows_of, Sequence) or len(rows_of) != 3:
+            said = " ".join(repr(rows_of).split())
+            raise ValueError(f"{name} is {said:.60}, but must be vectors, classes and views")
     (vectors, labels, groups), (seen, truth, of) = (
         (require_all("X", X), require_labels("y", y), require_labels("groups", view))
         for X, y, view in (train, test)
     )
-    for array in (labels, groups):
-        require_shape("train", array, vectors.shape[:1])
+    for name, X, of_rows in (("train", vectors, (labels, groups)), ("test", seen, (truth, of))):
+        for array in of_rows:
+            require_shape(name, array, X.shape[:1])
+    for name, given in (("views", views), ("draws", draws)):
+        wanted = require_all(name, given, whole=True, minimum=1)
+        require_shape(name, wanted, (wanted.size,))
     _, of_class = np.unique(labels, return_inverse=True)
     several, first, of_view = np.unique(groups, return_index=True, return_inverse=True)
     if not np.array_equal(of_class, of_class[first][of_view]):
@@ -125,7 +133,7 @@ def learning_curve(
     of_classes, of_views = np.bincount(of_class[first]), np.bincount(of_view)
     for name, values, most in (("views", views, of_classes), ("draws", draws, of_views)):
         for value in values:
-            require(f"each of {name}", value, whole=True, minimum=1, maximum=most.min())
+            require(f"each of {name}", value, maximum=most.min())
     fraction, low, high = np.empty((3, len(views), len(draws)))
     rows = np.empty(fraction.shape, dtype=np.intp)
     everywhere = np.zeros(len(truth))

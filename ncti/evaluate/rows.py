@@ -122,7 +122,7 @@ def score(
         Classes named; or probabilities of the classes, as of `predict_proba`; or other values, as
         of `decision_function`, of which the largest names the class.
     aspect : (row,) array_like
-        Aspects [deg].
+        Aspects [deg], 0 to 360.
     groups : (row,) array_like
         View of each row, whose answers are correlated.
     classes : (class,) array_like, optional
@@ -173,7 +173,8 @@ def score(
     (0.511, 1.0, 0.667)
     """
     truth = require_labels("y", y)
-    require_shape("y", truth, (truth.size,))
+    if truth.ndim != 1 or not truth.size:
+        raise ValueError(f"y has shape {truth.shape}, but must be a non-empty sequence")
     learned = np.unique(truth) if classes is None else require_labels("classes", classes)
     values = None
     if np.ndim(predicted) == 2:
@@ -195,31 +196,24 @@ def score(
     known = np.isin(truth, learned)
     if not known.any():
         raise ValueError(f"y has {truth[:1]}, but must have a row of the classes, {learned}")
-    of_view, at = require_labels("groups", groups), require_all("aspect", aspect)
+    of_view = require_labels("groups", groups)
+    at = require_all("aspect", aspect, minimum=0.0, maximum=360.0)
     for name, array in (("groups", of_view), ("aspect", at)):
         require_shape(name, array, truth.shape)
     correct = named == truth
-    # Imported here because scikit-learn takes a second.
-    from sklearn.metrics import confusion_matrix, log_loss
-
     loss, ece, curve = np.nan, np.nan, None
     if values is not None and _are_probabilities(values):
-        of_known = values[known]
-        of_known = of_known / of_known.sum(axis=1, keepdims=True)
-        loss = float(log_loss(truth[known], of_known, labels=learned)) if learned.size > 1 else 0.0
-        curve = _reliability(of_known.max(axis=1), correct[known])
-        distance = np.abs(curve.fraction - curve.confidence) * curve.n
-        ece = float(np.nansum(distance) / curve.n.sum())
+        loss, ece, curve = _calibration(values[known], truth[known], learned, correct[known])
     auroc = oscr = kept = np.nan
     if not known.all():
         if similarity is None:
             raise ValueError("similarity is None, but must tell unknown classes from known ones")
         alike = require_all("similarity", similarity)
         require_shape("similarity", alike, truth.shape)
-        areas = open_set_scores(alike, correct, known)
-        auroc, oscr = areas.auroc, areas.oscr
-        [most] = rejection_thresholds(alike[~known], [REJECTED])
-        kept = float((correct & (alike > most))[known].mean())
+        auroc, oscr, kept = _rejection(alike, correct, known)
+    # Imported here because scikit-learn takes a second.
+    from sklearn.metrics import confusion_matrix
+
     return Scores(
         accuracy=grouped_accuracy(correct[known], at[known], of_view[known]),
         classes=learned,
@@ -236,6 +230,28 @@ def score(
 def _are_probabilities(values: Floats) -> bool:
     """Return whether (row, class) values are nowhere negative and sum to 1."""
     return bool((values >= 0).all() and np.allclose(values.sum(axis=1), 1.0, rtol=0, atol=ROUNDING))
+
+
+def _calibration(
+    values: Floats, truth: NDArray, classes: NDArray, correct: NDArray[np.bool_]
+) -> tuple[float, float, Reliability]:
+    """Return log loss, calibration error and its curve of (row, class) probabilities."""
+    from sklearn.metrics import log_loss
+
+    likely = values / values.sum(axis=1, keepdims=True)
+    loss = float(log_loss(truth, likely, labels=classes)) if classes.size > 1 else 0.0
+    curve = _reliability(likely.max(axis=1), correct)
+    distance = np.abs(curve.fraction - curve.confidence) * curve.n
+    return loss, float(np.nansum(distance) / curve.n.sum()), curve
+
+
+def _rejection(
+    similarity: Floats, correct: NDArray[np.bool_], known: NDArray[np.bool_]
+) -> tuple[float, float, float]:
+    """Return AUROC, OSCR and the share of known classes kept where `REJECTED` are rejected."""
+    areas = open_set_scores(similarity, correct, known)
+    [most] = rejection_thresholds(similarity[~known], [REJECTED])
+    return areas.auroc, areas.oscr, float((correct & (similarity > most))[known].mean())
 
 
 def _reliability(confidence: Floats, correct: NDArray[np.bool_]) -> Reliability:

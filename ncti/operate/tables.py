@@ -66,7 +66,8 @@ def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        `frames`, with `frames_low` and `frames_high`, ends of 95 % intervals over resamples.
+        `frames`, with `frames_low` and `frames_high`, ends of 95 % intervals over resamples. Its
+        attribute `infinite` says in words what infinity means.
 
     See Also
     --------
@@ -78,7 +79,9 @@ def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
     for name, q, words in zip(("low", "high"), TAILS, ENDS, strict=True):
         end = partial(np.quantile, q=q, method="inverted_cdf")
         columns[f"frames_{name}"] = again.reduce(end, "resample"), words
-    return data_set(columns)
+    table = data_set(columns)
+    table.frames.attrs["infinite"] = f"more than {operated.frame_count.values.max():g}"
+    return table
 
 
 def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
@@ -118,4 +121,7 @@ def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
     for name, unit in zip(OVER, UNITS, strict=True):
         words = f"{name.replace('_', ' ')} of the cheapest setting"
         columns[f"best_{name}"] = least[name], words, unit
-    return data_set(columns)
+    table = data_set(columns)
+    for name in ("cost", "frames"):
+        table[name].attrs["infinite"] = "beyond the grid"
+    return table

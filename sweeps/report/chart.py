@@ -26,12 +26,17 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
 
 
 def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
-    """Return the encoding of an axis: of numbers a scale, of words their places."""
+    """Return the encoding of an axis: of numbers a scale, of bins and words their places.
+
+    Values are joined by lines along bins (ordinal), but not along words (nominal).
+    """
     values = [value for value in values_of(frame.rows, column.name) if value != "overall"]
     numeric = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
     encoding: dict[str, Any] = {"field": column.name, "title": column.heading}
     if not numeric:
-        return encoding | {"type": "nominal", "sort": values, "axis": {"labelAngle": 0}}
+        bins = all(column.text(value)[:1].isdigit() for value in values)
+        kind = "ordinal" if bins else "nominal"
+        return encoding | {"type": kind, "sort": values, "axis": {"labelAngle": 0}}
     ticks = {"values": values} if len(values) <= 8 else {"tickCount": 6}
     labels = {"labelExpr": "format(datum.value, '~g')", "labelOverlap": True}
     return encoding | {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -44,6 +45,7 @@ class Column:
     listed: bool = True
     digits: int | None = None  # decimals in files; None: all
     factor: int = 1  # by which values of the store are multiplied
+    infinite: str = "inf"  # words for infinity
 
     @property
     def heading(self) -> str:
@@ -54,6 +56,8 @@ class Column:
         """Return a value as printed, without its unit."""
         if self.axis in WORDED and value in WORDS:
             return WORDS[value]
+        if isinstance(value, float) and math.isinf(value):
+            return self.infinite
         return shown(value, self.format if self.role != "axis" else "g")
 
     def in_words(self, value: Any) -> str:
@@ -270,6 +274,7 @@ def _columns_of_figures(
                 main.listed,
                 TENTHS if is_percent else main.digits,
                 100 if is_percent else 1,
+                printable(str(about.get("infinite", "inf"))),
             )
             columns[name] = variable, column
     return columns

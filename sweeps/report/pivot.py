@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -200,12 +201,17 @@ def entry(frame: Frame, label: Any, figure: str) -> Entry:
     spread = "" if frame.of_role("low", figure) else beside("beside", "spread")
     return Entry(
         column.text(value),
-        f"{low}–{high}" if low and high else "",
+        f"{low}–{high}" if low and high and not _is_endless(value, low, high) else "",
         beside("article"),
         f"±{spread}" if spread.strip("0.") else "",
         label,
         figure,
     )
+
+
+def _is_endless(value: Any, low: str, high: str) -> bool:
+    """Return whether a figure and both ends of its interval, as printed, are infinite."""
+    return isinstance(value, float) and math.isinf(value) and low == high
 
 
 def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:

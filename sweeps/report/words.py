@@ -17,7 +17,7 @@ UNITS = {"aspect_bin": "degree"}  # of pooled aspects, whose values are words
 # Words of classifiers and sensors, which the configuration names shortly.
 WORDS = {
     **{"acn": "ACN", "mnn": "MNN", "likelihood": "maximum likelihood", "fusion": "fusion"},
-    **{"pca_qda": "PCA with QDA", "mlp": "MLP"},
+    **{"pca_qda": "PCA with QDA", "mlp": "MLP", "cnn": "CNN"},
     **{"range": "range profile", "infrared": "silhouette", "both": "both sensors"},
 }
 WORDED = ("classifier", "channel")

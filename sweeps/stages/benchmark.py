@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
@@ -57,10 +58,12 @@ IMPORTS = (  # by its stages, when they are called; takes long
     *("ncti.classify.likelihood", "ncti.classify.gain_annealed", "ncti.classify.baselines"),
     *("sklearn.ensemble", "sklearn.neural_network", "sklearn.discriminant_analysis"),
 )
-ENTRIES = (
+WITHOUT_EXTRAS = (
     *("likelihood", "correlation", "acn", "mnn"),
     *("random_forest", "gradient_boosting", "pca_qda", "mlp"),
 )
+ENTRIES = (*WITHOUT_EXTRAS, "cnn")
+EXTRAS = {"cnn": "torch"}  # packages, which are extras of the same name, of some entries
 REFERENCE = "random_forest"  # with which the others are compared
 ROWS, TEMPLATES, MOMENTS = "noisy rows", "expected profiles", "moments of frames"
 UNSEEN, NO_ROW = -1, -2  # of ships: not learned, and no row
@@ -76,7 +79,13 @@ class Benchmark(Settings, key="benchmark"):
         list(SPLITS), tuple(SPLITS), label="split into training and tests", single="dimension"
     )
     classifier = set_of(
-        word(list(ENTRIES), ENTRIES, label="classifiers of the benchmark", fixed="they are a set")
+        word(
+            list(WITHOUT_EXTRAS),
+            ENTRIES,
+            label="classifiers of the benchmark",
+            help="cnn needs the extra torch",
+            fixed="they are a set",
+        )
     )
     training_rows = count(
         *(TRAINING_ROWS, 8, 10**6),
@@ -361,6 +370,14 @@ def mlp(training_set: Vectors, rng: np.random.Generator) -> Model:
         return model.fit(*training_set[:2])
 
 
+@fit
+def cnn(training_set: Vectors, rng: np.random.Generator) -> Model:
+    """Return a small convolutional network, of PyTorch."""
+    from ncti.classify.convolutional import ConvolutionalNetwork
+
+    return ConvolutionalNetwork(random_state=_number(rng)).fit(*training_set[:2])
+
+
 def _number(rng: np.random.Generator) -> int:
     """Return a seed for scikit-learn."""
     return int(rng.integers(2**32))
@@ -452,7 +469,7 @@ ENTERED = tuple(
     for one in (
         (likelihood, MOMENTS),
         *((one, TEMPLATES) for one in (correlation, acn, mnn)),
-        *((one, ROWS) for one in (random_forest, gradient_boosting, pca_qda, mlp)),
+        *((one, ROWS) for one in (random_forest, gradient_boosting, pca_qda, mlp, cnn)),
     )
 )
 ANSWERS = tuple(one for stages, _ in ENTERED for one in stages)
@@ -462,9 +479,16 @@ TABLES = tuple(table for _, tables in ENTERED for table in tables)
 # Checks
 
 
-def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ships that no split can learn."""
+def check_first(choices: Choices) -> Choices:
+    """Refuse (`ConfigurationError`) ships that no split can learn, before any is built.
+
+    So are classifiers whose package is not installed.
+    """
     if looks(BENCHMARK)(choices):
+        for name in choices.one(Benchmark.classifier):
+            if name in EXTRAS and find_spec(EXTRAS[name]) is None:
+                needed = f"used with {EXTRAS[name]}: pip install 'ncti-sweep[{EXTRAS[name]}]'"
+                refuse(Benchmark.classifier, name, needed)
         for ship in choices[Grid.ship]:
             if ship.source != str(ship) or str(ship.transform) or str(ship) in OUTSIDERS.values():
                 unknown = ", ".join(OUTSIDERS.values())

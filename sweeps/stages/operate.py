@@ -200,7 +200,7 @@ def of_all(operated: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 _NOTES = (
     f"The fewest frames by which {tables.LEVEL:.0%} of views at random aspects are identified, "
-    "with 95 % intervals over resampled views; inf: not by the most frames of the sweep.",
+    "with 95 % intervals over resampled views.",
 )
 FRAMES = Display(
     "operate",
@@ -222,7 +222,8 @@ CHEAPEST = Display(
     rows=("range", "fleet", "channel"),
     notes=(
         "Cost: energy on the box of a ship times the area of the aperture, over those of 16 "
-        "frames at 32 dB and 150 urad. Pulse width and imager cost nothing.",
+        "frames at 32 dB and 150 urad. Pulse width and imager cost nothing. Beyond the grid: no "
+        "setting of the sweep suffices.",
     ),
 )
 TABLES = (
@@ -233,13 +234,19 @@ TABLES = (
 )
 
 
+def check_first(choices: Choices) -> Choices:
+    """Refuse (`ConfigurationError`) more ships than there are, before any is built."""
+    if looks(SENSOR)(choices):
+        ships, largest = len(choices[Grid.ship]), max(choices[Operate.fleet])
+        if largest > ships:
+            refuse(Operate.fleet, largest, f"at most {ships}, the number of ships of grid.ship")
+    return choices
+
+
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) fleets, ranges and noise that cannot be compared."""
+    """Refuse (`ConfigurationError`) ranges and noise that cannot be compared."""
     if not looks(SENSOR)(choices):
         return choices
-    ships, largest = len(choices[Grid.ship]), max(choices[Operate.fleet])
-    if largest > ships:
-        refuse(Operate.fleet, largest, f"at most {ships}, the number of ships of grid.ship")
     views.require(choices, Ladar.receiver, FULL, f"with the sensor {SENSOR}")
     for spread in choices[Infrared.sea_spread]:
         if {spread} != {*choices[Infrared.target_spread]}:

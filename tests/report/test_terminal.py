@@ -1,18 +1,21 @@
 """Tables on a screen: no line too wide, no word broken, no figure lost."""
 
 import io
+import math
 
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from made import scores
 from rich.cells import cell_len
 from rich.console import Console
 
+from sweeps.engine.display import Display, Figure
 from sweeps.report.frames import tidy
 from sweeps.report.pivot import laid_out
 from sweeps.report.summary import tables_of
-from sweeps.report.terminal import print_table
+from sweeps.report.terminal import print_table, text_of
 from sweeps.stages.scores import score_displays
 
 DISPLAY, *_ = score_displays(
@@ -83,3 +86,15 @@ def test_wide_intervals_have_a_word_why():
     for n in (29, 30):
         table.n[:] = n
         assert (f"few (n = {n}" in printed(tidy(table, DISPLAY, "tables/acn"), 200)) == (n < 30)
+
+
+def test_infinity_is_printed_in_the_words_of_its_variable():
+    needed = {"frames": [4.0, math.inf, math.inf], "frames_low": [2.0, 90.0, math.inf]}
+    needed |= {"frames_high": [9.0, math.inf, math.inf]}
+    table = xr.Dataset(
+        {name: ("range", values) for name, values in needed.items()}, {"range": [25.0, 50.0, 100.0]}
+    )
+    table.frames.attrs["infinite"] = "more than 128"
+    frame = tidy(table, Display("operate", "Frames", (Figure("frames", format=".0f"),)), "tables/x")
+    texts = [text_of(line.cells[0]) for line in laid_out(frame).lines]
+    assert texts == ["4 [2–9]", "more than 128 [90–more than 128]", "more than 128"]

@@ -24,6 +24,7 @@ SHIFT = {
 }
 FACET = [[0, 1, 2]]
 LINE = mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], FACET)
+ROWS = np.eye(4), ["duncan"] * 4, [0, 0, 1, 1]  # vectors, classes and views
 SIMULATED = {"ship": BOX, "aspect": 30.0, "rng": 0}
 
 # Each function below `ncti`, with arguments that it takes.
@@ -84,6 +85,22 @@ GOOD = {
     "evaluate.category_formation": {
         **{"labels": [0, 1], "ships": ["duncan", "texas"], "aspects": [0.0, 0.0]},
     },
+    "evaluate.score": {
+        **{"y": ["duncan", "texas"], "predicted": ["duncan", "duncan"], "aspect": [0.0, 30.0]},
+        **{"groups": [0, 1], "classes": ["duncan", "texas"], "similarity": [0.5, 0.6]},
+    },
+    "evaluate.compare": {
+        **{"first": [True] * 5, "second": [False] * 5, "groups": np.arange(5), "rng": RNG},
+    },
+    "evaluate.learning_curve": {
+        "classifier": importlib.import_module("ncti.classify").CorrelationNeighbour(),
+        **{"train": ROWS, "test": ROWS, "views": [1], "draws": [1, 2], "rng": RNG},
+    },
+    "evaluate.grouped_accuracy": {
+        **{"correct": [True, False], "aspects": [0.0, 3.0], "groups": [0, 1]},
+    },
+    "evaluate.isotonic": {"values": [0.1, 0.2]},
+    "evaluate.crossing": {"values": [0.1, 0.9], "places": [1, 2], "level": 0.5},
     "evaluate.binomial_variance": {"percent": [50.0], "trials": [10]},
     "evaluate.chi_square": {"simulated": [50.0], "given": [40.0], "variance": [25.0]},
     "evaluate.posterior_weights": {"chi_square": [1.0, 2.0]},
@@ -115,6 +132,16 @@ GOOD = {
     "irar.tilts": {"image": np.eye(8), "truth": np.eye(8)},
     "irar.time_delay_integrate": {"samples": np.ones((2, 3, 9))},
     "data.dataset": {"ships": ["duncan"], "count": 1, "seed": 0, "frames": 1},
+    "data.split": {
+        "name": "few-frames",
+        "seed": 0,
+        "ships": ["duncan", "texas"],
+        "train": 1,
+        "test": 1,
+    },
+    "data.to_numpy": {
+        "rows": importlib.import_module("ncti").dataset(["duncan"], 1, seed=0, frames=1),
+    },
     "simulate.range_profile": SIMULATED | {"target_free_ifovs": 50},
     "simulate.infrared_image": SIMULATED,
     "simulate.flight": SIMULATED,
@@ -245,6 +272,15 @@ OTHERS = {
         **{"slant_range": [25, 0.0], "far_field_error": [0.0, NAN, 2.0], "window": [20.0]},
         **{"pulse_width": [5e-9, 1e-3], "ifov": [1e-9], "spacing": [1e-9], "floor": [1e9]},
     },
+    "data.split": {
+        **{
+            "name": ["aspect", None],
+            "seed": [-1, 0.5],
+            "ships": [["duncan", "roberts"], [], "duncan"],
+        },
+        **{"train": [0, 1.5], "test": [0, NAN], "workers": [0]},
+    },
+    "data.to_numpy": {"rows": [3, None, "rows.zarr", np.eye(3)]},
     "ladar.range_extent": {
         **{"slant_range": [1e300], "ifov": [1e-9, 1.5], "bin_width": [1e-5], "window": [40.0]},
     },
@@ -262,6 +298,22 @@ OTHERS = {
         "truth": [[0], [0, 0, 0], [[0, 0]], [0, 7]],
     },
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
+    "evaluate.score": {
+        **{"y": [[], [NAN, 1.0], ["roberts", "roberts"], [["duncan", "texas"]]]},
+        **{"predicted": [["duncan"], ["duncan", "roberts"], np.ones((2, 3)), [[NAN, 1.0]] * 2]},
+        **{"groups": [[0], [NAN, 1.0]], "classes": [["texas"], [None]]},
+    },
+    "evaluate.compare": {
+        **{"first": [[], [0.5] * 5], "second": [[True] * 4], "groups": [[0]]},
+        **{"confidence": [0.0, 1.0, NAN], "resamples": [99, 0.5]},
+    },
+    "evaluate.learning_curve": {
+        **{"train": [3, (ROWS[0], ["duncan"], ROWS[2])], "test": [ROWS[:2], (ROWS[0], [], [])]},
+        **{"views": [[0], [3], [0.5], 1], "draws": [[3], [NAN]]},
+    },
+    "evaluate.grouped_accuracy": {"correct": [[0.5, 1.0]], "groups": [[0], [NAN, 1.0]]},
+    "evaluate.isotonic": {"values": [[NAN], "rising"]},
+    "evaluate.crossing": {"values": [[NAN, 1.0]], "places": [[1, INF]], "level": [NAN]},
     "evaluate.replicated_accuracy": {"correct": [np.zeros((2, 4, 3)), np.zeros((4, 3), bool)]},
     "evaluate.category_formation": {"labels": [[0], [0.5, 1.0]]},
     "evaluate.binomial_variance": {"percent": [[-1.0], [101.0], NAN], "trials": [0, NAN]},

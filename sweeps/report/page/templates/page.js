@@ -125,7 +125,9 @@
     figure.hidden = !rows.length;
     if (!rows.length) return;
     const series = [...new Set(rows.map((row) => row.series))];
-    for (const row of rows) row.shift = series.length < 2 ? 0 : 7 * (series.indexOf(row.series) / (series.length - 1) - 0.5);
+    // Words have no order: their values stand side by side, not joined.
+    const joined = table.x[axis].type !== "nominal", apart = joined ? 7 : 32;
+    for (const row of rows) row.shift = series.length < 2 ? 0 : apart * (series.indexOf(row.series) / (series.length - 1) - 0.5);
     // A tip shows the axis, the figure and what belongs to it, and axes that differ.
     const differing = table.axes.filter((one) => new Set(rows.map((row) => row[one])).size > 1);
     const tipped = ["series", ...differing, ...Object.keys(rows[0]).filter((one) => !table.axes.includes(one) && one.length && (one === name || /ci_|^n$|source|chance|spread/.test(one)))];
@@ -150,7 +152,7 @@
     const tooltip = [...new Set(tipped)].map((field) => ({ field, title: table.headings[field] ?? field }));
     point.encoding = { ...shared, y, shape: { field: "series", legend: null }, tooltip };
     level.encoding.y = { field: chance, type: "quantitative", aggregate: "max", title: y.title };
-    spec.layer = [...(low && high ? [interval] : []), line, point, ...(chance ? [level] : [])];
+    spec.layer = [...(low && high ? [interval] : []), ...(joined ? [line] : []), point, ...(chance ? [level] : [])];
     spec.data = { values: rows };
     spec.width = Math.max(200, Math.min(620, figure.clientWidth - 70));
     if (series.length < 2 || figure.clientWidth < 500) spec.config.legend.columns = 1;
