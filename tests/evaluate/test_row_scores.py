@@ -184,7 +184,7 @@ def test_larger_subsets_of_a_learning_curve_hold_the_smaller_ones():
         ({"y": ["texas", "horne"]}, ("similarity", "None")),
         ({"groups": [1]}, ("groups", "(1,)", "(2,)")),
         ({"aspect": [1.0]}, ("aspect", "(1,)", "(2,)")),
-        ({"aspect": [1.0, 400.0]}, ("aspects", "400", "360")),
+        ({"aspect": [1.0, 400.0]}, ("aspect", "400", "360")),
     ],
 )
 def test_wrong_rows_are_refused(wrong, words):

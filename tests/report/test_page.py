@@ -6,13 +6,14 @@ import re
 from importlib.resources import files
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from made import scores
 from pages import page_of, parsed, read_page, stored
 
-from sweeps.report.chart import scale_of
-from sweeps.report.frames import frame, read_frames
+from sweeps.report.chart import axis_of, scale_of
+from sweeps.report.frames import Column, Frame, frame, read_frames
 from sweeps.report.places import page_file
 
 LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts
@@ -170,6 +171,20 @@ def test_only_positive_numbers_of_a_large_ratio_have_a_logarithmic_axis():
         scale_of(ends, 6) == {"type": "log"} for ends in ([1, 7], [1, 6], [0, 7], [-1, 7])
     ]
     assert logarithmic == [True, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        (["aspect-random", "few-frames"], "nominal"),
+        (["0-27", "30-57", "overall"], "ordinal"),
+        ([25.0, 50.0, 100.0], "quantitative"),
+    ],
+)
+def test_lines_join_numbers_and_bins_but_not_words(values, kind):
+    column = Column("axis", "axis", "axis")
+    rows = pd.DataFrame({"axis": values})
+    assert axis_of(column, Frame("x", "X", rows, {"axis": column}))["type"] == kind
 
 
 def all_of(element):

@@ -1,5 +1,6 @@
 """What no setting has wrong alone: settings, ships and stores that do not go together."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,12 @@ def test_a_wrong_combination_is_refused_in_one_sentence(overrides, folder):
     missing = [word for word in WRONG[overrides].split(" ") if word not in said]
     assert not missing, said
     assert [path.name for path in folder.iterdir()] == ["leak.stl"]
+
+
+@pytest.mark.skipif(find_spec("torch") is not None, reason="the extra torch is installed")
+def test_a_classifier_of_an_extra_is_refused_where_that_is_not_installed():
+    said = sentence("sensor=benchmark", "benchmark.classifier=[mlp,cnn]")
+    assert said.startswith("benchmark.classifier has cnn") and "ncti-sweep[torch]" in said
 
 
 def test_the_imager_has_the_grids_axes_unless_it_has_its_own():
