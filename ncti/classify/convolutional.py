@@ -57,7 +57,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
 
     See Also
     --------
-    GainAnnealedNetwork : The article's network, of one hidden layer.
+    GainAnnealedNetwork : A network of one hidden layer, trained at a rising gain.
     ncti.features.profile_vector : Profiles as vectors.
 
     Notes
