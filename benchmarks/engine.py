@@ -16,7 +16,7 @@ from benchmarks.processes import peak_memory, watch
 from benchmarks.reports import Column, Report, Sample
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.plan import Plan
-from sweeps.engine.run import Place
+from sweeps.engine.run import Place, preview
 from sweeps.engine.settings import Choices
 
 GOAL = 0.2  # ms a cell
@@ -26,6 +26,8 @@ WHOLE = "total"
 PARTS = ("resolve", "execute", "write")  # of the whole
 PHASES = ("plan", *PARTS, WHOLE, "again")
 FEW, MANY = 100_000, 10_000_000  # cells of a sweep by worker processes
+VIGILANCES = 5  # of it
+STEPS = ("dry", "sweep", "again", "more")
 
 
 def measure(*, repeats: int, grids: Sequence[Sequence[int]] = GRIDS) -> Report:
@@ -175,48 +177,50 @@ def measure_cells(*, most: int = MANY) -> Report:
     Returns
     -------
     Report
-        One row per number of cells: time a cell, time of the same sweep again, and peak memory.
+        One row per number of cells: times of a dry run, the sweep, the same again, and with one
+        more value on an axis, and the peak memory of each.
     """
     rows: list[dict[str, Any]] = []
     while (cells := FEW * 10 ** len(rows)) <= most:
-        code = f"from benchmarks.engine import many; print(*many({cells}))"
-        run = watch([sys.executable, "-c", code], cores=2)
-        first, again, peak, peak_again = map(float, run.output.split())
-        rows.append(
-            {
-                "cells": cells,
-                "time_ms": 1e3 * first / cells,
-                "again_s": again,
-                "peak_mib": peak,
-                "peak_again_mib": peak_again,
-            }
-        )
+        with tempfile.TemporaryDirectory() as folder:
+            row: dict[str, Any] = {"cells": cells}
+            for step in STEPS:
+                call = f"many({cells}, {step!r}, {folder!r})"
+                code = f"from benchmarks.engine import many; print(*{call})"
+                run = watch([sys.executable, "-c", code], cores=2)
+                seconds, peak = map(float, run.output.split())
+                row |= {step: seconds, f"{step}_mib": peak}
+        row["sweep_ms"] = 1e3 * row["sweep"] / cells
+        row["more_ms"] = 1e3 * row["more"] / (cells / VIGILANCES)
+        rows.append(row)
     return Report(
         "Sweeps of a stage that does nothing, on two worker processes",
         (
-            Column("cells", "cells", "d"),
-            Column("time_ms", "time a cell [ms]", ".4f"),
-            Column("again_s", "again [s]", ".1f"),
-            Column("peak_mib", "peak of the command [MiB]", ".0f"),
-            Column("peak_again_mib", "when it is repeated [MiB]", ".0f"),
+            Column("cells", "cells", ",d"),
+            Column("dry", "dry run [s]", ".1f"),
+            Column("sweep_ms", "time a cell [ms]", ".4f"),
+            Column("again", "again [s]", ".1f"),
+            Column("more_ms", "time a further cell [ms]", ".4f"),
+            *(Column(f"{step}_mib", f"{step} [MiB]", ".0f") for step in STEPS),
         ),
         rows,
         [
-            "Each number once. Time a cell: with start of workers and store. Again: the same "
-            "sweep, whose store has everything."
+            "Each once, in a process of its own. Time a cell: with start of workers and store. "
+            "Again: the same sweep, whose store has everything. A further cell: of one more value "
+            "on an axis of five. Memory is that of the command."
         ],
     )
 
 
-def many(cells: int) -> tuple[float, float, float, float]:
-    """Return the seconds of a sweep on two processes, and again, and the peaks after each [MiB]."""
+def many(cells: int, step: str, folder: str) -> tuple[float, float]:
+    """Return the seconds of a step of a sweep in a folder, and the peak memory [MiB]."""
     # Four ships, and five values of each other axis but the aspects.
-    chosen = toy.choices(toy.NOTHING, (4, cells // 2500, 5, 5, 5, 5))
-    found: list[float] = []
-    with tempfile.TemporaryDirectory() as name:
-        place = Place(Path(name, "s.zarr"), Path(name, "cache"), ClusterChoice("local", 2))
-        for _ in range(2):
-            taken = timed(toy.NOTHING, chosen, place).total
-            found += [taken, peak_memory()]
-    first, peak, again, peak_again = found
-    return first, again, peak, peak_again
+    vigilances = VIGILANCES + (step == "more")
+    chosen = toy.choices(toy.NOTHING, (4, cells // 2500, 5, 5, 5, vigilances))
+    place = Place(Path(folder, "s.zarr"), Path(folder, "cache"), ClusterChoice("local", 2))
+    start = time.perf_counter()
+    if step == "dry":
+        preview(Plan(toy.NOTHING, chosen), place.packs, place.store)
+    else:
+        timed(toy.NOTHING, chosen, place)
+    return time.perf_counter() - start, peak_memory()
