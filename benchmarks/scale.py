@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import csv
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from benchmarks import processes
 from benchmarks.commands import CORES, new_folder, sweep
 from benchmarks.reports import Column, Report
 from sweeps.engine.settings import Run
 from sweeps.stages.classifier import drawn_aspects
+from sweeps.stages.views import Grid
 
 SHIPS = ("connole", "duncan", "horne", "roberts", "spruance", "texas")
 SCENE = (
@@ -28,11 +31,18 @@ SPACING = 1.5  # of the aspects learned, where others are drawn at random [deg]
 DRAWN = (50, 200, 600, 1200, 3000, 6000)
 """Numbers of random aspects in every 30 degrees, which are tested and not learned."""
 
+RANGES = (25, 50, 75, 100, 150, 200, 250, 300, 400, 500)
+"""Ranges [km] of the largest sweeps: as aspects drawn are rounded, a million views need several."""
+
+DRAWN_AT_RANGES = (35, 541, 6140)
+"""Numbers of random aspects in every 30 degrees there, for some 10^4, 10^5 and 10^6 views."""
+
 BEFORE = {3_606: (18, None), 10_806: (48, 2_600), 21_606: (68, 8_900)}
 """Time [s] and largest process [MB] by number of views, all learned, before matching was in blocks;
 a view took 7 ms of processor time."""
 
 LEARNED, RANDOM = "all learned", f"every {SPACING}° learned"
+AT_RANGES = f"{RANDOM}, {len(RANGES)} ranges"
 MOST = 12_000  # views of a sweep, unless asked otherwise
 LEAST_VIEWS = 1_300  # so that there is a sweep of each kind
 
@@ -52,6 +62,10 @@ COLUMNS = (
     Column("before_mb", "largest before [MB]", ",.0f"),
     Column("driver_mib", "command [MiB]", ".0f"),
     Column("worker_mib", "largest worker [MiB]", ".0f"),
+    Column("tables_s", "tables [s]", ".1f"),
+    Column("tables_mib", "tables [MiB]", ".0f"),
+    Column("page_s", "page [s]", ".1f"),
+    Column("page_mib", "page [MiB]", ".0f"),
     Column("files", "files", "d"),
     Column("store_mb", "store [MB]", ".1f"),
     Column("cache_mb", "cache [MB]", ".0f"),
@@ -82,8 +96,9 @@ def measure(*, most: int = MOST, scene: Sequence[str] = SCENE) -> Report:
             "Processor time is that of all processes from the start of the command to its end; "
             "percentages are shares of the time of all calls of stages. Memory is the most that "
             "the command's own process held, and the largest of its workers. Files are those of "
-            "the store, and the cache begins empty. Before: on another day, when all views were "
-            "matched with all. Every sweep is measured once."
+            "the store, and the cache begins empty. Tables are those of `ncti-report`, the page "
+            "that of `ncti-report --html`, with their processor time. Before: on another day, when "
+            "all views were matched with all. Every sweep is measured once."
         ],
     )
 
@@ -91,18 +106,22 @@ def measure(*, most: int = MOST, scene: Sequence[str] = SCENE) -> Report:
 def grids() -> list[tuple[str, int, tuple[str, ...]]]:
     """Return kind, number of views, and aspects as arguments, of all sweeps of the report."""
 
-    def grid(kind: str, step: float, drawn: int) -> tuple[str, int, tuple[str, ...]]:
+    def grid(
+        kind: str, step: float, drawn: int, ranges: Sequence[float] = (Grid.range.default,)
+    ) -> tuple[str, int, tuple[str, ...]]:
         arguments = (
             f"grid.aspect={{start: 0, stop: {END:g}, step: {step:g}}}",
             f"grid.random_aspects={drawn}",
+            f"grid.range=[{','.join(map(str, ranges))}]",
         )
         # Aspects drawn are rounded: some are drawn twice, or are in the grid.
         aspects = {round(k * step, 3) for k in range(round(END / step) + 1)}
         aspects |= {*drawn_aspects(0.0, END, drawn, int(Run.seed.default))}
-        return kind, len(SHIPS) * len(aspects), arguments
+        return kind, len(SHIPS) * len(aspects) * len(ranges), arguments
 
     every = [grid(LEARNED, step, 0) for step in STEPS]
-    return every + [grid(RANDOM, SPACING, drawn) for drawn in DRAWN]
+    every += [grid(RANDOM, SPACING, drawn) for drawn in DRAWN]
+    return every + [grid(AT_RANGES, SPACING, drawn, RANGES) for drawn in DRAWN_AT_RANGES]
 
 
 def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
@@ -111,6 +130,7 @@ def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
         folder = new_folder(Path(parent, "cold"))
         run = sweep([*arguments, f"grid.ship=[{','.join(SHIPS)}]"], folder).run
         files = _sizes(folder / "sweep.zarr")
+        tables, page = (report(folder / "sweep.zarr", *how) for how in ((), ("--html",)))
         before = dict(zip(("before_s", "before_mb"), BEFORE.get(views, ()), strict=False))
         return {
             "kind": kind,
@@ -121,10 +141,20 @@ def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
             **shares(folder / "sweep-tables" / "stages.csv"),
             "driver_mib": run.driver,
             "worker_mib": run.worker,
+            "tables_s": tables.cpu,
+            "tables_mib": tables.driver,
+            "page_s": page.cpu,
+            "page_mib": page.driver,
             "files": len(files),
             "store_mb": sum(files) / 1e6,
             "cache_mb": sum(_sizes(folder / "cache" / "cells")) / 1e6,
         }
+
+
+def report(store: Path, *how: str) -> processes.Run:
+    """Return what `ncti-report` of a store takes."""
+    code = "from sweeps.report.command import main; main()"
+    return processes.watch([sys.executable, "-c", code, str(store), *how], cores=CORES)
 
 
 def _sizes(folder: Path) -> list[int]:

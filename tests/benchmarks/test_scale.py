@@ -10,12 +10,15 @@ from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid
 
 
-@pytest.mark.parametrize(("kind", "views", "aspects"), scale.grids()[:2] + scale.grids()[4:6])
+@pytest.mark.parametrize(
+    ("kind", "views", "aspects"), scale.grids()[:2] + scale.grids()[4:6] + scale.grids()[10:11]
+)
 def test_sweeps_have_as_many_views_as_they_say(kind, views, aspects):
     jobs = read_jobs(EXPERIMENT, [*scale.SCENE, *aspects], several=False)
     [(plan, _)] = sweeping().prepare(jobs)
-    assert len(scale.SHIPS) * len(plan.choices[Grid.aspect]) == views
-    assert (kind == scale.RANDOM) == ("grid.random_aspects=0" not in aspects)
+    swept = len(plan.choices[Grid.aspect]) * len(plan.choices[Grid.range])
+    assert len(scale.SHIPS) * swept == views
+    assert (kind == scale.LEARNED) == ("grid.random_aspects=0" in aspects)
 
 
 def test_every_kind_has_a_sweep_of_the_least_number_of_views():

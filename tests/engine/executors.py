@@ -90,8 +90,11 @@ def written(security, folder):
 
 
 @contextmanager
-def cluster_at(folder):
-    """Run a scheduler with two workers of two threads each; yield its choice and the processes."""
+def cluster_at(folder, **variables):
+    """Run a scheduler with two workers of two threads each; yield its choice and the processes.
+
+    They have some environment variables besides those of this process.
+    """
     folder.mkdir(exist_ok=True)
     files = written(Security.temporary(), folder)
     tls = ("--tls-ca-file", files["ca_file"], "--tls-cert", files["cert"], "--tls-key")
@@ -105,7 +108,10 @@ def cluster_at(folder):
             process = subprocess.Popen(
                 [sys.executable, "-m", f"distributed.cli.dask_{name}", *map(str, arguments)],
                 cwd=folder,
-                env=os.environ | dict.fromkeys(ONE_THREAD, "2") | {"PYTHONPATH": IMPORTS},
+                env=os.environ
+                | dict.fromkeys(ONE_THREAD, "2")
+                | {"PYTHONPATH": IMPORTS}
+                | variables,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )

@@ -4,15 +4,18 @@ Each ends in the store of a run that nothing happened to: at once, or by the sam
 """
 
 import errno
+import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cut_off import MARKS, MINUTE
 from executors import IMPORTS, cluster_at, eventually, meanwhile
 from running import python
 from small_stores import files, opened
@@ -30,7 +33,6 @@ SPRINGS_COMMAND = (
     "sys.exit(Command(SPRINGS).main())"
 )
 SEARCH = f"{IMPORTS}:{Path(__file__).parents[1]}"
-MARKS = "SWEEP_TEST_MARKS"  # variable of the folder of a file for each death
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +41,20 @@ def whole(tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "s.zarr"
     go(path)
     return files(path)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cut_off(tmp_path_factory):
+    """A sweep one of whose workers is stopped for a minute, which runs beside the other tests."""
+    folder = tmp_path_factory.mktemp("cut_off")
+    script, environment = (
+        Path(__file__).with_name("cut_off.py"),
+        os.environ | {"PYTHONPATH": SEARCH},
+    )
+    command = [sys.executable, script, folder]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
+        yield folder, process
+        process.terminate()
 
 
 # -- workers
@@ -69,7 +85,7 @@ def test_workers_that_are_killed_are_replaced(deaths, tmp_path, monkeypatch):
 def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
     tmp_path, monkeypatch
 ):
-    """Stopped for longer than the scheduler waits for it (5 min outside of tests)."""
+    """Stopped for longer than the scheduler waits for it, which are 5 minutes in use."""
     monkeypatch.setitem(workers.SETTINGS, "distributed.scheduler.worker-ttl", "1s")
     monkeypatch.setattr(workers, "CHECKED", 0.1)
 
@@ -269,3 +285,18 @@ def test_a_clock_that_jumps_changes_nothing(kind, days, tmp_path):
     assert resumed.progress["jumping"].reused == 6
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
     assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in sizes]
+
+
+# -- what began with the first test of this file
+
+
+def test_a_worker_that_is_cut_off_for_a_minute_goes_on(cut_off):
+    """With the times of use: it computes its cell to the end, and no cell is computed twice."""
+    folder, process = cut_off
+    out, _ = process.communicate(timeout=300)
+    found = json.loads(out)
+    assert found["failures"] == [] and found["took"] > MINUTE
+    marks = sorted([int(part) for part in mark.name.split()] for mark in folder.glob("* * *"))
+    assert [cell for cell, *_ in marks] == [*range(1, 7)]
+    assert {worker for _, worker, _ in marks} > {found["victim"]}
+    assert opened(folder / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in range(1, 7)]

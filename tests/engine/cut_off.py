@@ -1,0 +1,54 @@
+"""A sweep one of whose workers is cut off for a minute while it computes, run as a script.
+
+Its argument is a folder, in which each computation leaves a mark: its cell and its process.
+"""
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from executors import eventually, meanwhile
+from toys import Few, run_few
+
+from sweeps.engine.forking import running_server
+from sweeps.engine.stage import Group, Output, stage
+
+MINUTE = 60.0
+MARKS = "SWEEP_TEST_MARKS"  # variable of the folder
+
+
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
+def slow(size):
+    """A number that takes two seconds, and a mark."""
+    mark = Path(os.environ[MARKS]) / f"{size} {os.getpid()} {time.monotonic_ns()}"
+    mark.touch()
+    time.sleep(2)
+    return size**0.5
+
+
+def main(folder):
+    """Sweep six cells with two workers; print the one that was cut off, and the time it took."""
+    os.environ[MARKS] = str(folder)
+    victims = []
+
+    def cut_off():
+        eventually(lambda: list(folder.glob("* * *")))
+        first = int(next(folder.glob("* * *")).name.split()[1])
+        (victim,) = (one for one in running_server().children() if one.pid == first)
+        victims.append(victim.pid)
+        victim.suspend()
+        time.sleep(MINUTE)
+        victim.resume()
+
+    begin = time.monotonic()
+    with meanwhile(cut_off):
+        how = {"sizes": range(1, 7), "kind": "local", "workers": 2}
+        finished = run_few([slow], folder / "s.zarr", **how)
+    took = time.monotonic() - begin
+    print(json.dumps({"failures": finished.failures, "victim": victims[0], "took": took}))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
