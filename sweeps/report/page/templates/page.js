@@ -26,8 +26,11 @@
     history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
   };
 
-  // The axis down and along the chart of a table: the chosen one, or its own first.
-  const axisOf = (table) => (by() in table.x ? by() : Object.keys(table.x).find((one) => one !== table.across) || "");
+  // The axis down and along the chart of a table: the chosen one, or its own first, or that across.
+  const axisOf = (table) => {
+    const own = [by(), ...Object.keys(table.x).filter((one) => one !== table.across), table.across];
+    return own.find((one) => one in table.x) || "";
+  };
 
   // Whether each row is at the selection. A part of a table that lacks a value keeps its nearest.
   const selected = (table, free) => {
