@@ -189,7 +189,7 @@ def test_the_card_is_valid(small, tmp_path):
         ({"ships": ["duncan", "roberts"]}, "ships.*roberts.*connole"),
         ({"ships": ["duncan"]}, "ships.*duncan.*two"),
         ({"ships": "duncan"}, "ships.*duncan.*two"),
-        ({"train": 0}, "count.*0"),
+        ({"train": 0}, "train.*0"),
     ],
 )
 def test_wrong_splits_are_refused(wrong, words):
