@@ -13,10 +13,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AsyncExitStack, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
+import dask
 import psutil  # type: ignore[import-untyped]
 from distributed import Client, Worker
 
@@ -27,7 +28,17 @@ from sweeps.engine import workers as engine
 
 COUNTS = (10, 100, 1000)
 HOSTS = 4  # processes that the workers share
+AT_ONCE = 25  # workers of a process that connect at the same time
 CALLS = 60  # of each worker
+# Of the many workers of a process: what each of them measures of itself would take all of its time,
+# and so would looking for folders that others have left.
+LIGHT = engine.SETTINGS | {
+    "distributed.admin.system-monitor.interval": "60s",
+    "distributed.admin.tick.cycle": "60s",
+    "distributed.admin.tick.interval": "60s",
+    "distributed.comm.timeouts.connect": "600s",
+    "distributed.worker.use-file-locking": False,
+}
 QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 COMMAND = "from benchmarks import toy; toy.main(toy.NAPS)"
 
@@ -144,13 +155,15 @@ class _Here:
 
 async def _work(address: str, count: int) -> None:
     """Be some workers until this process is ended."""
-    async with AsyncExitStack() as stack:
-        for _ in range(count):
-            worker = Worker(address, nthreads=1, dashboard_address=None, memory_limit=0)
-            await stack.enter_async_context(worker)
-        await asyncio.Event().wait()
+    for start in range(0, count, AT_ONCE):
+        some = range(start, min(start + AT_ONCE, count))
+        await asyncio.gather(
+            *(Worker(address, nthreads=1, dashboard_address=None, memory_limit=0) for _ in some)
+        )
+    await asyncio.Event().wait()
 
 
 if __name__ == "__main__":
     engine._thread = _Here()  # type: ignore[assignment]
-    asyncio.run(_work(sys.argv[1], int(sys.argv[2])))
+    with dask.config.set(LIGHT):
+        asyncio.run(_work(sys.argv[1], int(sys.argv[2])))

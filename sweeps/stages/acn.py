@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.blocks import row_blocks
+from ncti.classify.blocks import ROWS, row_blocks
 from ncti.classify.directions import NO_CATEGORY
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 NAME = "acn"
 IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are called; takes long
+AT_ONCE = 8 * ROWS
+"""Most tests whose vectors are all held where they are presented one after the other."""
+
 Indices = NDArray[np.intp]
 
 
@@ -114,6 +117,19 @@ class TrainingSet:
             for c, clustering in enumerate(clusterings):
                 category[c, rows], cosine[c, rows] = clustering.match(similarities)
         return zip(category, cosine, strict=True)
+
+    def reader(self, tests: NDArray[Any], number: int) -> Callable[[Indices], Floats]:
+        """Return a function of numbers of views to (view, feature) vectors, as for `matches`.
+
+        Few tests are read at once, for all calls.
+        """
+
+        def vectors(views: Indices) -> Floats:
+            return self.see(tests[number : number + 1, views]).astype(np.float64)
+
+        if tests.shape[1] > AT_ONCE:
+            return vectors
+        return vectors(np.arange(tests.shape[1])).__getitem__
 
 
 def presentation_order(views: int, order: int, seed: int) -> Indices:
@@ -216,9 +232,9 @@ def answer_tests(
     flat = tests.reshape(len(tests), -1, *tests.shape[3:])
     for f in range(len(flat)):
         if learn_in_test:
-            vectors = training_set.see(flat[f : f + 1, :]).astype(np.float64)
+            shown = training_set.reader(flat, f)
             matches: Iterable[tuple[Indices, Floats]] = (
-                match_learning(network, vectors, formed)
+                match_learning(network, shown, formed)
                 for network, formed in zip(networks, trainings, strict=True)
             )
         else:
@@ -267,18 +283,19 @@ def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringN
 
 
 def match_learning(
-    network: AdaptiveClusteringNetwork, tests: Floats, formed: Arrays
+    network: AdaptiveClusteringNetwork, shown: Callable[[Indices], Floats], formed: Arrays
 ) -> tuple[Indices, Floats]:
-    """Return (view,) categories and cosines of (view, feature) tests that move categories.
+    """Return (view,) categories and cosines of tests that move categories, some read at a time.
 
     They are presented in the order of the training, known ships first, so that unknown ones move
     no category before these are compared with it.
     """
     training_views, turn = formed["training_confused"] >= 0, formed["turn"]
     unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])
-    category, similarity = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
-    order = turn[np.argsort(unknown[turn], kind="stable")]
-    category[order], similarity[order] = network.match(tests[order], learning=True)
+    category, similarity = np.empty(len(turn), dtype=np.intp), np.empty(len(turn))
+    order, match = turn[np.argsort(unknown[turn], kind="stable")], network.follower()
+    for rows in row_blocks(len(order)):
+        category[order[rows]], similarity[order[rows]] = match(shown(order[rows]))
     return category, similarity
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from range_channel import ASPECTS, SHIPS, choose, made
 
 from ncti.classify import AdaptiveClusteringNetwork, Similarities
+from ncti.classify.blocks import row_blocks
 from sweeps.engine.plan import Plan
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import acn
@@ -45,7 +46,7 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
         tests[unknown] = angle, angle + 1
         network = network_of(training_set, formed)
-        found = match_learning(network, unit(tests).reshape(4, 2), formed)
+        found = match_learning(network, unit(tests).reshape(4, 2).__getitem__, formed)
         return tuple(values.reshape(2, 2) for values in found)
 
     first, second = matched(40.0), matched(-20.0)
@@ -64,7 +65,6 @@ ORDERS = ((0, 7), (1, 7))
 LEVELS = {"profiles": (0.5, 0.7, 0.9), "maps": (0.96, 0.97)}
 SEE = {"profiles": profile_vectors, "maps": map_vectors}
 of_both = pytest.mark.parametrize("kind", list(SEE))
-while_learning_or_not = pytest.mark.parametrize("learn", [False, True])
 
 
 def views_of(kind):
@@ -117,9 +117,13 @@ def answered(
 
 
 @of_both
-@while_learning_or_not
-def test_the_stages_are_the_network(kind, learn):
+@pytest.mark.parametrize("learn", [False, "all read at once", "in blocks"])
+def test_the_stages_are_the_network(kind, learn, monkeypatch):
     """Trained in every order and tested with the same vectors, one after the other."""
+    if learn == "in blocks":
+        monkeypatch.setattr(acn, "AT_ONCE", 1)
+        monkeypatch.setattr(acn, "row_blocks", lambda count: row_blocks(count, 4))
+    learn = bool(learn)
     seen, tests = views = views_of(kind)
     found = answered(kind, views, learn=learn)
     _, formed = trained(kind, seen, ORDERS, LEVELS[kind], "majority")
