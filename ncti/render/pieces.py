@@ -292,6 +292,9 @@ def bin_pieces(
     )
     area, strands = np.zeros((cells, bins)), np.zeros((STRANDS, bins))
     reach = 0.0
+    # Where a piece ends: four of five begin where the one before ended, at the same range.
+    x = y_before = q = np.nan
+    before = 0.0
     for p in range(len(line)):
         y = (line[p] + phase) * spacing
         begin, end = piece[p, 0], piece[p, 1]
@@ -299,9 +302,11 @@ def bin_pieces(
         strand = line[p] % STRANDS
         slope = (piece[p, 3] - piece[p, 2]) / (end - begin)
         low = begin
-        r = down_range(piece[p, 2], low, y, curvature, wavefront)
-        reach = max(reach, abs(r))
-        before = min(max((r - edge) * per_bin, 0.0), last_bin)
+        if not (begin == x and piece[p, 2] == q and y == y_before):
+            r = down_range(piece[p, 2], low, y, curvature, wavefront)
+            reach = max(reach, abs(r))
+            before = min(max((r - edge) * per_bin, 0.0), last_bin)
+        y_before = y
         while True:
             high, onward = end, goal
             if at != goal:

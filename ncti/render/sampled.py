@@ -9,8 +9,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ncti.render.draw import range_image
-from ncti.render.draw_lines import line_image, refined
+from ncti.render.draw_lines import PHASE, line_image, refined
 from ncti.render.loops import LINES, MASK
+from ncti.render.surfaces import Surfaces
+from ncti.render.view import View
 
 if TYPE_CHECKING:
     import trimesh
@@ -20,6 +22,10 @@ if TYPE_CHECKING:
 
 FINEST = 0.25
 """Finest pixel of the given one: more would not pay for the few samples of a thin pole."""
+
+VISIBLE = 0.9
+"""Share of what faces the sensor that is visible, at most: 0.45 to 0.65 of ships seen end-on, up to
+0.9 abeam."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +88,14 @@ class Sampling:
         view: Any = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
         roll = self.rolled(aspect)
         if self.engine == LINES:
-            lines = line_image(mesh, spacing=self.pixel, roll=roll, **view)
-            while (
-                0 < lines.area.sum() < self.samples * lines.spacing**2
-                and lines.spacing > FINEST * self.pixel
-            ):
+            # Lines are halved until there are enough. Where that is certain, the first are not
+            # drawn alone.
+            area, halvings = self._most_visible(mesh, aspect, depression), 0
+            while self._is_short(area, self.pixel / 2**halvings):
+                halvings += 1
+            first = {"spacing": self.pixel / 2**halvings, "phase": 2**halvings * PHASE % 1}
+            lines = line_image(mesh, roll=roll, **first, **view)
+            while (area := float(lines.area.sum())) > 0 and self._is_short(area, lines.spacing):
                 lines = refined(mesh, lines)
             return lines
         draw: Callable[..., RangeImage | Mask]
@@ -100,3 +109,12 @@ class Sampling:
             finer = self.pixel * max(math.sqrt(hits / self.samples), FINEST)
             drawn = draw(mesh, pixel=finer, roll=roll, **view)
         return drawn
+
+    def _is_short(self, area: float, spacing: float) -> bool:
+        """Return whether an area [m^2] has too few samples, and lines may be closer together."""
+        return area < self.samples * spacing**2 and spacing > FINEST * self.pixel
+
+    def _most_visible(self, mesh: trimesh.Trimesh, aspect: float, depression: float) -> float:
+        """Return the most that is visible of a ship [m^2]."""
+        sight = View(aspect, depression).axes[2]
+        return VISIBLE * Surfaces.of(mesh).facing(-sight)

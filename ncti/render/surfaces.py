@@ -67,6 +67,13 @@ class Surfaces:
         """(3,) float64 ndarray: length, beam and height of the box around the vertices [m]."""
         return np.ptp(self.vertices, axis=0)
 
+    def facing(self, towards: Floats) -> float:
+        """Return the area that faces a (3,) direction, seen from there [m^2].
+
+        No less than is visible of a closed mesh.
+        """
+        return float(np.maximum(self.area @ towards, 0.0).sum())
+
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Surfaces:
         """Return the surfaces of a mesh, kept as long as its solid is."""

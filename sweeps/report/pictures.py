@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
-from matplotlib.image import imsave
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.manifest import manifest_of
 from sweeps.engine.places import Where
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
@@ -31,6 +30,8 @@ from sweeps.report.words import printable, unit_of
 
 if TYPE_CHECKING:
     import trimesh
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 NAMED = 6  # names of pictures that are printed
 SMALL = 8.5  # points
@@ -40,12 +41,14 @@ STEP = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
 SHIPS = "ships"  # group
 MEASURES = ("length", "beam", "height", "facets")
-SHADES = LinearSegmentedColormap.from_list("ship", ("#34485c", "#b2cade"))
+SHADES = ("#34485c", "#b2cade")
 """Of ships, visible on light and dark pages."""
 
 
 def draw_profiles(store: Where) -> Figure:
     """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
+    from matplotlib.figure import Figure  # here, since it takes long to import
+
     profiles = read(opened(store), "range_profile")[["expected", "averaged"]]
     kept = ("ship", "aspect", "frame_count", "down_range")
     profiles = nominal(profiles, keep=kept)
@@ -54,7 +57,9 @@ def draw_profiles(store: Where) -> Figure:
     first = profiles.expected.sel(ship=ship)
     turned = first.sel(aspect=list(TURNED), method="nearest").drop_duplicates("aspect").load()
     averaged = quarter.averaged.sel(ship=ship)
-    figure = Figure(figsize=(11.0, 4.6), dpi=150, layout="constrained")
+    figure = Figure(figsize=(11.0, 4.6), dpi=150)
+    # Places are given, since finding them takes as long as drawing.
+    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.11, top=0.86, wspace=0.04)
     panels = figure.subplots(1, 3)
     _stack(panels[0], turned, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
     _stack(panels[1], quarter.expected, "ship", "{}", f"ships at {angle}")
@@ -79,13 +84,18 @@ def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str
 
 def draw_silhouettes(store: Where) -> Figure:
     """Draw infrared images and log-polar maps of a ship by range and super-resolution."""
+    from matplotlib.figure import Figure
+
     images = read(opened(store), "infrared")
     kept = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
     view = nominal(images, keep=kept).sel(aspect=SEEN, method="nearest")
     ship = "spruance" if "spruance" in view.ship.values else view.ship.values[0]
     view = view.sel(ship=ship)[["image", "log_polar"]].load()
     places = [(r, way) for r in view.range.values for way in view.super_resolution.values]
-    figure = Figure(figsize=(9.0, 1.5 * len(places) + 0.6), dpi=130, layout="constrained")
+    height = 1.5 * len(places) + 0.6
+    figure = Figure(figsize=(9.0, height), dpi=130)
+    top, bottom = 1.0 - 0.3 / height, 0.5 / height
+    figure.subplots_adjust(left=0.08, right=0.985, bottom=bottom, top=top, wspace=0.2, hspace=0.3)
     panels = figure.subplots(len(places), 2, squeeze=False, width_ratios=(3, 1))
     for (left, right), (slant_range, way) in zip(panels, places, strict=True):
         shot = view.sel(range=slant_range, super_resolution=way)
@@ -95,7 +105,7 @@ def draw_silhouettes(store: Where) -> Figure:
         extent = (across[0], across[-1], up[0], up[-1])
         shown: Any = {"origin": "lower", "extent": extent, "cmap": "inferno"}
         drawn = left.imshow(image[np.ix_(rows, columns)], **shown)
-        figure.colorbar(drawn, ax=left, label="K")
+        figure.colorbar(drawn, ax=left, label="K", pad=0.03)
         left.set_ylabel(f"{slant_range:g} km\n{way}")
         cells = shot.log_polar.transpose("radius", "angle").values
         right.imshow(cells, origin="lower", extent=(0, 360, 0, 1), aspect="auto", cmap="Blues")
@@ -170,28 +180,58 @@ DRAWN: dict[str, Callable[[Where], Figure]] = {
 """Pictures of the page, by the group of a store that they show."""
 
 
-def pictures_of(path: Where, store: Any) -> dict[str, tuple[str, str]]:
-    """Return the pictures of the groups that a store has, and why one could not be drawn.
+@dataclass(frozen=True)
+class Pictures:
+    """Pictures as PNG in base64, of which those on the page before need not be drawn again.
 
-    As PNG in base64; a picture that fails is empty, and does not prevent the page.
+    Attributes
+    ----------
+    code : str
+        Digest of what draws.
+    before : mapping of str to str
+        Pictures on the page before, by what they are of.
     """
-    pictures = {}
+
+    code: str = ""
+    before: Mapping[str, str] = field(default_factory=dict)
+
+    def taken(self, shown: bytes, draw: Callable[[], str]) -> tuple[str, str]:
+        """Return what a picture is of, a digest of all that it shows, and the picture."""
+        of = hashlib.sha256(self.code.encode() + shown).hexdigest()
+        return of, self.before.get(of) or draw()
+
+
+def pictures_of(path: Where, store: Any, pictures: Pictures) -> dict[str, tuple[str, str, str]]:
+    """Return the pictures of the groups that a store has: of what, itself, why it was not drawn.
+
+    A picture that fails is empty, and does not prevent the page.
+    """
+    files, drawn = sorted(manifest_of(path).files.items()), {}
     for group in (name for name in DRAWN if name in groups(store)):
-        content, why = io.BytesIO(), ""
+        # Flights are corrected again for their picture, as the attributes of the store say.
+        inside = "" if group == "validation" else f"{group}/"
+        shown = [item for item in files if item[0].startswith(inside)]
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # of figures smaller than labels
-                DRAWN[group](path).savefig(content, format="png", dpi=DPI)
+            drawn[group] = *pictures.taken(repr(shown).encode(), partial(_png, path, group)), ""
         except Exception as error:
-            content, why = io.BytesIO(), reason(error)
-        pictures[group] = base64.b64encode(content.getvalue()).decode("ascii"), why
-    return pictures
+            drawn[group] = "", "", reason(error)
+    return drawn
 
 
-def ships_of(store: Any) -> list[dict[str, Any]]:
+def _png(path: Where, group: str) -> str:
+    """Return the picture of a group."""
+    content = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of figures smaller than labels
+        DRAWN[group](path).savefig(content, format="png", dpi=DPI)
+    return base64.b64encode(content.getvalue()).decode("ascii")
+
+
+def ships_of(store: Any, pictures: Pictures) -> list[dict[str, Any]]:
     """Return the ships that a store describes; none where it has no such group.
 
-    With label, measures by name as numbers with their units, picture as PNG in base64, and warning.
+    With label, measures by name as numbers with their units, picture and what it is of, and
+    warning.
     """
     if SHIPS not in groups(store):
         return []
@@ -201,10 +241,14 @@ def ships_of(store: Any) -> list[dict[str, Any]]:
     for label in table.ship.values.tolist():
         here = table.sel(ship=label)
         measures = {name: (float(here[name]), unit) for name, unit in units.items()}
-        picture = png_of(here.picture.values) if "picture" in here else ""
+        of = picture = ""
+        if "picture" in here:
+            brightness = here.picture.values
+            shown = f"{brightness.dtype} {brightness.shape} ".encode() + brightness.tobytes()
+            of, picture = pictures.taken(shown, partial(png_of, brightness))
         warning = str(here.warning.item()) if "warning" in here else ""
-        ship = {"label": str(label), "measures": measures, "picture": picture, "warning": warning}
-        ships.append(ship)
+        ship = {"label": str(label), "measures": measures, "of": of, "picture": picture}
+        ships.append(ship | {"warning": warning})
     return ships
 
 
@@ -213,8 +257,11 @@ def png_of(brightness: NDArray[np.floating]) -> str:
 
     NaN is transparent. Empty if all is NaN.
     """
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.image import imsave
+
     if not np.isfinite(brightness).any():
         return ""
-    content = io.BytesIO()
-    imsave(content, brightness, cmap=SHADES, vmin=0, vmax=1, origin="lower", format="png")
+    content, shades = io.BytesIO(), LinearSegmentedColormap.from_list("ship", SHADES)
+    imsave(content, brightness, cmap=shades, vmin=0, vmax=1, origin="lower", format="png")
     return base64.b64encode(content.getvalue()).decode("ascii")

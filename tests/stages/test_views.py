@@ -1,9 +1,11 @@
 """Ships by name and path, what an image is drawn of, and which ranges a scene allows."""
 
+import numpy as np
 import pytest
 import trimesh
 
-from ncti.render import Sampling
+import ncti.ships
+from ncti.render import Sampling, line_image, refined
 from sweeps.engine.stage import value_token
 from sweeps.stages import views
 from sweeps.stages.ships import ship_name
@@ -47,6 +49,18 @@ def test_ends_are_drawn_finer_than_broadsides():
     end, broadside = image_of(0.0), image_of(60.0)
     assert end.pixel < 0.25 == broadside.pixel
     assert end.hit.sum() == pytest.approx(20_000, rel=0.02)
+
+
+@pytest.mark.parametrize("aspect", [0.0, 3.0, 25.0, 56.0, 90.0, 200.0])
+def test_lines_are_those_that_are_halved_until_there_are_enough(aspect):
+    mesh, sampling = ncti.ships.load("duncan"), Sampling("lines", 0.25, 20_000, views.ROLL)
+    view = {"aspect": aspect, "depression": 3.84, "roll": sampling.rolled(aspect)}
+    lines = line_image(mesh, spacing=0.25, **view)
+    while lines.area.sum() < 20_000 * lines.spacing**2 and lines.spacing > 0.0625:
+        lines = refined(mesh, lines)
+    drawn = sampling.draw(mesh, aspect=aspect, depression=3.84)
+    for name, value in vars(lines).items():
+        np.testing.assert_array_equal(getattr(drawn, name), value, err_msg=name)
 
 
 def test_depressions_are_of_the_scene():

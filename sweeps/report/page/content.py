@@ -14,7 +14,7 @@ from sweeps.report.confusion import confusion_of
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import headline, main_axis
 from sweeps.report.page.provenance import flat, status_of, swept, written
-from sweeps.report.pictures import pictures_of, ships_of
+from sweeps.report.pictures import Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
 from sweeps.report.stores import attributes, opened
 from sweeps.report.words import missing, preferred, printable
@@ -26,8 +26,11 @@ FALLBACK = "frame_count"  # the axis of charts where nothing was swept
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
-def content_of(path: Where, frames: Mapping[str, Frame]) -> dict[str, Any]:
-    """Return the content of the page of a store, of its tables; OSError if it cannot be read."""
+def content_of(path: Where, frames: Mapping[str, Frame], pictures: Pictures) -> dict[str, Any]:
+    """Return the content of the page of a store, of its tables; OSError if it cannot be read.
+
+    Pictures that the page before had are taken from there.
+    """
     store = opened(path)
     about = attributes(store)
     work, matrix = frames.get(WORK), confusion_of(store)
@@ -50,8 +53,8 @@ def content_of(path: Where, frames: Mapping[str, Frame]) -> dict[str, Any]:
         "against": against,
         "axes": axes_of(tables),
         "tables": [table_of(table, against, axes) for table in tables.values()],
-        "pictures": pictures_of(path, store),
-        "ships": ships_of(store),
+        "pictures": pictures_of(path, store, pictures),
+        "ships": ships_of(store, pictures),
         "work": None if work is None else laid_out(work),
         "data": {
             "store": namesake(path).name,

@@ -5,10 +5,12 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sweeps.report
 from sweeps.engine.places import Objects, Where
@@ -18,10 +20,14 @@ from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_w
 from sweeps.report.places import page_file
 from sweeps.report.words import printable
 
+if TYPE_CHECKING:
+    from sweeps.report.pictures import Pictures
+
 FOLDER = Path(sweeps.report.__file__).parent
 TEMPLATES = FOLDER / "page" / "templates"
 SOURCES = (".py", ".html", ".css", ".js", ".json", ".yaml")
 STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
+_IMAGE = re.compile(r'<img data-of="([0-9a-f]+)" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
 
 def write_page(
@@ -40,7 +46,7 @@ def write_page(
     path = page_file(beside or store)
     if not is_free(path):  # found before drawing
         return [path]
-    content = sealed(page_of(store, frames, headline))
+    content = sealed(page_of(store, frames, headline, before=path))
     if not is_free(path):
         return [path]
     write_whole(path, content)
@@ -58,19 +64,42 @@ def is_current(store: Where) -> bool:
 
 def _stamp(store: Where) -> str:
     """Return a digest of a store's attributes, of the version and of the report's sources."""
-    try:
-        known = version("ncti-sweep")
-    except PackageNotFoundError:
-        known = ""
-    digest = hashlib.sha256(known.encode() + (Objects(store).get(METADATA) or b""))
+    attributes = Objects(store).get(METADATA) or b""
+    return hashlib.sha256(_code().encode() + attributes).hexdigest()[:32]
+
+
+def _code(*libraries: str) -> str:
+    """Return a digest of the version, and those of libraries, and of the report's sources."""
+    digest = hashlib.sha256()
+    for name in ("ncti-sweep", *libraries):
+        with suppress(PackageNotFoundError):
+            digest.update(version(name).encode())
     for file in sorted(FOLDER.rglob("*")):
         if file.suffix in SOURCES:
             digest.update(hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()[:32]
+    return digest.hexdigest()
 
 
-def page_of(path: Where, frames: Mapping[str, Frame], headline: Sequence[str] = ()) -> str:
-    """Return the page of a store, not yet sealed; everything but templates is escaped."""
+def _pictures(page: Path | None) -> Pictures:
+    """Return the pictures of a page that a report wrote, none where there is none."""
+    from sweeps.report.pictures import Pictures
+
+    whole = page is not None and page.exists() and is_free(page)
+    text = page.read_text(encoding="utf-8") if page and whole else ""
+    return Pictures(_code("matplotlib", "pillow"), dict(_IMAGE.findall(text)))
+
+
+def page_of(
+    path: Where,
+    frames: Mapping[str, Frame],
+    headline: Sequence[str] = (),
+    *,
+    before: Path | None = None,
+) -> str:
+    """Return the page of a store, not yet sealed; everything but templates is escaped.
+
+    Pictures of the page before that show the same are not drawn again.
+    """
     # Imported here, since a page that is current needs none of it.
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
@@ -94,7 +123,7 @@ def page_of(path: Where, frames: Mapping[str, Frame], headline: Sequence[str] = 
         (TEMPLATES / name).read_text(encoding="utf-8")
         for name in ("page.css", "vega.js", "page.js")
     )
-    content = content_of(path, frames)
+    content = content_of(path, frames, _pictures(before))
     content["data"]["chart"] = json.loads((TEMPLATES / "chart.json").read_text(encoding="utf-8"))
     return environment.get_template("page.html").render(
         content | ({"headline": headline} if headline else {}),
