@@ -33,11 +33,16 @@ class Correlation(Settings, key="classifier", single="coordinate"):
     )
 
 
-@in_memory(uses=(Correlation,), gather=(Grid.replicate, *classifier.GATHERED), keep=4)
+@in_memory(
+    uses=(Correlation,),
+    gather=(Grid.replicate, *classifier.GATHERED),
+    reads=classifier.in_blocks("averaged"),
+    keep=4,
+)
 def profile_draws(averaged: Profiles, training: str) -> Profiles | Floats:
     """Return (replicate, view, bin) draws of profiles of as many frames; none if not learned."""
     draws = classifier.by_view(averaged)
-    return draws if training == NOISY else draws[:0].copy()  # which does not keep the others
+    return draws[:] if training == NOISY else draws[:0].copy()  # which does not keep the others
 
 
 @ANSWERS.answers(
