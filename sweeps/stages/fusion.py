@@ -6,6 +6,7 @@ profiles with phase d of the silhouettes, cyclically if there are fewer profiles
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,11 @@ NAME = "fusion"
 CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
 OF_DRAWS = ("channel", "draw")
+# What silhouettes depend on besides the range; templates on the last two.
+LOOKS = (
+    *(Infrared.frame_count, Infrared.super_resolution, Infrared.segmentation),
+    *(Infrared.inner_radius, Infrared.interpolation),
+)
 
 Indices = NDArray[np.intp]
 
@@ -165,8 +171,8 @@ ANSWERS = classifier.ClassifierGroup.of(
     ),
     uses=(Grid, Likelihood),
     gather=(Grid.replicate, Infrared.subpixel_offsets, *GATHERED),
-    # Scores of each sensor are shared by all of them.
-    along=(Likelihood.gain_sigma, Grid.frame_count, Infrared.frame_count),
+    # Densities of profiles are shared by all of them.
+    along=(Likelihood.gain_sigma, Grid.frame_count, *LOOKS),
     reads=classifier.in_blocks("averaged")
     | {
         name: At(name, {Infrared.range: Grid.range}, in_blocks=name != "silhouette_constants")
@@ -202,23 +208,30 @@ def fusion(
     )
     own = np.searchsorted(np.flatnonzero(known), training_set)  # among templates of profiles
     of_ship, of_profiles = training_set // known.shape[1], profile_outlier_fraction[..., own]
-    maps, shown = by_view(log_polar, 2), by_view(template_log_polar, 1)[:, training_set]
-    silhouettes = classifier.map_vectors(shown[:, None])
-    looks, replicates, phases = len(maps), averaged.shape[1], len(silhouettes)
+    # Maps by look and view, and the vectors of templates by inner radius and interpolation.
+    axes, kinds = log_polar.shape[: len(LOOKS)], template_log_polar.shape[:2]
+    looks, replicates, phases = math.prod(axes), averaged.shape[1], log_polar.shape[len(LOOKS)]
+    maps = log_polar.reshape(looks, phases, -1, *log_polar.shape[-2:])
+    known_maps = template_log_polar.reshape(math.prod(kinds), phases, -1, *maps.shape[-2:])
+    silhouettes = [
+        classifier.map_vectors(known_maps[k, :, training_set].swapaxes(0, 1)[:, None])
+        for k in range(len(known_maps))
+    ]
     profiles = averaged.reshape(len(frame_count), replicates, -1, averaged.shape[-1])
     draws = max(replicates, phases)
-    axes = len(gain_sigma), len(frame_count), looks
-    whole = (*axes, len(CHANNELS), draws, *known.shape)
-    named = np.full(whole, NONE, dtype=np.int16)
-    probability = np.full(whole, np.nan, dtype=np.float32)
-    inverse_temperature, outlier_fraction = np.empty((2, *axes, len(CHANNELS), draws))
-    factors = silhouette_constants[..., np.arange(draws) % phases]  # (look, constant, draw)
+    whole = (len(gain_sigma), len(frame_count), looks, len(CHANNELS), draws)
+    named = np.full((*whole, *known.shape), NONE, dtype=np.int16)
+    probability = np.full((*whole, *known.shape), np.nan, dtype=np.float32)
+    inverse_temperature, outlier_fraction = np.empty((2, *whole))
+    factors = silhouette_constants.reshape(looks, 2, phases)[..., np.arange(draws) % phases]
     inverse_temperature[..., 0, :], inverse_temperature[..., 1:, :] = 1.0, factors[:, :1]
     outlier_fraction[..., ::2, :] = of_profiles.mean(axis=-1)[..., None, None, None]
     outlier_fraction[..., 1, :] = factors[:, 1]
-    for rows in row_blocks(len(views), ROWS * max(1, AT_ONCE // (ROWS * replicates))):
+    for rows in row_blocks(len(views), ROWS * max(1, AT_ONCE // (ROWS * max(replicates, looks)))):
         true, column = np.divmod(views[rows], known.shape[1])
-        similar = [cosines(silhouettes, maps, m, views[rows]) for m in range(looks)]
+        similar = [
+            cosines(silhouettes[m % len(silhouettes)], maps, m, views[rows]) for m in range(looks)
+        ]
         for f, count in enumerate(frame_count):
             seen = np.concatenate([profiles[f, r, views[rows]] for r in range(replicates)])
             logs = templates.log_likelihood(prior.levelled(seen), count, gain_sigma=gain_sigma)
@@ -236,10 +249,14 @@ def fusion(
                     for c, posterior in enumerate((of_profile, *of_both)):
                         at = g, f, m, c, d, true, column
                         named[at], probability[at] = classifier.most_probable(posterior, true)
-    return classifier.judged(named, compared) | {
+    answers = classifier.judged(named, compared) | {
         "probability": probability,
         "inverse_temperature": inverse_temperature,
         "outlier_fraction": outlier_fraction,
+    }
+    return {
+        name: values.reshape(*whole[:2], *axes, *values.shape[3:])
+        for name, values in answers.items()
     }
 
 

@@ -41,6 +41,11 @@ def maps():
     return templates.astype(np.uint8), seen.astype(np.uint8)
 
 
+def one_of_each(values):
+    """Arrays by number of frames with axes of other settings of silhouettes, of one value each."""
+    return values.reshape(len(values), *(1 for _ in fusion.LOOKS[1:]), *values.shape[1:])
+
+
 def answered(cell, templates, seen, valid=None, **training_views):
     """Answers (gain, count, look, channel, draw, ship, aspect); scores of profiles; constants."""
     valid = np.ones((PHASES, *GRID), dtype=bool) if valid is None else valid
@@ -52,9 +57,14 @@ def answered(cell, templates, seen, valid=None, **training_views):
     averaged = cell.averaged.swapaxes(0, 1)
     outliers = np.full((len(GAINS), len(FRAMES), of_profiles[1].sum()), PROFILE_OUTLIERS)
     both = np.broadcast_to(valid & cell.valid, (REPLICATES, *valid.shape))
-    given = of_profiles, outliers, averaged, templates, seen, constants, both
+    looks = one_of_each(seen), one_of_each(constants)
+    given = of_profiles, outliers, averaged, templates[None, None], *looks, both
     found = fusion.fusion(*given, known, PRIOR, GAINS, FRAMES)
-    return found, of_profiles[0], constants
+    return (
+        {name: values[:, :, :, 0, 0, 0, 0] for name, values in found.items()},
+        of_profiles[0],
+        constants,
+    )
 
 
 def similarity_by_hand(templates, seen):
@@ -210,7 +220,8 @@ def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
         def answer():
             constants = fusion.silhouette_constants(maps, maps[None], valid, known)
             outliers = np.full((1, 1, known.sum()), 0.1)
-            sensors = templates, outliers, averaged[None, None], maps, maps[None], constants
+            looks = maps[None, None], one_of_each(maps[None]), one_of_each(constants)
+            sensors = templates, outliers, averaged[None, None], *looks
             fusion.fusion(*sensors, valid[None], known, PRIOR, (1.0,), (4,))
 
         return peak_memory(answer)
