@@ -52,7 +52,7 @@ def project(
         h = axes[0, 0] * a + axes[0, 1] * b + axes[0, 2] * c + centre[0]
         v = axes[1, 0] * a + axes[1, 1] * b + axes[1, 2] * c + centre[1]
         r = axes[2, 0] * a + axes[2, 1] * b + axes[2, 2] * c + centre[2]
-        scale = 1.0 / (1.0 + curvature * r)
+        scale = 1.0 / (1.0 + curvature * r) if curvature > 0.0 else 1.0
         x, y, q = h * scale, v * scale, r * scale
         point[i, 0], point[i, 1], point[i, 2] = x, y, q
         left, bottom, near = min(left, x), min(bottom, y), min(near, q)

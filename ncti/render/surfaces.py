@@ -72,7 +72,13 @@ class Surfaces:
 
         No less than is visible of a closed mesh.
         """
-        return float(np.maximum(self.area @ towards, 0.0).sum())
+        seen = towards @ self._components
+        return float(np.maximum(seen, 0.0, out=seen).sum())
+
+    @cached_property
+    def _components(self) -> Floats:
+        """(3, surface): area vectors, in the order in which a product of a direction reads them."""
+        return np.ascontiguousarray(self.area.T)
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Surfaces:
