@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from benchmarks.classifiers import (
     Task,
     contenders,
 )
+from benchmarks.methods import embree_directly, lines
 from benchmarks.reports import Column, Report, Sample
 from benchmarks.skips import patched
 from benchmarks.views import DEPRESSION
@@ -42,7 +44,7 @@ from ncti.ladar.reference import reference_range_extent
 from ncti.render import Sampling, drawn_range, threads
 from ncti.render.choice import choose_engine
 from ncti.render.far_field import reach_of
-from ncti.render.view import ROLL
+from ncti.render.view import ROLL, View
 from sweeps.stages.views import LINES, Render, image
 
 FAR = 1e12  # [m]: wavefronts are as flat as those of the reference
@@ -60,6 +62,16 @@ CLASSIFIERS = (
 EXACT = "exact"
 How = tuple[str, tuple[float, ...]]
 """Engine, and `fineness` of a sweep's tolerance."""
+
+ENDS = (0.5, 3.0, 10.0, 30.0, 90.0, 177.0)  # aspects, end-on views among them [deg]
+SPACING = 0.25  # of lines and rays [m]
+
+RAYS = (
+    Column("aspect", "aspect [deg]", "g"),
+    Column("rays_ms", "embree's rays [ms]", ".2f"),
+    Column("lines_ms", "lines [ms]", ".2f"),
+    Column("ratio", "lines x rays", ".2f"),
+)
 
 COLUMNS = (
     Column("way", "drawn by"),
@@ -118,6 +130,51 @@ def measure(
             "x pixels: view by view, in turns. Error: sum of absolute differences from the "
             "sampling-free reference over its sum, of all the ship after a pulse. Estimated: the "
             "bound that lines give themselves (`profile_error` in the store)."
+        ],
+    )
+
+
+def measure_rays(
+    *, repeats: int, ships: Sequence[str] = SHIPS, aspects: Sequence[float] = ENDS
+) -> Report:
+    """Return times of views by lines and by as many of embree's rays, end-on to abeam.
+
+    Parameters
+    ----------
+    repeats : int
+        How often every view is timed, both ways in turn.
+    ships : sequence of str
+        Names.
+    aspects : sequence of float
+        Views [deg].
+
+    Returns
+    -------
+    Report
+        One row per aspect; medians, lowest and highest of all ships.
+    """
+    rows: list[dict[str, Any]] = []
+    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
+        ways = [
+            (embree_directly(mesh, SPACING), lines(mesh, SPACING))
+            for mesh in map(ncti.ships.load, ships)
+        ]
+        for aspect in aspects:
+            view = View(aspect, DEPRESSION)
+            taken = [_in_turn([partial(way, view) for way in both], repeats) for both in ways]
+            of_ships = {
+                "rays_ms": [1e3 * rays for rays, _ in taken],
+                "lines_ms": [1e3 * seen for _, seen in taken],
+                "ratio": [seen / rays for rays, seen in taken],
+            }
+            figures = {name: Sample.of(values) for name, values in of_ships.items()}
+            rows.append({"aspect": aspect} | figures)
+    return Report(
+        f"Lines and rays {SPACING:g} m apart: {', '.join(ships)}, {repeats} times",
+        RAYS,
+        rows,
+        [
+            "Time of one processor from mesh to ranges, without bins; rays by embree called directly."
         ],
     )
 
@@ -262,11 +319,16 @@ def _extent(mesh: trimesh.Trimesh, aspect: float, how: How, slant_range: float) 
 
 def _times(mesh: trimesh.Trimesh, aspect: float, ways: list[How], repeats: int) -> list[float]:
     """Median time of processor of each way [s], after a round that is not counted."""
+    return _in_turn([partial(_extent, mesh, aspect, way, SLANT_RANGE) for way in ways], repeats)
+
+
+def _in_turn(ways: Sequence[Callable[[], object]], repeats: int) -> list[float]:
+    """Median time of processor of some calls [s], after a round that is not counted."""
     seconds = np.empty((repeats + 1, len(ways)))
     for turn in range(repeats + 1):
-        for k, how in list(enumerate(ways))[:: (-1) ** turn]:
+        for k, call in list(enumerate(ways))[:: (-1) ** turn]:
             start = time.process_time()
-            _extent(mesh, aspect, how, SLANT_RANGE)
+            call()
             seconds[turn, k] = time.process_time() - start
     return [float(one) for one in np.median(seconds[1:], axis=0)]
 

@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from ncti.classify.loops import DENSITIES
 from ncti.infrared.loops import IMAGES
 from ncti.irar.loops import TILTS
 from ncti.ladar.loops import FRAMES
@@ -28,6 +29,7 @@ from sweeps.stages.benchmark import Benchmark
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.dataset import SENSOR as DATASET
 from sweeps.stages.infrared import silhouette_engine
+from sweeps.stages.ladar import stores_moments
 from sweeps.stages.reproduce import SENSOR as REPRODUCE
 from sweeps.stages.views import Grid, Render, Sweep, looks
 
@@ -133,6 +135,8 @@ def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
         needed += [of_engine(LINES), IMAGES]
     if looks(views.BENCHMARK)(choices):
         needed.append(of_engine(LINES))
+    if stores_moments(choices):
+        needed.append(DENSITIES)
     if looks(views.INFRARED)(choices):
         needed.append(IMAGES)
         needed += [of_engine(MASK)] if MASK in map(silhouette_engine.function, engines) else []

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky_banded
-from scipy.linalg.lapack import dtbtrs
 
 from ncti.checks import require_all, require_labels, require_shape
 
@@ -164,8 +163,9 @@ def mean_correlation(bands: ArrayLike) -> Floats:
 
 def whiten(factor: Floats, columns: Floats) -> Floats:
     """Return L^-1 times (bin, column) columns, with L a lower band."""
-    white, _ = dtbtrs(factor, columns, uplo="L")
-    return white
+    from ncti.classify.whitening import solve_band  # numba takes long to import
+
+    return solve_band(np.ascontiguousarray(factor), np.ascontiguousarray(columns))
 
 
 def coloured(factor: Floats, white: Floats) -> Floats:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 from sklearn.base import clone
 
 from ncti.classify import GaussianTemplates, lower_band
+from ncti.classify.bands import whiten
 
 LEVEL = 1e-3
 BINS, LAGS = 24, 5
@@ -163,3 +166,19 @@ def test_bad_templates_are_named(changed, message):
     good = {"mean": means, "covariance": lower_band(dense), "labels": LABELS, "floor": floor}
     with pytest.raises(ValueError, match=message):
         GaussianTemplates().fit(**good | changed)
+
+
+@given(
+    st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 40), st.sampled_from([1, 64, 150])
+)
+def test_whitening_solves_each_column_as_if_alone(seed, bins, lags, count):
+    rng = np.random.default_rng(seed)
+    factor = rng.uniform(-0.3, 0.3, (min(lags, bins), bins)) / lags
+    factor[0] = rng.uniform(1.0, 2.0, bins)
+    lower = sum(np.diag(band[: bins - lag], -lag) for lag, band in enumerate(factor))
+    columns = rng.standard_normal((bins, count))
+    white = whiten(factor, columns)
+    # Rounding of a backward stable solution: the factor is diagonally dominant.
+    np.testing.assert_allclose(lower @ white, columns, rtol=0, atol=1e-13 * bins)
+    some = np.flatnonzero(rng.random(count) < 0.5)
+    np.testing.assert_array_equal(whiten(factor, columns[:, some]), white[:, some])
