@@ -165,7 +165,7 @@ def whiten(factor: Floats, columns: Floats) -> Floats:
     """Return L^-1 times (bin, column) columns, with L a lower band."""
     from ncti.classify.whitening import solve_band  # numba takes long to import
 
-    return solve_band(np.ascontiguousarray(factor), np.ascontiguousarray(columns))
+    return solve_band(np.ascontiguousarray(factor), np.ascontiguousarray(columns.T)).T
 
 
 def coloured(factor: Floats, white: Floats) -> Floats:
