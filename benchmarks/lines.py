@@ -173,9 +173,7 @@ def measure_rays(
         f"Lines and rays {SPACING:g} m apart: {', '.join(ships)}, {repeats} times",
         RAYS,
         rows,
-        [
-            "Time of one processor from mesh to ranges, without bins; rays by embree called directly."
-        ],
+        ["Time of one processor from mesh to ranges, without bins; rays by embree alone."],
     )
 
 
