@@ -16,12 +16,13 @@ FEW = 10  # of the rows of the first case, those of others
 CASES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("profiles, 25 rows a view", {}),
     ("profiles, 1 row a view", {"rows_per_view": 1}),
-    ("profiles at 25 km", {"slant_range": 25e3}),
+    ("profiles at 25 km, 25 rows a view", {"slant_range": 25e3}),
+    ("the same, 4 frames", {"slant_range": 25e3, "frames": 4}),
     ("silhouettes", {"sensor": "infrared"}),
     ("both", {"sensor": "both"}),
 )
 COLUMNS = (
-    Column("case", "rows of four ships at random aspects, 100 km"),
+    Column("case", "rows of four ships at random aspects, 100 km, 16 frames"),
     Column("rows", "rows", ",d"),
     Column("cpu_ms", "processor [ms a row]", ".2f"),
     Column("a_second", "rows a second of that on two cores", ",.0f"),

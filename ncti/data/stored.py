@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require_word
-from ncti.data.vectors import VECTORS, Vectors, to_numpy
+from ncti.data.vectors import VECTORS, Vectors, groups_of, to_numpy
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 ROWS = ("dataset", "dataset_infrared")
 """Groups of a store of rows of `ncti.dataset`, of the laser radar and of the imager."""
 
+AT_ONCE = 20_000  # rows of a store that are read at once, so that a million need little more memory
 PREFIX = "row_"  # of parameters of rows in a store
 OF_ROWS = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
 """Types of numbers, which a store may keep in others."""
@@ -107,7 +108,8 @@ def load_xy(
             )
         if classifier_group is not None:
             raise ValueError(f"classifier_group is {classifier_group!r}, but must be None of rows")
-        return to_numpy(open_rows(store, **where))
+        # A piece is read at once, all of them one part after the other.
+        return _vectors(open_rows(store, chunks=None if "piece" in where else {}, **where))
     sensor = _sensor(store, classifier_group)
     group = _opened(store, sensor)
     if group is None:
@@ -208,6 +210,21 @@ def pieces_of(store: str | Path) -> dict[int, int]:
     other = [dim for dim in group.row_view.dims if dim != "piece"]
     counts = (group.row_view >= 0).sum(other).values.tolist()
     return {k: n for k, n in zip(group.piece.values.tolist(), counts, strict=True) if n}
+
+
+def _vectors(rows: xr.Dataset) -> Vectors:
+    """Return what `to_numpy` does of rows that are not read yet, some of which are held at once."""
+    coords = rows.drop_vars([*rows.data_vars]).load()
+    vectors = None
+    for start in range(0, rows.sizes["row"], AT_ONCE):
+        block = slice(start, start + AT_ONCE)
+        of_block, *_ = to_numpy(rows.isel(row=block).load())
+        if vectors is None:
+            vectors = np.empty((rows.sizes["row"], of_block.shape[1]), of_block.dtype)
+        vectors[block] = of_block
+    if vectors is None:
+        return to_numpy(rows.load())
+    return vectors, coords.ship.values.astype(str), groups_of(coords)
 
 
 def _row_by_row(pieces: xr.Dataset) -> xr.Dataset:

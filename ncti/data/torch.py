@@ -31,6 +31,9 @@ except ImportError:  # classes for a loop of one's own
 Row = tuple[NDArray[np.float32], int]
 Batch = tuple[NDArray[np.float32], NDArray[np.int64]]
 
+ASIDE = 8
+"""Pieces of a store that a stream reads side by side."""
+
 WHOLE = -1
 """Number of the piece of a store that has none."""
 
@@ -142,8 +145,10 @@ class RowStream(IterableDataset):
     Notes
     -----
     The pieces of a store are in random order, and so are the rows of a piece; each epoch has an
-    order of its own, `set_epoch`. Batches are dealt to the workers of a loader in turn, which
-    returns them in turn: their order is the same for any number of workers.
+    order of its own, `set_epoch`. Batches are of one piece each, of eight pieces in turn, and are
+    dealt to the workers of a loader in turn, which returns them in turn: their order is the same
+    for any number of workers. Of 2, 4 or 8 workers each reads pieces of its own, if they have
+    equally many rows.
 
     Examples
     --------
@@ -170,15 +175,21 @@ class RowStream(IterableDataset):
         worker = get_worker_info()
         part, parts = (worker.id, worker.num_workers) if worker is not None else (0, 1)
         number = 0
-        for piece in self._rng().permutation([*self.rows.sizes]).tolist():
-            count = self.rows.sizes[piece]
-            order = self._rng(piece).permutation(count)
-            for start in range(0, count, self.batch_size):
-                if number % parts == part:
-                    X, y = self.rows.piece(piece)
+        shuffled = self._rng().permutation([*self.rows.sizes]).tolist()
+        for first in range(0, len(shuffled), ASIDE):
+            orders = {
+                piece: self._rng(piece).permutation(self.rows.sizes[piece])
+                for piece in shuffled[first : first + ASIDE]
+            }
+            for start in range(0, max(map(len, orders.values())), self.batch_size):
+                for piece, order in orders.items():
                     of_batch = order[start : start + self.batch_size]
-                    yield X[of_batch], y[of_batch]
-                number += 1
+                    if not of_batch.size:
+                        continue
+                    if number % parts == part:
+                        X, y = self.rows.piece(piece)
+                        yield X[of_batch], y[of_batch]
+                    number += 1
 
     def _rng(self, *piece: int) -> np.random.Generator:
         """Return the source of the order of pieces, or of the rows of one."""
@@ -186,7 +197,7 @@ class RowStream(IterableDataset):
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=ASIDE)
 def _read(store: str, how: tuple[Any, ...], classes: tuple[str, ...], number: int) -> Batch:
     """Return vectors and labels of a piece of a store, or of a store without pieces."""
     classifier, split, where = how

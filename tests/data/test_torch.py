@@ -89,6 +89,31 @@ def test_batches_have_each_row_once_in_an_order_of_the_seed(rows, workers, monke
         )
 
 
+class Pieces:
+    """Rows of sixteen pieces that say which of them were read."""
+
+    sizes = dict.fromkeys(range(16), 20)
+
+    def __init__(self):
+        self.read = set()
+
+    def piece(self, number):
+        self.read.add(number)
+        return np.full((20, 1), float(number)), np.zeros(20, dtype=np.int64)
+
+
+@pytest.mark.parametrize("workers", [2, 4, 8])
+def test_no_two_workers_read_the_same_piece(workers, monkeypatch):
+    read = []
+    for number in range(workers):
+        worker = Worker(number, workers)
+        monkeypatch.setattr(ncti.data.torch, "get_worker_info", lambda worker=worker: worker)
+        pieces = Pieces()
+        assert len([*RowStream(pieces, batch_size=7, seed=0)]) == 16 * 3 // workers
+        read += sorted(pieces.read)
+    assert sorted(read) == [*range(16)]
+
+
 def test_labels_are_those_of_the_classes_that_are_given(store):
     rows = StoredRows(store, classes=["roberts", "texas", "duncan"])
     assert {rows.classes[label] for _, label in rows} == {"texas", "duncan"}
