@@ -57,17 +57,17 @@ class Waiting:
         self._plan, self._nodes, self._absent = plan, nodes, absent
         self._stages = [*missing]
         self._split: deque[Job] = deque()
-        self._numbers: dict[bytes, int] = {}  # of in-memory objects, by key
+        self._made: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
         tables = [self._calls(number, cells) for number, cells in enumerate(missing.values())]
         width = max((objects.shape[1] for _, _, objects, _ in tables), default=0)
-        fill = [np.full((len(o), width), -1, np.int64) for _, _, o, _ in tables]
+        fill = [np.full((len(o), width), -1, np.int32) for _, _, o, _ in tables]
         for padded, (_, _, objects, _) in zip(fill, tables, strict=True):
             padded[:, : objects.shape[1]] = objects
         empty = np.empty(0, dtype=np.int32)
         lengths = joined(empty, *(lengths for _, lengths, _, _ in tables))
         self._stage = joined(empty, *(stage for stage, _, _, _ in tables))
         self._cells = joined(empty, *(cells for _, _, _, cells in tables))
-        self._objects = joined(np.empty((0, width), np.int64), *fill)
+        self._objects = joined(np.empty((0, width), np.int32), *fill)
         if width:
             order = np.lexsort(self._objects.T[::-1])
             begins = np.cumsum(lengths) - lengths
@@ -76,7 +76,7 @@ class Waiting:
             self._cells = self._cells[_ranges(begins[order], lengths)]
         self._begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
         self._wait()
-        del self._nodes, self._absent, self._numbers, self._known
+        del self._nodes, self._absent, self._made, self._known
 
     def _calls(self, number: int, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
         """Return stage, number of cells and in-memory objects of each call; and all their cells.
@@ -100,9 +100,10 @@ class Waiting:
         for source, first, _ in self._plan.inputs(bound):
             if not source.stage.kept:
                 taken, places = np.unique(first[cells], return_inverse=True)
-                keys = (key.tobytes() for key in self._plan.keys(source)[taken])
-                own = [self._numbers.setdefault(key, len(self._numbers)) for key in keys]
-                found += [*self._shared(source, first[cells]), np.array(own)[places]]
+                known, keys = len(self._made), joined(self._made, self._plan.keys(source)[taken])
+                of_first, number = distinct(keys)
+                self._made = keys[of_first]
+                found += [*self._shared(source, first[cells]), number[known:][places]]
         return found
 
     # what they wait for ---------------------------------------------------------------------
