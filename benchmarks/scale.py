@@ -28,7 +28,7 @@ STEPS = (0.45, 0.15, 0.05, 0.025)
 """Steps of the aspects [deg] where all views are learned, so that each is compared with all."""
 
 SPACING = 1.5  # of the aspects learned, where others are drawn at random [deg]
-DRAWN = (50, 200, 600, 1200, 3000, 6000)
+DRAWN = (50, 200, 600, 1200)
 """Numbers of random aspects in every 30 degrees, which are tested and not learned."""
 
 RANGES = (25, 50, 75, 100, 150, 200, 250, 300, 400, 500)
