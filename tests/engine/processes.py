@@ -10,6 +10,7 @@ import contextlib
 import io
 import json
 import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -77,5 +78,7 @@ def imported():
 
 
 if __name__ == "__main__":
+    # What runs in the background of a shell ignores it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     imported()
     json.dump([ended(case, started(case)) for case in json.load(sys.stdin)], sys.stdout)
