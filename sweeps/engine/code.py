@@ -22,7 +22,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from importlib import metadata
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import decode_source, find_spec, resolve_name
@@ -42,7 +42,7 @@ LABELS = frozenset({"help", "label"})  # arguments of settings that are only sho
 
 _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 _ANNOTATIONS = __future__.annotations.compiler_flag  # compiled as texts
-_FINDER, _IMPORT = ModuleFinder(), dis.opmap["IMPORT_NAME"]
+_FINDER = ModuleFinder()
 _FOR_TYPES = re.compile(r"\bif (?:typing\.)?TYPE_CHECKING:")
 
 
@@ -56,17 +56,12 @@ class Statement:
         # Without docstrings (and assertions), and annotations as texts.
         code: CodeType = compile(source, "", "exec", _ANNOTATIONS, dont_inherit=True, optimize=2)
         inside = [*_codes(code)]
-        self._code = code
+        self.digest = hashlib.sha256(_text(code).encode()).hexdigest()
         self.uses = {name for one in inside for name in one.co_names}  # variables and attributes
         self.imports = {target for one in inside for target in _imports(one, package)}
         found = _FINDER.scan_opcodes(code)
         self.binds = {name for what, names in found if what == "store" for name in names}
         self.acts = True
-
-    @cached_property
-    def digest(self) -> str:
-        """The hash of the code."""
-        return hashlib.sha256(_text(self._code).encode()).hexdigest()
 
 
 class Module:
@@ -79,7 +74,6 @@ class Module:
         is_package = file.name == "__init__.py"
         self.name, self.file = name, file
         self.package = name if is_package else name.rpartition(".")[0]
-        self.folder = self.package, file.parent
         text = _FOR_TYPES.sub("if 0:", text)
         whole = Statement(text, self.package)
         self.uses, self.is_lazy = whole.uses, "__getattr__" in whole.binds
@@ -193,9 +187,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 def _imports(code: CodeType, package: str) -> Iterator[Reference]:
     """Yield what imports, and calls of `import_module`, in code refer to."""
-    importing = _IMPORT in code.co_code[::2]  # or a cache of instructions looks like it
-    opcodes = _FINDER.scan_opcodes(code) if importing else ()
-    found = [given for what, given in opcodes if what != "store"]
+    found = [given for what, given in _FINDER.scan_opcodes(code) if what != "store"]
     for *level, names, name in found:
         owner = _absolute("." * sum(level) + name, package)
         above = accumulate(owner.split("."), "{}.{}".format)
@@ -405,7 +397,7 @@ class Code:
             for name, of in modules.items()
         }
         libraries = dict(pair for top in tops for pair in versions(top))
-        folders = {of.folder for of in modules.values()}
+        folders = {(of.package, of.file.parent) for of in modules.values()}
         shaders = sorted(pair for name, of in folders if name for pair in _files(name, of, SHADERS))
         parts = [place_of(plain), [*map(place_of, functions)], values, code, shaders, libraries]
         digest = _hash(json.dumps(parts, sort_keys=True).encode())
