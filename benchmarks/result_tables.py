@@ -12,6 +12,7 @@ import xarray as xr
 from benchmarks.repeated import at, bins_of, multiples, over_seeds, percent_of
 from benchmarks.reports import Column, Report
 from ncti.evaluate import open_set_scores
+from sweeps.stages.classifier import LARGEST
 
 RANGES, SPACINGS, STEP = (25, 50, 100), (1.5, 3, 6), 1.5
 
@@ -393,14 +394,16 @@ DENSE = (0.5, 1.5, 3)  # spacings of templates [deg]
 REJECTED = 0.9  # of answers to unknown ships
 
 
-def open_set(classified: xr.Dataset, **places: object) -> dict[str, float]:
+def open_set(
+    classified: xr.Dataset, strangers: Sequence[str] = UNKNOWN_SHIPS, **places: object
+) -> dict[str, float]:
     """Return AUROC, OSCR and the percentage kept, of a classifier at new aspects of one seed.
 
     Of ships known to be unknown there are no tests.
     """
     answers = classified.isel(aspect=~multiples(classified.aspect.values, DENSE[0]))
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
-    known = ~np.isin(answers.ship.values, UNKNOWN_SHIPS)
+    known = ~np.isin(answers.ship.values, strangers)
     asked = {
         "similarity": at(answers.similarity, **places),
         "correct": at(answers.correct, **places) == 1,
@@ -414,29 +417,40 @@ def open_set(classified: xr.Dataset, **places: object) -> dict[str, float]:
 
 
 def unknown(
-    looked_up: Answers, likely: Answers, against: Answers, themselves: Answers
+    looked_up: Answers,
+    likely: Answers,
+    generated: Mapping[str, Answers],
+    against: Answers,
+    themselves: Answers,
 ) -> dict[str, Report]:
     """Return the scores of rejecting ships absent from training.
 
-    Of answers by cosine, by likelihood, and by likelihood with variants of the unknown ships as an
-    alternative, or with these ships themselves, which no classifier could be.
+    Of answers by cosine, by likelihood, and by likelihood with an alternative: ships generated of
+    those learned, variants of the unknown ships, or these themselves, which nobody could have.
     """
-    kinds: list[tuple[str, str, Answers, dict[str, object]]] = [
+    kinds: list[tuple[str, str, Answers, dict[str, Any]]] = [
         ("ACN, cosine, 3°", "acn", looked_up, {}),
         ("correlation, cosine, 3°", "correlation", looked_up, {}),
     ]
-    for label, found, weight in (
-        ("posterior probability", likely, 0.0),
-        ("posterior probability and fit", likely, 0.01),
-        ("the same, against variants of the unknown ships", against, 0.01),
-        ("the same, against the unknown ships themselves", themselves, 0.01),
+    every = tuple(reversed(DENSE))
+    for label, found, weight, spacings in (
+        ("posterior probability", likely, 0.0, every),
+        ("posterior probability and fit", likely, 0.01, every),
+        *(
+            (f"density over that of generated ships {lengths}", found, 0.01, every[:1])
+            for lengths, found in generated.items()
+        ),
+        ("density over that of variants of the unknown ships", against, 0.01, every),
+        ("density over that of the unknown ships themselves", themselves, 0.01, every),
     ):
-        for spacing in reversed(DENSE):
-            place: dict[str, object] = {"template_spacing": spacing, "misfit_weight": weight}
+        for spacing in spacings:
+            place: dict[str, Any] = {"template_spacing": spacing, "misfit_weight": weight}
             kinds.append((f"likelihood, {label}, {spacing:g}°", "likelihood", found, place))
     rows = []
     for km in (25, 100):
         for label, name, found, place in kinds:
+            if km != 100 and any(found is one for one in generated.values()):
+                continue
             scores = [open_set(one[f"classification/{name}"], range=km, **place) for one in found]
             row = {"what": f"{km} km: {label}", "kept": text_of([one["kept"] for one in scores])}
             for area in ("auroc", "oscr"):
@@ -448,3 +462,30 @@ def unknown(
         Column("kept", "known ships right where 90 % of unknown ones are rejected [%]"),
     )
     return {"unknown": Report("Unknown ships", columns, rows)}
+
+
+def left_out(answers: Mapping[str, Mapping[float | None, Answers]]) -> dict[str, Report]:
+    """Return what is kept of three ships where the fourth is unknown, at 100 km.
+
+    Of answers by the ship left out and the smallest size of the ships that are generated, None
+    without them.
+    """
+    rows = []
+    for least in next(iter(answers.values())):
+        kept = {
+            ship: [
+                open_set(one["classification/likelihood"], (ship,))["kept"]
+                for one in of_ship[least]
+            ]
+            for ship, of_ship in answers.items()
+        }
+        sizes = "none" if least is None else f"sizes {least:.2g} to {LARGEST:g}"
+        row = {"what": sizes, "mean": text_of(np.mean(list(kept.values()), axis=0))}
+        rows.append(row | {ship: text_of(values) for ship, values in kept.items()})
+    seeds = len(next(iter(next(iter(answers.values())).values())))
+    columns = (
+        Column("what", f"ships generated, mean of {seeds} seeds [95 % interval]"),
+        *(Column(ship, f"{ship.title()} unknown") for ship in answers),
+        Column("mean", "mean of the four"),
+    )
+    return {"left_out": Report("Known ships left out in turn", columns, rows)}

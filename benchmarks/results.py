@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+import ncti.ships
 from benchmarks.repeated import WORKERS, listed, swept, swept_anew, swept_by_seed
 from benchmarks.reports import Report
 from benchmarks.result_flights import (
@@ -35,6 +36,7 @@ from benchmarks.result_tables import (
     Answers,
     categories,
     fusion,
+    left_out,
     new_aspects,
     prior_knowledge,
     protocol,
@@ -43,7 +45,10 @@ from benchmarks.result_tables import (
     unknown,
     with_known,
 )
+from ncti.operate.fleets import ARTICLE
+from ncti.ships.perturbation import Variant
 from sweeps.engine.cluster import ClusterChoice
+from sweeps.stages.classifier import LARGEST, SMALLEST, generated_ships
 
 SEEDS, LEAST_SEEDS = 20, 2
 DRAWS = 10  # of what takes long: trainings of the multilayered network, and flights
@@ -97,14 +102,38 @@ DENSITIES = (
     *(*REJECTING, "classifier.name=likelihood", f"classifier.template_spacing={listed(DENSE)}"),
     "classifier.misfit_weight=[0,0.01]",
 )
+GENERATED = 8  # of each ship learned
+FAR = (
+    *("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood"),
+    f"classifier.template_spacing={SOURCE_STEP}",
+)
+FRIGATES = (120, 150)  # lengths [m] about those of the unknown ships
+LEAST_SIZES = (1 / LARGEST, SMALLEST)  # of generated ships
 
 
-def of_unknown(*alternative: str) -> tuple[str, ...]:
+def of_unknown(*alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS) -> tuple[str, ...]:
     """Return the ships of a sweep with unknown ones, and with some that are known to be unknown."""
-    unknown = list(dict.fromkeys([*UNKNOWN_SHIPS, *alternative]))
+    absent = list(dict.fromkeys([*unknown, *alternative]))
     given = [f"classifier.alternative=[{','.join(alternative)}]"] if alternative else []
-    ships = ",".join(["duncan", "horne", "spruance", "texas", *unknown])
-    return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(unknown)}]", *given
+    ships = ",".join(dict.fromkeys([*ARTICLE, *absent]))
+    return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(absent)}]", *given
+
+
+def generated(learned: Sequence[str], number: int, least: float) -> list[str]:
+    """Return the ships that are generated of those learned, of sizes from a smallest one on."""
+    ships = {str(name): Variant.read(name) for name in generated_ships(learned, number)}
+    return [name for name, made in ships.items() if made and made.size >= least]
+
+
+def as_long(number: int, low: float, high: float) -> list[str]:
+    """Return the ships that are generated of the article's, of lengths [m] between two."""
+    lengths = {name: ncti.ships.load(name).metadata["loa"] for name in ARTICLE}
+    ships = {str(name): Variant.read(name) for name in generated_ships(ARTICLE, number)}
+    return [
+        name
+        for name, made in ships.items()
+        if made and low <= made.size * lengths[made.base] <= high
+    ]
 
 
 PARTS = (
@@ -142,6 +171,8 @@ class Sizes:
         Where cells are computed.
     finest : tuple of float
         Learned aspects where unknown ships are rejected [deg].
+    generated : int
+        Number of ships that are generated of each one learned, to stand for unknown ones.
     """
 
     seeds: int
@@ -152,6 +183,7 @@ class Sizes:
     parts: tuple[str, ...] = ()
     workers: ClusterChoice = WORKERS
     finest: tuple[float, ...] = FINEST
+    generated: int = GENERATED
 
     def alone(
         self, overrides: Sequence[str], groups: Sequence[str], label: str
@@ -167,6 +199,20 @@ class Sizes:
             *([*overrides, *self.more], groups),
             seeds=self.seeds,
             learned=self.learned,
+            fresh=self.fresh,
+            label=label,
+            workers=self.workers,
+        )
+
+    def rejecting(
+        self, overrides: Sequence[str], names: Sequence[str], label: str, step: float = DENSE[0]
+    ) -> Answers:
+        """Return answers of some classifiers, of several draws, to ships that may be unknown."""
+        return swept_by_seed(
+            [*overrides, *self.more],
+            in_group("classification/", *names),
+            seeds=self.draws,
+            learned=[aspect for aspect in self.finest if aspect % step == 0],
             fresh=self.fresh,
             label=label,
             workers=self.workers,
@@ -247,15 +293,7 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "unknown" in parts:
         sisters = tuple(f"{ship}@1.1x2" for ship in UNKNOWN_SHIPS)
         looked_up, likely, against, themselves = (
-            swept_by_seed(
-                [*overrides, *ships, *sizes.more],
-                in_group("classification/", *names),
-                seeds=sizes.draws,
-                learned=sizes.finest,
-                fresh=sizes.fresh,
-                label=label,
-                workers=sizes.workers,
-            )
+            sizes.rejecting([*overrides, *ships], names, label)
             for overrides, ships, names, label in (
                 (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
                 (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
@@ -263,7 +301,42 @@ def measure(sizes: Sizes) -> dict[str, Report]:
                 (DENSITIES, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
             )
         )
-        made |= unknown(looked_up, likely, against, themselves)
+        of_length = as_long(sizes.generated, *FRIGATES)
+        every, near = (
+            sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
+            for ships, label in (
+                ([*of_unknown(), f"classifier.generated={sizes.generated}"], "generated ships"),
+                (of_unknown(*of_length), "generated ships as long"),
+            )
+        )
+        made |= unknown(
+            looked_up,
+            likely,
+            {
+                "of any length": every,
+                f"of {FRIGATES[0]} to {FRIGATES[1]} m, as the unknown ones": near,
+            },
+            against,
+            themselves,
+        )
+        made |= left_out(
+            {
+                ship: {
+                    least: sizes.rejecting(
+                        [*FAR, *of_unknown(*alternative, unknown=[ship])],
+                        CLASSIFIERS[2:],
+                        f"{ship} left out, {len(alternative)} generated",
+                        SOURCE_STEP,
+                    )
+                    for least, alternative in (
+                        (None, []),
+                        *((low, generated(others, sizes.generated, low)) for low in LEAST_SIZES),
+                    )
+                }
+                for ship in ARTICLE
+                for others in [[other for other in ARTICLE if other != ship]]
+            }
+        )
     if "flights" in parts:
         made |= near_stern(sizes.past(MISSIONS, NEAR, "near-stern flights"))
         made |= tilts(sizes.past(FLOWN, [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"], "clutter"))

@@ -219,7 +219,8 @@ def variants(
     tuple of trimesh.Trimesh
         Watertight meshes as of `load`. The `name` in their metadata, as ``duncan@0.7`` for the
         seventh of seed 0 or ``duncan@0.7x0.5`` at half the scale, is the name of a ship wherever
-        ships have names; `variant_of` is the ship.
+        ships have names; `variant_of` is the ship. With ``s0.8`` behind it, as ``duncan@0.7s0.8``
+        or ``duncan@0.7x4s0.8``, all sizes of the variant are 0.8 times as large; 0.5 to 2.
 
     Raises
     ------

@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 
 TRIES = 100  # of draws for a variant, until one builds
 LEAST_SCALE, MOST_SCALE = 0.001, 4.0  # beyond, warps would fold
+LEAST_SIZE, MOST_SIZE = 0.5, 2.0
 LIMIT = 2.0  # sigmas that no place or size goes beyond
 ACROSS, UPWARD = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
 MODES = 6  # half waves along the ship of what its parts have in common
@@ -45,42 +46,52 @@ FREE = ("box", "prism", "cyl", "pole", "sphere", "yard")
 
 @dataclass(frozen=True)
 class Variant:
-    """Name of a variant: a packaged ship, seed, number from 1, and scale of uncertainties."""
+    """Name of a variant: a packaged ship, seed, number from 1, scale of uncertainties, and size.
+
+    The size is relative to the ship's, the same along all axes.
+    """
 
     base: str
     seed: int
     number: int
     scale: float = 1.0
+    size: float = 1.0
 
     def __str__(self) -> str:
         scaled = "" if self.scale == 1 else f"x{self.scale:g}"
-        return f"{self.base}@{self.seed}.{self.number}{scaled}"
+        sized = "" if self.size == 1 else f"s{self.size:g}"
+        return f"{self.base}@{self.seed}.{self.number}{scaled}{sized}"
 
     @classmethod
     def read(cls, name: str) -> Variant | None:
         """Return the variant of a name that has the form of one; `ShipError` if it is none."""
-        match = re.fullmatch(r"([^@]*)@(\d{1,18})\.(\d{1,18})(?:x([\d.]{1,10}))?", name)
+        factors = r"(?:x([\d.]{1,10}))?(?:s([\d.]{1,10}))?"
+        match = re.fullmatch(rf"([^@]*)@(\d{{1,18}})\.(\d{{1,18}}){factors}", name)
         if match is None:
             return None
-        base, seed, number, scale = match.groups(default="1")
+        base, seed, number, scale, size = match.groups(default="1")
         try:
-            variant = cls(base, int(seed), int(number), float(scale))
+            variant = cls(base, int(seed), int(number), float(scale), float(size))
         except ValueError:
             variant = None
         if variant is None or str(variant) != name or variant.number < 1:
             raise ShipError(
                 f"variant {shown(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
-                "SHIP@SEED.NUMBERxSCALE, without needless digits."
+                "SHIP@SEED.NUMBERxSCALEsSIZE, without needless digits."
             )
-        if not LEAST_SCALE <= variant.scale <= MOST_SCALE:
-            raise ShipError(
-                f"variant {shown(name)} has the scale {variant.scale:g}, but must have one between "
-                f"{LEAST_SCALE:g} and {MOST_SCALE:g}."
-            )
+        for what, factor, low, high in (
+            ("scale", variant.scale, LEAST_SCALE, MOST_SCALE),
+            ("size", variant.size, LEAST_SIZE, MOST_SIZE),
+        ):
+            if not low <= factor <= high:
+                raise ShipError(
+                    f"variant {shown(name)} has the {what} {factor:g}, but must have one between "
+                    f"{low:g} and {high:g}."
+                )
         return variant
 
     def stream(self, attempt: int) -> np.random.Generator:
-        """Return the random stream of a try, which the scale has no part in."""
+        """Return the random stream of a try, which scale and size have no part in."""
         ship = int.from_bytes(hashlib.sha256(self.base.encode()).digest()[:8])
         return np.random.default_rng([ship, self.seed, self.number, attempt])
 
@@ -431,9 +442,11 @@ def build_variant(sheet: Sheet, borne: Carriage, variant: Variant) -> Ship:
     for attempt in range(TRIES):
         try:
             rng = variant.stream(attempt)
-            return build(perturbed(sheet, borne, rng=rng, scale=variant.scale))
+            ship = build(perturbed(sheet, borne, rng=rng, scale=variant.scale))
         except ShipError:
             continue
+        size = variant.size
+        return Ship(ship.vertices * size, ship.faces, ship.loa * size, ship.beam * size)
     raise ShipError(
         f"{variant}: none of {TRIES} draws of scale {variant.scale:g} gives one whole ship, so the "
         "scale must be smaller."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,8 @@ from ncti.evaluate import aspect_bins, tabulate_categories, tabulate_rejection, 
 from ncti.evaluate.answers import VIEW
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import map_vector, profile_vector
+from ncti.ships import names
+from ncti.ships.perturbation import MOST_SCALE, Variant
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.keys import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
@@ -20,6 +22,7 @@ from sweeps.engine.stage import STATE, At, Group, Output, Status, coordinate, in
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
+from sweeps.stages.ships import ShipName, ship_name
 from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles, refuse, require_among, ships
 
 if TYPE_CHECKING:
@@ -36,6 +39,8 @@ OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of exp
 PROFILES = "profiles"  # what is shown to most classifiers
 TESTED = ("replicate", "ifov_phase", "frame_count")  # and of averages
 LEFT_ALONE = "classifier.left_out has True, but must be false where {} learned: nothing is left"
+UNSEEN = 1000  # seed of generated ships, apart from those of ships to be tested
+SMALLEST, LARGEST = 0.7, 1.1  # of generated ships; the receiver's window holds no larger ones
 DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
 
 
@@ -89,6 +94,12 @@ class Classifier(Settings, key="classifier"):
             label="unknown ships that the likelihood knows of: an answer may be none of the others",
         )
     )
+    generated = count(
+        *(0, 0, 1000),
+        label="ships generated of each one learned, which are unknown and in the alternative",
+        help="variants at four times the uncertainty, of 0.7 to 1.1 times the size",
+        fixed="all of them are one alternative",
+    )
     training_aspect = set_of(
         number(
             *(None, 0),
@@ -118,6 +129,22 @@ class Classifier(Settings, key="classifier"):
 
 
 SPACING = Classifier.template_spacing
+
+
+def generated_ships(learned: Sequence[str], number: int) -> tuple[ShipName, ...]:
+    """Return names of variants that stand for ships nobody has seen, `number` of each one learned.
+
+    Their sizes are log-uniform from 0.7 to 1.1 times that of their ship, in steps of the golden
+    ratio, so that the first ones are spread evenly, too. The variants of a ship do not depend on
+    the others learned.
+    """
+    step = np.arange(1, number + 1) * (np.sqrt(5) - 1) / 2
+    sizes = SMALLEST * (LARGEST / SMALLEST) ** (step % 1)
+    return tuple(
+        ship_name(str(Variant(str(name), UNSEEN, k, MOST_SCALE, round(float(size), 3))))
+        for name in learned
+        for k, size in enumerate(sizes, 1)
+    )
 
 
 def names_by(name: str, sensor: str) -> Condition:
@@ -220,6 +247,28 @@ def kinds_of_aspects(learned: xr.DataArray, drawn: xr.DataArray) -> dict[str, xr
     """Return masks of learned, intermediate and random aspects, of kinds that there are."""
     kinds = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
     return {name: where for name, where in kinds.items() if where.any()}
+
+
+def check_first(choices: Choices) -> Choices:
+    """Return choices with the ships that are generated in the grid, unknown and the alternative.
+
+    Refuses (`ConfigurationError`) to generate any of ships whose sheets are not packaged.
+    """
+    number = choices.one(Classifier.generated)
+    if not number:
+        return choices
+    learned = set(choices[Grid.ship]) - set(choices.one(Classifier.unknown) or ())
+    if not learned <= set(names()):
+        others = ", ".join(sorted(learned - set(names())))
+        refuse(
+            Classifier.generated, number, f"0 where other ships are learned than known: {others}"
+        )
+    made = generated_ships(sorted(learned), number)
+    choices = choices.having(Grid.ship, tuple(sorted({*choices[Grid.ship], *made})))
+    for setting in (Classifier.unknown, Classifier.alternative):
+        whole = tuple(sorted({*(choices.one(setting) or ()), *made}))
+        choices = choices.having(setting, (whole,))
+    return choices
 
 
 def check(choices: Choices) -> Choices:

@@ -72,7 +72,7 @@ class Likelihood(Settings, key="classifier"):
     misfit_weight = number(
         *(0.01, 0, 100),
         label="power of the goodness of fit in the similarity of an answer",
-        help="0: similarity is the posterior probability alone",
+        help="0: similarity is a probability alone",
     )
 
 
@@ -272,7 +272,8 @@ def peaks(templates: GaussianTemplates, count: int, gain_sigma: tuple[float, ...
     Output(
         "similarity",
         classifier.VIEW,
-        label="posterior probability of the predicted ship, times a power of its fit",
+        label="posterior probability of the predicted ship, among all of them or, if there is an "
+        "alternative, against that alone, times a power of its fit",
     ),
     Output("fit", classifier.VIEW, label="log probability of a worse fit of the best template"),
     Output("calibrated_error", label="template error, given or calibrated"),
@@ -297,9 +298,11 @@ def likelihood(
     """Return the most probable ship of (frame_count, ship, aspect, bin) averages.
 
     Where the true aspect is left out, templates of all ships at it are, and cells of those beside
-    it reach as far as it. Ships known to be unknown are together one more, which is never named.
-    `gain_sigma` are prior standard deviations of the gain. Log densities are held of some views at
-    a time, those of an aspect together.
+    it reach as far as it. Ships known to be unknown are together one more, which is never named:
+    what accepts an answer is its density over theirs, as by Neyman and Pearson no other test keeps
+    more of the right answers at a share of the unknown ships that is rejected. `gain_sigma` are
+    prior standard deviations of the gain. Log densities are held of some views at a time, those of
+    an aspect together.
     """
     templates, known = profile_templates
     classifier.require_another_aspect(known, any(left_out))
@@ -344,7 +347,10 @@ def likelihood(
                     distant = np.broadcast_to(peak, scores.shape)[best] - scores[best]
                     worse = log_fit(-distant[:, None], [0.0], averaged.shape[-1])[:, 0]
                     fit[place] = worse
-                    similarity[place] = posterior[1].max(axis=1) * np.exp(misfit_weight * worse)
+                    likely = posterior[1].max(axis=1)
+                    if unknown is not None:  # the other ships known say nothing of it
+                        likely = likely / (likely + chance[:, ships == NONE].sum(axis=1))
+                    similarity[place] = likely * np.exp(misfit_weight * worse)
     return classifier.judged(named, valid) | {
         "probability": probability,
         "similarity": similarity,

@@ -41,7 +41,8 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(repeated, "cache_folder", lambda: sharing_ships(folder))
         inline = ClusterChoice(kind="inline")
-        return results.measure(results.Sizes(2, 2, TINY, ENDS, 1, WITHOUT_FLIGHTS, inline, ENDS))
+        sizes = results.Sizes(2, 2, TINY, ENDS, 1, WITHOUT_FLIGHTS, inline, ENDS, generated=1)
+        return results.measure(sizes)
 
 
 def test_sweeps_have_what_the_tables_show():

@@ -116,6 +116,15 @@ def test_small_scale_is_the_ship_itself() -> None:
     np.testing.assert_allclose(far, 2 * near, atol=1e-4)
 
 
+def test_a_size_is_that_of_the_whole_ship() -> None:
+    variant, small = (ships.load(name) for name in ("texas@0.1x2", "texas@0.1x2s0.8"))
+    np.testing.assert_array_equal(small.vertices, 0.8 * variant.vertices)
+    np.testing.assert_array_equal(small.faces, variant.faces)
+    for size in ("loa", "beam"):
+        assert small.metadata[size] == 0.8 * variant.metadata[size]
+    assert small.metadata["variant_of"] == "texas" and small.metadata["name"] == "texas@0.1x2s0.8"
+
+
 def test_symmetric_ship_stays_symmetric() -> None:
     document = barge()
     document["components"] = [
@@ -201,6 +210,10 @@ def test_draw_that_does_not_build_is_drawn_again() -> None:
         ("duncan@0.1x1.2.3", "needless digits"),
         ("duncan@0.1x5", "scale 5"),
         ("duncan@0.1x0", "scale 0"),
+        ("duncan@0.1s1", "needless digits"),
+        ("duncan@0.1s0.8x2", "unknown ship"),
+        ("duncan@0.1x2s3", "size 3"),
+        ("duncan@0.1s0.4", "size 0.4"),
         ("duncan@0", "unknown ship"),
         ("duncan@-1.1", "unknown ship"),
         ("bismarck@0.1", "unknown ship"),

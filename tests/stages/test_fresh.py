@@ -1,4 +1,4 @@
-"""Aspects that nobody learns: drawn from the seed, tested apart from those that are learned."""
+"""Aspects and ships that nobody learns: drawn, and apart from those that are learned."""
 
 import numpy as np
 import xarray as xr
@@ -7,16 +7,25 @@ from hypothesis import strategies as st
 from range_channel import choose
 
 from ncti.evaluate.answers import scored
+from ncti.ships.perturbation import Variant
 from sweeps.stages import classifier
-from sweeps.stages.classifier import aspects_of, drawn_aspects, learned_of, random_test_aspects
+from sweeps.stages.classifier import (
+    Classifier,
+    aspects_of,
+    drawn_aspects,
+    generated_ships,
+    known_of,
+    learned_of,
+    random_test_aspects,
+)
 from sweeps.stages.views import Grid
 
 SHIPS = {"grid__ship": ["duncan", "horne"]}
 
 
 def chosen(**settings):
-    """Choices with the drawn aspects in the grid."""
-    return classifier.check(choose(**SHIPS, **settings))
+    """Choices with the drawn aspects and ships in the grid."""
+    return classifier.check(classifier.check_first(choose(**SHIPS | settings)))
 
 
 @given(
@@ -49,6 +58,27 @@ def test_they_come_into_the_grid_and_are_not_learned():
     # What is drawn does not depend on what is drawn already.
     again = classifier.check(choices)
     assert again.values == choices.values
+
+
+def test_generated_ships_come_into_the_grid_and_are_the_alternative():
+    """Of each ship learned: variants of sizes between 0.7 and 1.1, whatever else is learned."""
+    given = {"grid__ship": ["duncan", "texas", "roberts"], "classifier__unknown": ["roberts"]}
+    choices = chosen(**given, classifier__generated=3)
+    made = choices.one(Classifier.alternative)
+    assert len(made) == 6 and {name.partition("@")[0] for name in made} == {"duncan", "texas"}
+    assert choices[Grid.ship] == tuple(sorted({"duncan", "texas", "roberts", *made}))
+    assert choices.one(Classifier.unknown) == tuple(sorted({"roberts", *made}))
+    assert known_of(choices).sum() == 2
+    assert classifier.check_first(choices).values == choices.values
+    # The first of many, and of fewer ships, are the same.
+    many = generated_ships(["texas"], 200)
+    assert set(many[:3]) < set(made)
+    sizes = np.array([Variant.read(name).size for name in many])
+    # Log-uniform: three distances make a sequence of the golden ratio's steps of 1/n and 2/n.
+    share = np.sort(np.log(sizes / 0.7) / np.log(1.1 / 0.7))
+    np.testing.assert_allclose(
+        share, (np.arange(200) + 0.5) / 200, atol=2 / 200 + 2e-3
+    )  # three digits
 
 
 def test_a_spacing_learns_its_multiples_and_is_an_axis():

@@ -15,8 +15,8 @@ from range_channel import (
     made,
     peak_memory,
 )
-from scipy.special import logsumexp
-from scipy.stats import chi2, multivariate_normal
+from scipy.special import expit, logsumexp
+from scipy.stats import chi2, multivariate_normal, norm
 
 from ncti.classify import GaussianTemplates
 from ncti.classify.blocks import row_blocks
@@ -250,6 +250,45 @@ def test_ships_known_to_be_unknown_take_their_share():
         with_it["probability"][..., first, :], every["probability"][..., first, :], rtol=1e-9
     )
     assert (with_it["similarity"] < without["similarity"]).mean() > 0.5
+
+
+def test_answers_are_accepted_by_their_density_over_that_of_the_alternative():
+    """Of three points on a line, in closed form: by Neyman and Pearson no other test keeps more.
+
+    At no share of the unknown ship rejected do posteriors keep more of the right answers, and they
+    keep fewer at most: they doubt what lies between both ships known, far from the third.
+    """
+    tests, bins, at = 2000, 16, np.array([0.0, 1.0, 2.5])
+    known = np.zeros((SHIPS, tests), dtype=bool)
+    known[:2, 0] = True
+    means = np.zeros((SHIPS, bins))
+    means[:, 8] = at
+    exact = {"gain_sigma": 0.0, "floor_sigma": 0.0, "template_error": 0.0, "diagonal_loading": 0.0}
+    fitted = [
+        GaussianTemplates(**exact).fit(
+            means[some], np.ones((len(some), 1, bins)), some, np.zeros((len(some), 1))
+        )
+        for some in ([0, 1], [2])
+    ]
+    seen = np.zeros((SHIPS, tests, bins))
+    seen[..., 8] = at[:, None] + norm.ppf((np.arange(tests) + 0.5) / tests)
+    answers = likelihood.likelihood(
+        *((fitted[0], known), (fitted[1], np.roll(known, 1, axis=0) & ~known)),
+        *(seen[None], known | True, likelihood.Prior(0.0, 0.0, False)),
+        likelihood.Track(tuple(range(tests)), None, np.zeros(known.shape)),
+        **{"misfit_weight": 0.0, "gain_sigma": (0.0,), "frame_count": (1,), "left_out": (False,)},
+    )
+    logs = norm.logpdf(seen[..., 8, None], at)
+    likely = logs[..., :2].max(axis=-1)
+    similarity, right = (answers[name][0, 0, 0] for name in ("similarity", "correct"))
+    np.testing.assert_allclose(similarity, expit(likely - logs[..., 2]), rtol=1e-9)
+
+    def kept(scores):
+        limits = np.quantile(scores[2], np.arange(0.05, 1, 0.05), method="inverted_cdf")
+        return ((scores[:2] > limits[:, None, None]) & (right[:2] == 1)).mean(axis=(1, 2))
+
+    more = kept(similarity) - kept(np.exp(likely - logsumexp(logs, axis=-1)))
+    assert (more > -2 / tests).all() and more.max() > 0.04
 
 
 def test_similarity_falls_with_the_misfit():

@@ -15,7 +15,10 @@ from sweeps.experiment import EXPERIMENT
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DECLARED = EXPERIMENT.declared
 # What no result depends on, and what chooses stages and tables instead of entering them.
-NOT_READ = {"benchmark.classifier", "sensor", "dataset.sensor", "classifier.test_vigilance"}
+NOT_READ = {
+    *("benchmark.classifier", "sensor", "dataset.sensor", "classifier.test_vigilance"),
+    "classifier.generated",  # its ships come into three other settings
+}
 
 each = partial(pytest.mark.parametrize, "setting", ids=lambda setting: setting.key)
 
