@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 
 import ncti.ships
 from benchmarks.fits import swept
+from benchmarks.proof import Alone, proven
 from benchmarks.reports import Column, Report
+from benchmarks.sweeping import choices_of
 from ncti.classify.likelihood import GaussianTemplates
 from ncti.evaluate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_extent, sample_frames
@@ -19,6 +22,7 @@ from ncti.operate import (
     ProfileMatch,
     Seen,
     draw_views,
+    fleet_order,
     planned_views,
     seen_views,
     ship_evidence,
@@ -27,19 +31,24 @@ from ncti.operate import (
 from ncti.operate.survey import DRAWN_FOR
 from ncti.operate.tables import frames_needed
 from ncti.render import LineImage
+from sweeps.stages.ladar import Ladar
+from sweeps.stages.operate import Operate
+from sweeps.stages.views import Grid
 
 Floats = NDArray[np.float64]
 SHIPS = ("duncan", "horne", "spruance", "texas")
 AXES = ("range", "ifov", "cnr", "pulse_width", "frame_count", "fleet")
+OF_SENSORS = (Grid.range, Ladar.ifov, Ladar.cnr, Grid.pulse_width, Grid.frame_count)
+WHOLE = ("+experiment=operate",)
 OPEN = [
-    *("+experiment=operate", "grid.range=[50,100]", "ladar.ifov=150", "ladar.cnr=32"),
+    *(*WHOLE, "grid.range=[50,100]", "ladar.ifov=150", "ladar.cnr=32"),
     *("grid.pulse_width=[10,30]", "operate.fleet=[4,6,10,20,60]"),
     "ladar.target_free_ifovs=[0,1000,4000,16000]",
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
 ]
 # Settings between those of the sweep.
 BETWEEN = [
-    *("+experiment=operate", "grid.range=[60,85]", "ladar.ifov=[105]", "ladar.cnr=[26,30]"),
+    *(*WHOLE, "grid.range=[60,85]", "ladar.ifov=[105]", "ladar.cnr=[26,30]"),
     *("grid.pulse_width=[14,40]", "grid.frame_count=[6,23]", "operate.fleet=[4,10,30]"),
 ]
 
@@ -288,10 +297,33 @@ def interpolant(shares: xr.Dataset, between: xr.Dataset) -> Report:
     return Report("Error of the interpolant", columns, rows, [note])
 
 
+def settings_alone(overrides: Sequence[str] = WHOLE) -> Iterator[Alone]:
+    """Yield settings of a sweep at random, one of each number of ships, with these ships alone.
+
+    Ships share a covariance: where they are all of the sweep's, figures are the same.
+    """
+    choices = choices_of(overrides)
+    ships = [str(ship) for ship in choices[Grid.ship]]
+    order = fleet_order(ships)
+    rng = np.random.default_rng(0)
+    for fleet in choices[Operate.fleet]:
+        at = {one.name: rng.choice(choices[one]).item() for one in OF_SENSORS} | {"fleet": fleet}
+
+        def same(whole: xr.Dataset, alone: xr.Dataset, at: dict[str, Any] = at) -> bool:
+            return bool((alone.share.squeeze() == whole.share.sel(at)).all())
+
+        first = ",".join(ships[k] for k in order[:fleet])
+        values = [f"{one.key}={at[one.name]}" for one in (*OF_SENSORS, Operate.fleet)]
+        asked = (*overrides, f"grid.ship=[{first}]", *values)
+        yield Alone(asked, same if fleet == len(ships) else None)
+
+
 def measure() -> dict[str, Report]:
     """Return all tables of the page."""
-    (shares,), (open_shares,) = swept(["+experiment=operate"], "operate"), swept(OPEN, "operate")
-    (between,) = swept(BETWEEN, "operate")
+    choices = choices_of(WHOLE)
+    settings = math.prod(len(choices[one]) for one in (*OF_SENSORS, Operate.fleet))
+    (shares,), engine = proven(WHOLE, ["operate"], settings, settings_alone())
+    (open_shares,), (between,) = swept(OPEN, "operate"), swept(BETWEEN, "operate")
     between = between.expand_dims({name: [105.0] for name in ("ifov",) if name not in between.dims})
-    reports = {"matching": matching(), "open": left_open(open_shares)}
+    reports = {"engine": engine, "matching": matching(), "open": left_open(open_shares)}
     return reports | {"interpolant": interpolant(shares, between), "sobol": sobol(shares)}

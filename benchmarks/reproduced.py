@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from benchmarks.fits import swept
+from benchmarks.proof import Alone, proven
 from benchmarks.reports import Column, Report
+from benchmarks.sweeping import choices_of
 from ncti.reproduction import FITS, PRIORS, Choice
+from sweeps.stages.reproduce import Reproduce
 
 EXPERIMENT = ("+experiment=reproduce",)
+ALONE = 16  # settings that are also computed alone
 AGREES = 2.0  # standard deviations
 SHOWN = ("2, 3", "4, 5", "all")  # fits whose parameters are listed
 LISTED = 6  # parameters, those that posteriors say most of
@@ -26,9 +29,13 @@ def measure(overrides: tuple[str, ...] = EXPERIMENT) -> dict[str, Report]:
     """Return the reports of a sweep of settings: its figures, its fits and its parameters."""
     names = ("reproduction", "reproduction_fits", "reproduction_parameters")
     groups = ("reproduction", *(f"tables/{name}" for name in names))
-    settings, figures, fits, parameters = swept(overrides, *groups)
+    # A setting of another seed is another one at random.
+    alone = [Alone((*overrides, "reproduce.setting=1", f"seed={k + 1}")) for k in range(ALONE)]
+    count = len(choices_of(overrides)[Reproduce.setting])
+    (settings, figures, fits, parameters), engine = proven(overrides, groups, count, alone)
     command = f"`ncti-sweep {' '.join(overrides)}`, {fits.sizes['setting']} settings."
     return {
+        "engine": engine,
         "figures": of_figures(figures, command),
         "fits": of_fits(fits, figures.sizes["figure"], command),
         "parameters": of_parameters(parameters, fits, settings),

@@ -114,7 +114,7 @@ class Agreement:
     @cached_property
     def fits(self) -> dict[str, Posterior]:
         """Posteriors by `FITS`, of `EFFECTIVE` settings or more (half of them all, if fewer)."""
-        effective = min(EFFECTIVE, len(self.mean) / 2)
+        effective = max(min(EFFECTIVE, len(self.mean) / 2), 1)
         return {
             name: posterior_weights(self.distance(tables), effective=effective)
             for name, tables in FITS.items()
