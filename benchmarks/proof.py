@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,27 +12,12 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from benchmarks.commands import Swept, new_folder, sweep
+from benchmarks.commands import new_folder, sweep
 from benchmarks.processes import Run
 from benchmarks.reports import Column, Report
 
 COLUMNS = (Column("what", "the engine"), Column("value", "in this sweep"))
-
-
-@dataclass(frozen=True)
-class Work:
-    """Cells that a sweep computed, and the time of all calls of its stages [s]."""
-
-    cells: int
-    seconds: float
-
-    @classmethod
-    def of(cls, folder: Path) -> Work:
-        """Return the work of the store in a folder, from the table of stages beside it."""
-        table = folder / "sweep-tables" / "stages.csv"
-        with table.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        return cls(sum(int(row["done"]) for row in rows), sum(float(row["work_s"]) for row in rows))
+STORE = "sweep.zarr"
 
 
 @dataclass(frozen=True)
@@ -50,10 +36,50 @@ class Alone:
     same: Callable[[xr.Dataset, xr.Dataset], bool] | None = None
 
 
+@dataclass(frozen=True)
+class Twice:
+    """A sweep with an empty cache, and a new store from the same cache.
+
+    Attributes
+    ----------
+    cells : int
+        Cells that the first computed.
+    cold, warm : Run
+        Time and memory of both.
+    """
+
+    cells: int
+    cold: Run
+    warm: Run
+
+    @property
+    def computing(self) -> float:
+        """Processor time without that of starting and of writing the store and tables [s]."""
+        return self.cold.cpu - self.warm.cpu
+
+
+def swept_twice(overrides: Sequence[str], folder: Path) -> Twice:
+    """Run `ncti-sweep` twice in a folder, which then has the store.
+
+    Raises
+    ------
+    RuntimeError
+        If a sweep fails, or the second computes anything.
+    """
+    cold = sweep(overrides, new_folder(folder)).run
+    with (folder / "sweep-tables" / "stages.csv").open(encoding="utf-8", newline="") as file:
+        cells = sum(int(row["done"]) for row in csv.DictReader(file))
+    shutil.rmtree(folder / STORE)
+    warm = sweep(overrides, folder)
+    if warm.made:
+        raise RuntimeError(f"`ncti-sweep {' '.join(overrides)}` computes {warm.made} cells again")
+    return Twice(cells, cold, warm.run)
+
+
 def proven(
     overrides: Sequence[str], groups: Sequence[str], settings: int, alone: Iterable[Alone]
 ) -> tuple[list[xr.Dataset], Report]:
-    """Run a sweep, the same again, and some of its settings each by itself.
+    """Run a sweep, and some of its settings each by itself.
 
     Parameters
     ----------
@@ -78,63 +104,60 @@ def proven(
     RuntimeError
         If a sweep fails, or a setting alone has other figures.
     """
+
+    def read(folder: Path, names: Sequence[str]) -> list[xr.Dataset]:
+        return [xr.open_zarr(folder / STORE, group=name).load() for name in names]
+
     with tempfile.TemporaryDirectory() as parent:
-        folder = new_folder(Path(parent, "sweep"))
-        run = sweep(overrides, folder).run
-        whole = Work.of(folder)
-        again = sweep(overrides, folder)
-        found = [xr.open_zarr(folder / "sweep.zarr", group=group).load() for group in groups]
+        folder = Path(parent, "sweep")
+        whole, found = swept_twice(overrides, folder), read(folder, groups)
     each, compared = [], 0
     for one in alone:
         with tempfile.TemporaryDirectory() as parent:
-            folder = new_folder(Path(parent, "alone"))
-            sweep(one.overrides, folder)
-            each.append(Work.of(folder))
+            folder = Path(parent, "alone")
+            each.append(swept_twice(one.overrides, folder))
             if one.same is not None:
-                store = xr.open_zarr(folder / "sweep.zarr", group=groups[0]).load()
-                if not one.same(found[0], store):
+                if not one.same(found[0], *read(folder, groups[:1])):
                     asked = " ".join(one.overrides)
                     raise RuntimeError(f"`ncti-sweep {asked}` differs from the whole sweep")
                 compared += 1
-    return found, engine(settings, run, whole, again, each, compared)
+    return found, engine(overrides, settings, whole, each, compared)
 
 
 def engine(
-    settings: int, run: Run, whole: Work, again: Swept, each: Sequence[Work], compared: int = 0
+    overrides: Sequence[str], settings: int, whole: Twice, each: Sequence[Twice], compared: int
 ) -> Report:
-    """Return the report of a sweep, from its work and that of settings computed alone.
+    """Return the report of a sweep, and of settings computed alone.
 
     Parameters
     ----------
+    overrides : sequence of str
+        Arguments of `ncti-sweep`.
     settings : int
         Number of settings of the sweep.
-    run : Run
-        Time and memory of the command.
-    whole : Work
-        Its work.
-    again : Swept
-        The same command, once more.
-    each : sequence of Work
-        Work of two settings or more, each computed alone.
+    whole : Twice
+        The sweep.
+    each : sequence of Twice
+        Two settings or more, each computed alone.
     compared : int
         How many of them were compared with the sweep.
     """
     cells = settings * np.mean([one.cells for one in each])
-    seconds = np.array([one.seconds for one in each])
+    seconds = np.array([one.computing for one in each])
     mean, error = seconds.mean(), seconds.std(ddof=1) / np.sqrt(len(seconds))
-    times = settings * mean / whole.seconds
+    times = settings * mean / whole.computing
+    run = whole.cold
     rows = {
         "settings": f"{settings:,}",
         "cells computed": f"{whole.cells:,}",
         "cells of a loop over the settings": f"{cells:,.0f}",
         "results reused": f"{100 * (1 - whole.cells / cells):.3g} %",
-        "time, of the processor": f"{run.seconds:,.0f} s, {run.cpu:,.0f} s",
-        "cells a second of the processor": f"{whole.cells / run.cpu:,.0f}",
-        "settings a second of the processor": f"{settings / run.cpu:,.3g}",
+        "processor time": f"{run.cpu:,.0f} s",
+        "cells a second of it": f"{whole.cells / run.cpu:,.3g}",
+        "settings a second of it": f"{settings / run.cpu:,.3g}",
         "most memory, all processes": f"{run.together:,.0f} MiB",
-        "the same command again": f"{again.made:,} cells, {again.run.cpu:.1f} s of the processor",
-        "time of all calls": f"{whole.seconds:,.0f} s",
-        "the same in a loop over the settings": f"{settings * mean / 3600:,.3g} h: "
+        "a new store from the same cache": f"{whole.warm.cpu:,.1f} s of the processor",
+        "processor time of a loop over the settings": f"{settings * mean / 3600:,.3g} h, "
         f"{times:,.3g} ± {2 * times * error / mean:.2g} times as long",
     }
     equal = f" Figures of {compared} of them are also the sweep's, and equal." if compared else ""
@@ -143,8 +166,9 @@ def engine(
         COLUMNS,
         [{"what": what, "value": value} for what, value in rows.items()],
         [
-            "Measured once, with nothing in the cache but the built ships. A loop computes anew "
-            f"what each setting needs: the mean of {len(each)} settings at random, each swept "
-            f"alone with a cache of its own, ± two standard errors.{equal}"
+            f"`ncti-sweep {' '.join(overrides)}`, once, nothing in the cache but the built ships. "
+            f"A loop computes anew what each setting needs: the mean of {len(each)} settings at "
+            "random, each swept alone with a cache of its own, without the time of starting and "
+            f"of writing a store, ± two standard errors.{equal}"
         ],
     )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from benchmarks.fits import swept
 from benchmarks.proof import Alone, proven
 from benchmarks.reports import Column, Report
 from benchmarks.sweeping import choices_of
@@ -15,7 +16,7 @@ from ncti.reproduction import FITS, PRIORS, Choice
 from sweeps.stages.reproduce import Reproduce
 
 EXPERIMENT = ("+experiment=reproduce",)
-ALONE = 16  # settings that are also computed alone
+PART = (*EXPERIMENT, "reproduce.setting=256")
 AGREES = 2.0  # standard deviations
 SHOWN = ("2, 3", "4, 5", "all")  # fits whose parameters are listed
 LISTED = 6  # parameters, those that posteriors say most of
@@ -25,14 +26,21 @@ CATEGORIES = {
 }
 
 
-def measure(overrides: tuple[str, ...] = EXPERIMENT) -> dict[str, Report]:
-    """Return the reports of a sweep of settings: its figures, its fits and its parameters."""
+def settings_alone(count: int = 16) -> Iterator[Alone]:
+    """Yield settings at random: the first ones of other seeds."""
+    for seed in range(1, count + 1):
+        yield Alone((*EXPERIMENT, "reproduce.setting=1", f"seed={seed}"))
+
+
+def measure(overrides: Sequence[str] = EXPERIMENT, part: Sequence[str] = PART) -> dict[str, Report]:
+    """Return the reports of a sweep of settings: its figures, fits, parameters and engine.
+
+    Of the engine, part of the settings are computed anew.
+    """
     names = ("reproduction", "reproduction_fits", "reproduction_parameters")
     groups = ("reproduction", *(f"tables/{name}" for name in names))
-    # A setting of another seed is another one at random.
-    alone = [Alone((*overrides, "reproduce.setting=1", f"seed={k + 1}")) for k in range(ALONE)]
-    count = len(choices_of(overrides)[Reproduce.setting])
-    (settings, figures, fits, parameters), engine = proven(overrides, groups, count, alone)
+    settings, figures, fits, parameters = swept(overrides, *groups)
+    _, engine = proven(part, groups[:1], len(choices_of(part)[Reproduce.setting]), settings_alone())
     command = f"`ncti-sweep {' '.join(overrides)}`, {fits.sizes['setting']} settings."
     return {
         "engine": engine,
