@@ -8,7 +8,13 @@ from benchmarks.processes import Run
 from benchmarks.proof import Alone, Twice
 from benchmarks.sweeping import choices_of
 
-TINY = ("sensor=range", "classifier=correlation", "render.engine=lines", "render.pixel=1")
+TINY = (
+    "sensor=range",
+    "classifier=correlation",
+    "render.engine=lines",
+    "render.pixel=1",
+    "cluster=inline",
+)
 GRID = (*TINY, "grid.ship=[duncan,texas]", "grid.aspect=[0,45,90]", "grid.frame_count=[4,8]")
 SMALL = (*operate.WHOLE, "grid.ship=[duncan,horne,spruance,texas,connole,roberts]")
 
