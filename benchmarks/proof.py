@@ -158,7 +158,7 @@ def engine(
         "most memory, all processes": f"{run.together:,.0f} MiB",
         "a new store from the same cache": f"{whole.warm.cpu:,.1f} s of the processor",
         "processor time of a loop over the settings": f"{settings * mean / 3600:,.3g} h, "
-        f"{times:,.3g} ± {2 * times * error / mean:.2g} times as long",
+        f"{_rounded(times, 3)} ± {_rounded(2 * times * error / mean, 2)} times as long",
     }
     equal = f" Figures of {compared} of them are also the sweep's, and equal." if compared else ""
     return Report(
@@ -172,3 +172,8 @@ def engine(
             f"of writing a store, ± two standard errors.{equal}"
         ],
     )
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Return a number of so many digits, without an exponent."""
+    return f"{float(f'{value:.{digits}g}'):,.16g}"
