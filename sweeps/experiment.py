@@ -2,8 +2,8 @@
 
 A module declares groups of settings, stages, by themselves or in tuples, and perhaps TABLES;
 SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices,
-`check_first`, which refuses those that need no ship to be built, and `about`, which returns lines
-on them. To add one, pass it to `assemble` with `MODULES`.
+`check_first`, which does so, or completes them, before any ship is built, and `about`, which
+returns lines on them. To add one, pass it to `assemble` with `MODULES`.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@ from ncti.evaluate import aspect_bins, tabulate_categories, tabulate_rejection, 
 from ncti.evaluate.answers import VIEW
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import map_vector, profile_vector
-from ncti.ships import names
 from ncti.ships.perturbation import MOST_SCALE, Variant
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.keys import cell_rng
@@ -247,28 +246,6 @@ def kinds_of_aspects(learned: xr.DataArray, drawn: xr.DataArray) -> dict[str, xr
     """Return masks of learned, intermediate and random aspects, of kinds that there are."""
     kinds = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
     return {name: where for name, where in kinds.items() if where.any()}
-
-
-def check_first(choices: Choices) -> Choices:
-    """Return choices with the ships that are generated in the grid, unknown and the alternative.
-
-    Refuses (`ConfigurationError`) to generate any of ships whose sheets are not packaged.
-    """
-    number = choices.one(Classifier.generated)
-    if not number:
-        return choices
-    learned = set(choices[Grid.ship]) - set(choices.one(Classifier.unknown) or ())
-    if not learned <= set(names()):
-        others = ", ".join(sorted(learned - set(names())))
-        refuse(
-            Classifier.generated, number, f"0 where other ships are learned than known: {others}"
-        )
-    made = generated_ships(sorted(learned), number)
-    choices = choices.having(Grid.ship, tuple(sorted({*choices[Grid.ship], *made})))
-    for setting in (Classifier.unknown, Classifier.alternative):
-        whole = tuple(sorted({*(choices.one(setting) or ()), *made}))
-        choices = choices.having(setting, (whole,))
-    return choices
 
 
 def check(choices: Choices) -> Choices:

@@ -14,13 +14,14 @@ from ncti.classify.fusion import label_posterior
 from ncti.classify.misfit import log_fit
 from ncti.classify.track import aspect_prior
 from ncti.features.profile import estimated_floor
+from ncti.ships import names
 from sweeps.engine.keys import cell_rng
 from sweeps.engine.settings import Choices, Run, Settings, number, switch
 from sweeps.engine.stage import Output, Stream, in_memory, plain, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Ships, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Arrays, Floats, Grid, Profiles
+from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
@@ -357,6 +358,31 @@ def likelihood(
         "fit": fit,
         "calibrated_error": np.full(whole[:3], templates.template_error_),
     }
+
+
+def check_first(choices: Choices) -> Choices:
+    """Return choices with the ships that are generated in the grid, unknown and the alternative.
+
+    Refuses (`ConfigurationError`) to generate any of ships whose sheets are not packaged, or where
+    no likelihood is compared with theirs.
+    """
+    number = choices.one(Classifier.generated)
+    if not number:
+        return choices
+    if not ANSWERS.when(choices):
+        refuse(Classifier.generated, number, f"0 unless classifier.name has {NAME}")
+    learned = set(choices[Grid.ship]) - set(choices.one(Classifier.unknown) or ())
+    if not learned <= set(names()):
+        others = ", ".join(sorted(learned - set(names())))
+        refuse(
+            Classifier.generated, number, f"0 where other ships are learned than known: {others}"
+        )
+    made = classifier.generated_ships(sorted(learned), number)
+    choices = choices.having(Grid.ship, tuple(sorted({*choices[Grid.ship], *made})))
+    for setting in (Classifier.unknown, Classifier.alternative):
+        whole = tuple(sorted({*(choices.one(setting) or ()), *made}))
+        choices = choices.having(setting, (whole,))
+    return choices
 
 
 def check(choices: Choices) -> Choices:

@@ -8,7 +8,7 @@ from range_channel import choose
 
 from ncti.evaluate.answers import scored
 from ncti.ships.perturbation import Variant
-from sweeps.stages import classifier
+from sweeps.stages import classifier, likelihood
 from sweeps.stages.classifier import (
     Classifier,
     aspects_of,
@@ -25,7 +25,7 @@ SHIPS = {"grid__ship": ["duncan", "horne"]}
 
 def chosen(**settings):
     """Choices with the drawn aspects and ships in the grid."""
-    return classifier.check(classifier.check_first(choose(**SHIPS | settings)))
+    return classifier.check(likelihood.check_first(choose(**SHIPS | settings)))
 
 
 @given(
@@ -63,13 +63,14 @@ def test_they_come_into_the_grid_and_are_not_learned():
 def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     """Of each ship learned: variants of sizes between 0.7 and 1.1, whatever else is learned."""
     given = {"grid__ship": ["duncan", "texas", "roberts"], "classifier__unknown": ["roberts"]}
+    given["classifier__name"] = ["likelihood"]
     choices = chosen(**given, classifier__generated=3)
     made = choices.one(Classifier.alternative)
     assert len(made) == 6 and {name.partition("@")[0] for name in made} == {"duncan", "texas"}
     assert choices[Grid.ship] == tuple(sorted({"duncan", "texas", "roberts", *made}))
     assert choices.one(Classifier.unknown) == tuple(sorted({"roberts", *made}))
     assert known_of(choices).sum() == 2
-    assert classifier.check_first(choices).values == choices.values
+    assert likelihood.check_first(choices).values == choices.values
     # The first of many, and of fewer ships, are the same.
     many = generated_ships(["texas"], 200)
     assert set(many[:3]) < set(made)
