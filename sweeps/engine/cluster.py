@@ -6,7 +6,6 @@ import re
 import shutil
 import signal
 import sys
-import uuid
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -146,6 +145,7 @@ def executor(
     packages: Sequence[str] = (),
     modules: Sequence[str] = (),
     packs: Objects | None = None,
+    mark: str = "",
     say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start the chosen workers, or connect to them; stop or release them afterwards.
@@ -162,6 +162,8 @@ def executor(
         Modules of the functions that tasks call: imported once for all workers of this machine.
     packs : Objects, optional
         Where results are kept, which remote workers must see, too.
+    mark : str
+        Name of an object there that stays while this context does.
     say : callable
         Called with a sentence about what is awaited, or what the user should know.
 
@@ -187,7 +189,7 @@ def executor(
         shared = Shared()
         if choice.kind != "local":
             code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-            shared = Shared(code, packs, stack.enter_context(marked(packs)) if packs else "")
+            shared = Shared(code, packs, mark)
         start = getattr(workers, choice.kind)
         yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
 
@@ -235,21 +237,6 @@ class Shared(NamedTuple):
 
 UNSHARED = (OtherCode, Apart)
 """Errors of `Shared.check`."""
-
-
-@contextmanager
-def marked(packs: Objects) -> Iterator[str]:
-    """Put a mark of a unique name where results are, and remove it afterwards; yield its name.
-
-    Raises OSError if it cannot be written.
-    """
-    mark = f"{uuid.uuid4().hex}.mark"
-    packs.put(mark, b"")
-    try:
-        yield mark
-    finally:
-        with suppress(OSError):
-            packs.delete([mark])
 
 
 @cache

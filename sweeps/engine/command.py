@@ -5,8 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import sys
-import threading
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -49,8 +48,6 @@ ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
 
 MOST_CELLS = 10_000_000  # whose keys fit into memory
-CHECKING = "checking the configuration, which takes longer the first time"
-PATIENCE = 0.5  # s of silence while checking; most errors are found sooner
 
 Report = Callable[[Where, Choices, Finished], None]
 Sweep = tuple[Plan, Where]  # what is swept, and its store
@@ -121,10 +118,11 @@ class Command:
             show(listing(experiment, [word for word in given if word != "--settings"]))
             return
         if "--cache" in given:
-            self._cache(_words("--cache", given, "cache=PLACE", "clear"))
+            self._cache(self._places(given, "--cache", "clear")[1], clear="clear" in given)
             return
         if "--status" in given:
-            self._status(_words("--status", given, "store=PATH", "cache=PLACE"))
+            for shown in described(*self._places(given, "--status")):
+                show(shown)
             return
         if not any(map(_is_for_hydra, given)):
             overrides = [word for word in given if word not in SEVERAL]
@@ -154,15 +152,8 @@ class Command:
 
     def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
         """Return the checked sweeps of some jobs; an invalid one stops them all."""
-        # Most errors are found sooner than the first sentence is printed.
-        timer = threading.Timer(PATIENCE, say, (self.name, CHECKING))
-        timer.daemon = True
-        timer.start()
-        try:
-            with interruptible():
-                checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
-        finally:
-            timer.cancel()
+        with interruptible():
+            checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(where("store", job.store) for job in jobs)
         for path in stores:
             check_target(path)
@@ -179,6 +170,12 @@ class Command:
                     existing(self.experiment, store, plan)
                 sweeps.append((plan, store))
         return sweeps
+
+    def _places(self, given: Sequence[str], *options: str) -> tuple[Where, Where]:
+        """Return the store and the cache of a command line beside some options."""
+        words = [word for word in given if word not in options]
+        [job] = read_jobs(self.experiment, words, several=False)
+        return where("store", job.store), self._cache_place(job.choices.one(Run.cache))
 
     def _cache_place(self, given: Value) -> Where:
         return where("cache", str(given)) if given else user_cache_path(self.name)
@@ -244,33 +241,15 @@ class Command:
             say(self.name, f"the store is written, but not its report: {reason(error)}")
         return left
 
-    def _status(self, given: Mapping[str, str]) -> None:
-        """Print how far the latest sweep of a store is."""
-        cache = self._cache_place(given.get("cache"))
-        sentence, table = described(where("store", given.get("store", STORE)), cache)
-        show(sentence)
-        show(table)
-
-    def _cache(self, given: Mapping[str, str]) -> None:
-        """Print the contents of the cache, or clear it."""
-        place = self._cache_place(given.get("cache"))
+    def _cache(self, place: Where, *, clear: bool) -> None:
+        """Print the contents of a cache, or clear it."""
         check_folder("cache", place)
         packs = cells_of(place, make=False, shared=True)  # of which none is used
         cells, size = CellIndex(packs, lambda sentence: say(self.name, sentence)).size()
-        if "clear" in given:
+        if clear:
             packs.delete(name for name in packs.listed() if name.endswith(PACK))
-        done = "removed" if "clear" in given else "kept"
+        done = "removed" if clear else "kept"
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
-
-
-def _words(option: str, given: Iterable[str], *taken: str) -> dict[str, str]:
-    """Return the words beside an option, which takes only some, by what stands before `=`."""
-    words = [word for word in given if word != option]
-    known = {word.partition("=")[0]: "=" in word for word in taken}
-    for word in words:
-        if known.get(word.partition("=")[0]) != ("=" in word):
-            raise ConfigurationError(f"{option} has {word!r}, but takes {' and '.join(taken)}")
-    return dict(word.partition("=")[::2] for word in words)
 
 
 def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:

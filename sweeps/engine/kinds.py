@@ -275,18 +275,18 @@ def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
     for name, value in given.items():
         if not Number()._holds(value):
             raise ValueError(Number()._refused(f"{key}.{name}", value))
-    start, stop, step = (float(given[name]) for name in ("start", "stop", "step"))
+    # As decimals: 0.1 steps give 0.3 and not 0.30000000000000004.
+    numbers = [float(given[name]) for name in ("start", "stop", "step")]
+    start, stop, step = (Fraction(repr(number)) for number in numbers)
     if step <= 0:
         raise ValueError(f"{key}.step has {shown(given['step'])}, but must be above 0")
-    # In whole multiples of a common decimal: 0.1 steps give 0.3 and not 0.30000000000000004.
-    exact = [Fraction(repr(one)) for one in (start, stop, step)]
-    unit = math.lcm(*(one.denominator for one in exact))
-    first, last, by = (int(one * unit) for one in exact)
-    count = (last - first + by // NEARLY) // by + 1
+    count = (stop - start + step / NEARLY) // step + 1
     if count < 1:
-        raise ValueError(f"{key} runs from {start:g} to {stop:g}, but stop must not be below start")
+        ends = "{:g} to {:g}".format(*numbers)
+        raise ValueError(f"{key} runs from {ends}, but stop must not be below start")
     if count > MOST_VALUES:
-        raise ValueError(f"{key}.step is {step:g}, but must leave at most {MOST_VALUES} values")
-    found = [(first + by * number) / unit for number in range(count)]
-    lands = abs(first + by * (count - 1) - last) * NEARLY <= by
-    return [*found[:-1], stop] if lands else found
+        by = f"{numbers[2]:g}"
+        raise ValueError(f"{key}.step is {by}, but must leave at most {MOST_VALUES} values")
+    lands = abs(start + step * (count - 1) - stop) * NEARLY <= step
+    found = [float(start + step * number) for number in range(count)]
+    return [*found[:-1], numbers[1]] if lands else found

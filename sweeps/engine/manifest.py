@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.packs import raise_shortage, seal, unseal
+from sweeps.engine.packs import seal, unseal
 from sweeps.engine.places import Objects, Where
 from sweeps.engine.zarr_array import METADATA, chunk_name
 
@@ -70,13 +70,9 @@ def read_manifest(place: Where) -> Manifest | None:
     if content is None:
         return None
     try:
-        found = Manifest(**unseal(content))
-        {str(name): int(checksum) for name, checksum in found.files.items()}
-        found.known  # noqa: B018
-    except (ValueError, TypeError, AttributeError) as error:
-        raise_shortage(error)
+        return Manifest(**unseal(content))
+    except (ValueError, TypeError) as error:
         raise _unreadable(place) from error
-    return found
 
 
 def manifest_of(place: Where) -> Manifest:

@@ -209,6 +209,7 @@ def _compute(
         packages=plan.experiment.code,
         modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
         packs=index.cells,
+        mark=index.use.name if index.use else "",
         say=watch.say,
     )
     starting = thread.submit(stack.enter_context, entered)
@@ -309,7 +310,7 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     for bound in plan.targets:
         keys = plan.keys(bound)
         plan.forget_keys(bound)
-        index.used(np.unique(index.find(keys, bound.stage.outputs).pack).tolist())
+        index.used(np.unique(index.find(keys).pack).tolist())
         total = len(distinct(keys)[0])
         progress[bound.name] = Progress(total, total)
     cells = sum(one.total for one in progress.values())

@@ -66,7 +66,8 @@ class Setting:
     unit: str = "1"
     help: str = ""  # further information for users
     dimension: str = ""  # its name in stores; by default the last word of its key
-    fixed: str = ""  # why it takes one value only; empty if several make it an axis
+    # Why it takes one value only; empty if several make it an axis. None: as its class, or empty.
+    fixed: str | None = None
     # In stores, with one value: a DIMENSION, a scalar COORDINATE, or nothing; None: as its class.
     single: str | None = None
     key: str = ""  # in the configuration, given by `Settings`
@@ -129,14 +130,15 @@ class Settings:
     key: ClassVar[str] = ""
     declared: ClassVar[tuple[Setting, ...]] = ()
 
-    def __init_subclass__(cls, *, key: str = "", single: str = "") -> None:
+    def __init_subclass__(cls, *, key: str = "", single: str = "", fixed: str = "") -> None:
         found: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
                 if hasattr(Settings, name):
                     raise TypeError(f"{cls.__name__} has a setting {name}, a name that is taken")
-                of = single if value.single is None else value.single
-                setting = replace(value, key=f"{key}.{name}".lstrip("."), single=of)
+                of_class = {"single": single, "fixed": fixed}.items()
+                own: Any = {of: given for of, given in of_class if getattr(value, of) is None}
+                setting = replace(value, key=f"{key}.{name}".lstrip("."), **own)
                 if value.fallback in found:  # of the same group, whose key is set only now
                     setting = replace(setting, default=found[value.fallback])
                 setattr(cls, name, setting)
@@ -200,70 +202,49 @@ def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...
 CLUSTERS = ("inline", "local", "address", "slurm")
 
 
-class Run(Settings):
+class Run(Settings, fixed=NO_RESULT):
     """The run."""
 
-    seed = count(0, 0, 2**63, label="seed of all noise")
-    store = text(None, label="folder of the store; null: sweep.zarr", fixed=NO_RESULT)
-    cache = text(
-        None, label="place of finished results; null: the user's cache folder", fixed=NO_RESULT
-    )
+    seed = count(0, 0, 2**63, label="seed of all noise", fixed="")
+    store = text(None, label="folder of the store; null: sweep.zarr")
+    cache = text(None, label="place of finished results; null: the user's cache folder")
     cache_limit = number(
-        20,
-        0,
-        1e6,
-        unit="GB",
-        label="limit of the cache; the oldest results are deleted first",
-        fixed=NO_RESULT,
+        20, 0, 1e6, unit="GB", label="limit of the cache; the oldest results are deleted first"
     )
-    cache_shared = switch(
-        False,
-        label="trust all who may write to the cache, also other users",
-        fixed=NO_RESULT,
-    )
-    dry_run = switch(False, label="only print what would be computed", fixed=NO_RESULT)
-    partial = switch(
-        False,
-        label="compute nothing, and write a store of what is in the cache",
-        fixed=NO_RESULT,
-    )
+    cache_shared = switch(False, label="trust all who may write to the cache, also other users")
+    dry_run = switch(False, label="only print what would be computed")
+    partial = switch(False, label="compute nothing, and write a store of what is in the cache")
     verify = number(
         0,
         0,
         1,
         label="share of the computed cells that are computed again, alone, and compared",
         help="a cell of which a bit differs fails; reused cells are not checked",
-        fixed=NO_RESULT,
     )
 
 
-class Together(Settings, key="grid"):
+class Together(Settings, key="grid", fixed=NO_RESULT):
     """Axes that run together."""
 
     zip = Setting(
-        Groups(),
-        None,
-        label="settings that run together instead of crossed: [[a, b], [c, d]]",
-        fixed=NO_RESULT,
+        Groups(), None, label="settings that run together instead of crossed: [[a, b], [c, d]]"
     )
 
 
-class Cluster(Settings, key="cluster"):
+class Cluster(Settings, key="cluster", fixed=NO_RESULT):
     """The cluster; see `sweeps.engine.cluster.ClusterChoice`."""
 
-    kind = word("local", CLUSTERS, label="where tasks run", fixed=NO_RESULT)
-    workers = count(
-        None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core", fixed=NO_RESULT
-    )
-    address = text(None, label="address of a dask scheduler", fixed=NO_RESULT)
-    ca_file = text(None, label="TLS: file of the authority", fixed=NO_RESULT)
-    cert = text(None, label="TLS: file of the certificate", fixed=NO_RESULT)
-    private_key = text(None, label="TLS: file of its private key", fixed=NO_RESULT)
-    queue = text(None, label="Slurm: partition", fixed=NO_RESULT)
-    account = text(None, label="Slurm: account", fixed=NO_RESULT)
-    walltime = text(None, label="Slurm: longest time of a job", fixed=NO_RESULT)
-    memory = text(None, label="Slurm: memory of a job", fixed=NO_RESULT)
-    interface = text(None, label="Slurm: network interface", fixed=NO_RESULT)
+    kind = word("local", CLUSTERS, label="where tasks run")
+    workers = count(None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core")
+    address = text(None, label="address of a dask scheduler")
+    ca_file = text(None, label="TLS: file of the authority")
+    cert = text(None, label="TLS: file of the certificate")
+    private_key = text(None, label="TLS: file of its private key")
+    queue = text(None, label="Slurm: partition")
+    account = text(None, label="Slurm: account")
+    walltime = text(None, label="Slurm: longest time of a job")
+    memory = text(None, label="Slurm: memory of a job")
+    interface = text(None, label="Slurm: network interface")
 
 
 ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)

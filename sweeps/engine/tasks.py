@@ -501,12 +501,7 @@ def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any])
         raise _refused(stage, output, str(odd))
     with np.errstate(all="ignore"):
         cast = array.astype(dtype)
-        if dtype.kind in "fc":
-            lost = np.isinf(cast) & np.isfinite(array)
-        else:
-            lost = cast.astype(array.dtype) != array
-    if dtype.kind in "iu" and array.dtype.kind in "iu":
-        lost |= (cast < 0) != (array < 0)  # they may wrap there and back
+        lost = np.isinf(cast) & np.isfinite(array) if dtype.kind in "fc" else cast != array
     if lost.any():
         raise _refused(stage, output, repr(array[lost].flat[0].item()))
     return cast

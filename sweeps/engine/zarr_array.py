@@ -151,16 +151,8 @@ class Array:
         if self.made_of is not None:
             given = self.made_of(region)
         else:
-            given = np.asarray(self.values(region), self.stored).tobytes()
+            given = np.asarray(self.read(region), self.stored).tobytes()
         return hashlib.blake2b(repr(about).encode() + given, digest_size=BYTES).hexdigest()
-
-    def values(self, region: Region) -> NDArray[Any]:
-        """Return the values of a region; ValueError if they have another shape."""
-        values = np.asarray(self.read(region))
-        shape = tuple(part.stop - part.start for part in region)
-        if values.shape != shape:
-            raise ValueError(f"values of {region} have shape {values.shape}, but must have {shape}")
-        return values
 
     def settled(self) -> Array:
         """Return an array without dimensions with its value as that of what is not written."""
@@ -262,20 +254,16 @@ def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
 
 
 def _fill(value: Any) -> Any:
-    """Return a value of numpy as zarr has it in its metadata, exactly."""
+    """Return a value of numpy as zarr has it in its metadata."""
     if value.dtype.kind != "f":
         return value.item()
-    if math.isnan(value):  # of which there are many
-        usual = np.array(math.nan, value.dtype).tobytes() == value.tobytes()
-        bits = np.array(value, value.dtype.newbyteorder(">")).tobytes()
-        return "NaN" if usual else f"0x{bits.hex()}"
-    words = {math.inf: "Infinity", -math.inf: "-Infinity"}
-    return words.get(float(value), float(value))
+    words = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
+    return words.get(str(float(value)), float(value))
 
 
 def encode(array: Array, region: Region) -> bytes | None:
     """Return the bytes of the chunk that covers a region; None if it holds only the fill value."""
-    values = array.values(region)
+    values = np.asarray(array.read(region))
     chunk = np.full(array.chunks, array.empty, array.stored)
     empty = chunk.tobytes()
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger

@@ -2,7 +2,6 @@
 
 import re
 from collections import Counter
-from contextlib import nullcontext
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from small_stores import contents, files
 from threadpoolctl import threadpool_limits
 from toys import go
 
-from sweeps.engine import cluster, workers
+from sweeps.engine import workers
 from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.manifest import Manifest
@@ -173,12 +172,11 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
     )
 
 
-def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path, monkeypatch):
+def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):
     packs = cells_of(tmp_path / "cache")
-    monkeypatch.setattr(cluster, "marked", lambda packs: nullcontext("a mark that is not there"))
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, packs=packs, say=executors.silent),
+        executor(running, packs=packs, mark="absent", say=executors.silent),
     ):
         pass
     assert re.fullmatch(

@@ -227,11 +227,11 @@ def evict(cache, limit, turns, lost):
 
 
 def whole_if_found(cells, index, name):
-    from packed import SMALL, keys
+    from packed import keys
 
     index.refresh()
     index._found = getattr(index, "_found", [])
-    [pack] = index.find(keys(name), SMALL).pack.tolist()
+    [pack] = index.find(keys(name)).pack.tolist()
     index._found.append(pack)
     return pack >= 0
 

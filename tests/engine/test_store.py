@@ -111,17 +111,16 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("values", "dtype", "error"),
+    ("values", "dtype"),
     [
-        (np.zeros((5, 7, 2)), "f8", ValueError),  # another shape
-        (np.zeros(SHAPE), "datetime64[s]", TypeError),
-        (COUNTS, "O", TypeError),  # no texts
-        (COUNTS.astype(str), "U", TypeError),  # of no width
+        (np.zeros(SHAPE), "datetime64[s]"),
+        (COUNTS, "O"),  # no texts
+        (COUNTS.astype(str), "U"),  # of no width
     ],
 )
-def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype, error):
+def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype):
     refused = Array(DIMS, SHAPE, np.dtype(dtype), {}, lambda region: values, SHAPE)
-    with pytest.raises(error):
+    with pytest.raises(TypeError):
         write_store(tmp_path / "s.zarr", {"g": Group({"x": refused})}, {})
     assert not list(tmp_path.iterdir())
 
