@@ -177,19 +177,26 @@ def coloured(factor: Floats, white: Floats) -> Floats:
 
 
 def densities(
-    factor: Floats, unit: Floats, off: Floats, frames: Floats, priors: ArrayLike
+    factor: Floats,
+    unit: Floats,
+    samples: Floats,
+    mean: Floats,
+    frames: Floats,
+    priors: ArrayLike,
 ) -> Floats:
     """Return log densities of averages of frames for one template.
 
     Parameters
     ----------
-    factor : (lag, bin) array_like
+    factor : (lag, bin) float64 ndarray
         Lower Cholesky factor L of the covariance of one frame.
-    unit : (bin, direction) array_like
+    unit : (bin, direction) float64 ndarray
         Unknown directions, scaled to a unit of their prior and whitened by L.
-    off : (sample, bin) array_like
-        Averages less the mean of the template.
-    frames : (sample,) array_like
+    samples : (sample, bin) float64 ndarray
+        Averages.
+    mean : (bin,) float64 ndarray
+        Mean of the template.
+    frames : (sample,) float64 ndarray
         Number of frames in each average.
     priors : (prior, scaled) array_like
         Sets of standard deviations for the first directions; the others keep their scale.
@@ -203,19 +210,20 @@ def densities(
     -----
     With U the directions times their standard deviations, the covariance of n frames is
     L (I + n U U') L' / n. By the Woodbury identity and the matrix determinant lemma only the small
-    matrix I + n U'U has to be inverted.
+    matrix I + n U'U has to be inverted, once for averages of one number of frames.
     """
+    from ncti.classify.whitening import band_products  # numba takes long to import
+
     # Distance and determinant without the unknown directions, the same for all priors.
-    white = whiten(factor, off.T)
-    alone = frames * np.einsum("bs,bs->s", white, white)
-    size = 2 * np.log(factor[0]).sum() + len(white) * np.log(2 * math.pi / frames)
-    gram, along = unit.T @ unit, (unit.T @ white).T
-    deviations = np.asarray(priors)
-    density: Floats = np.empty((len(deviations), len(off)))
+    squared, along = band_products(*map(np.ascontiguousarray, (factor, samples, mean, unit)))
+    gram, deviations = unit.T @ unit, np.asarray(priors)
+    n = frames if np.ptp(frames) else frames[:1]
+    alone, size = n * squared, 2 * np.log(factor[0]).sum() + len(mean) * np.log(2 * math.pi / n)
+    density: Floats = np.empty((len(deviations), len(samples)))
     for k, prior in enumerate(deviations):
         scale = np.append(prior, np.ones(len(gram) - len(prior)))
-        inner = np.eye(len(gram)) + frames[:, None, None] * (gram * np.outer(scale, scale))
-        overlap = frames[:, None] * (along * scale)
-        known = np.sum(overlap * np.linalg.solve(inner, overlap[..., None])[..., 0], axis=1)
+        inner = np.eye(len(gram)) + n[:, None, None] * (gram * np.outer(scale, scale))
+        overlap = n[:, None] * (along * scale)
+        known = np.einsum("sd,sde,se->s", overlap, np.linalg.inv(inner), overlap)
         density[k] = -(alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
     return density

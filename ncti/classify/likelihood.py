@@ -404,7 +404,7 @@ class GaussianTemplates(BaseEstimator):
         With a template error the number of frames must be the same in all averages.
         """
         factor, unit = self._whitened(template, float(frames[0]))
-        return densities(factor, unit, samples - self.mean_[template], frames, priors)
+        return densities(factor, unit, samples, self.mean_[template], frames, priors)
 
     def _whitened(self, template: int, frames: float) -> tuple[Floats, Floats]:
         """Return the factor of the covariance of a frame, and the unknown directions whitened."""

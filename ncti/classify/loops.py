@@ -8,10 +8,15 @@ from ncti.machine_code import Loops
 
 
 def _whiten() -> None:
-    """Whiten one column, which compiles the loop."""
-    from ncti.classify.bands import whiten  # scipy takes long to import
+    """Return nothing; calls both loops, which compiles them."""
+    from ncti.classify.bands import densities, whiten  # scipy takes long to import
 
     whiten(np.ones((1, 1)), np.ones((1, 1)))
+    densities(*(np.ones((1, 1)),) * 3, np.ones(1), np.ones(1), np.ones((1, 1)))
 
 
-DENSITIES = Loops("densities of range profiles", ("classify.whitening.solve_band",), _whiten)
+DENSITIES = Loops(
+    "densities of range profiles",
+    ("classify.whitening.solve_band", "classify.whitening.band_products"),
+    _whiten,
+)

@@ -5,12 +5,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.compiled import compiled
+from ncti.compiled import compiled, inlined
 
 Floats = NDArray[np.float64]
 
 AT_ONCE = 64
 """Vectors that are solved together: what a band spans of them stays in the nearest memory."""
+
+
+@inlined
+def _eliminate(factor: Floats, some: Floats, j: int) -> None:
+    """Solve for element j of some (bin, vector) vectors, and subtract it from those below it."""
+    lags, bins = factor.shape
+    own = some[j]
+    for v in range(AT_ONCE):
+        own[v] /= factor[0, j]
+    for lag in range(1, min(lags, bins - j)):
+        below, share = some[j + lag], factor[lag, j]
+        for v in range(AT_ONCE):
+            below[v] -= share * own[v]
 
 
 @compiled
@@ -30,7 +43,7 @@ def solve_band(factor: Floats, vectors: Floats) -> Floats:
         By forward substitution, of several at a time: LAPACK's dtbtrs takes three times as long,
         since it solves one after the other.
     """
-    lags, bins = factor.shape
+    bins = factor.shape[1]
     solved, some = np.empty(vectors.shape), np.zeros((bins, AT_ONCE))
     for first in range(0, len(vectors), AT_ONCE):
         count = min(AT_ONCE, len(vectors) - first)
@@ -38,14 +51,57 @@ def solve_band(factor: Floats, vectors: Floats) -> Floats:
             for j in range(bins):
                 some[j, v] = vectors[first + v, j]
         for j in range(bins):
-            own = some[j]
-            for v in range(AT_ONCE):
-                own[v] /= factor[0, j]
-            for lag in range(1, min(lags, bins - j)):
-                below, share = some[j + lag], factor[lag, j]
-                for v in range(AT_ONCE):
-                    below[v] -= share * own[v]
+            _eliminate(factor, some, j)
         for v in range(count):
             for j in range(bins):
                 solved[first + v, j] = some[j, v]
     return solved
+
+
+@compiled
+def band_products(
+    factor: Floats, vectors: Floats, mean: Floats, directions: Floats
+) -> tuple[Floats, Floats]:
+    """Return squared lengths of whitened vectors, and their inner products with some directions.
+
+    Parameters
+    ----------
+    factor : (lag, bin) float64 ndarray
+        Lower band of L, in contiguous memory.
+    vectors : (vector, bin) float64 ndarray
+        They are whitened, L^-1 (x - m), but not kept.
+    mean : (bin,) float64 ndarray
+        m, which is subtracted from each.
+    directions : (bin, direction) float64 ndarray
+        Whitened directions.
+
+    Returns
+    -------
+    squared : (vector,) float64 ndarray
+        Squared lengths.
+    along : (vector, direction) float64 ndarray
+        Inner products. Both are of each vector as if it were alone.
+    """
+    bins, number = directions.shape
+    squared, along = np.empty(len(vectors)), np.empty((len(vectors), number))
+    some, sums = np.zeros((bins, AT_ONCE)), np.empty((number + 1, AT_ONCE))
+    for first in range(0, len(vectors), AT_ONCE):
+        count = min(AT_ONCE, len(vectors) - first)
+        for v in range(count):
+            for j in range(bins):
+                some[j, v] = vectors[first + v, j] - mean[j]
+        sums[:] = 0.0
+        for j in range(bins):
+            _eliminate(factor, some, j)
+            white = some[j]
+            for v in range(AT_ONCE):
+                sums[number, v] += white[v] * white[v]
+            for d in range(number):
+                share, total = directions[j, d], sums[d]
+                for v in range(AT_ONCE):
+                    total[v] += share * white[v]
+        for v in range(count):
+            squared[first + v] = sums[number, v]
+            for d in range(number):
+                along[first + v, d] = sums[d, v]
+    return squared, along

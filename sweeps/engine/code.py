@@ -19,10 +19,10 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import astuple, dataclass, field
+from functools import cache, cached_property
 from importlib import metadata
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import decode_source, find_spec, resolve_name
@@ -32,36 +32,51 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
+from platformdirs import user_cache_path
+
 from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.places import Objects
 
 Reference = tuple[str, str]  # a module, and a name looked up in it: "" for none, "*" for all
 
 ENGINE = frozenset({__name__.rpartition(".")[0]})
 ABOVE = __name__.partition(".")[0]  # it offers the engine's `sweep`
+SOURCES = "sources.json"  # in the user's cache
 LABELS = frozenset({"help", "label"})  # arguments of settings that are only shown
 
 _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 _ANNOTATIONS = __future__.annotations.compiler_flag  # compiled as texts
 _FINDER = ModuleFinder()
+_IMPORT = dis.opmap["IMPORT_NAME"]
 _FOR_TYPES = re.compile(r"\bif (?:typing\.)?TYPE_CHECKING:")
 
 
+@dataclass
 class Statement:
     """A statement at the top of a module, or all of a module, compiled.
 
     It `acts` if it may do more than bind names, which count where they are used.
     """
 
-    def __init__(self, source: str | ast.Module, package: str) -> None:
+    digest: str
+    uses: list[str]  # variables and attributes
+    imports: list[Reference]
+    binds: list[str]
+    acts: bool = True
+
+    @classmethod
+    def of(cls, source: str | ast.Module, package: str) -> Statement:
+        """Return a statement that is compiled now."""
         # Without docstrings (and assertions), and annotations as texts.
         code: CodeType = compile(source, "", "exec", _ANNOTATIONS, dont_inherit=True, optimize=2)
         inside = [*_codes(code)]
-        self.digest = hashlib.sha256(_text(code).encode()).hexdigest()
-        self.uses = {name for one in inside for name in one.co_names}  # variables and attributes
-        self.imports = {target for one in inside for target in _imports(one, package)}
-        found = _FINDER.scan_opcodes(code)
-        self.binds = {name for what, names in found if what == "store" for name in names}
-        self.acts = True
+        stores = (names for what, names in _FINDER.scan_opcodes(code) if what == "store")
+        return cls(
+            hashlib.sha256(_text(code).encode()).hexdigest(),
+            sorted({name for one in inside for name in one.co_names}),
+            sorted({target for one in inside for target in _imports(one, package)}),
+            sorted({name for names in stores for name in names}),
+        )
 
 
 class Module:
@@ -70,20 +85,30 @@ class Module:
     `stages` are the names of functions in it that are stages: their decorators only declare.
     """
 
-    def __init__(self, name: str, file: Path, text: str, stages: frozenset[str]) -> None:
+    def __init__(self, name: str, file: Path, source: bytes, stages: frozenset[str]) -> None:
         is_package = file.name == "__init__.py"
         self.name, self.file = name, file
         self.package = name if is_package else name.rpartition(".")[0]
-        text = _FOR_TYPES.sub("if 0:", text)
-        whole = Statement(text, self.package)
-        self.uses, self.is_lazy = whole.uses, "__getattr__" in whole.binds
-        # Whether statements count one by one, since it may declare an experiment.
-        self.is_apart = any(of == ABOVE or within(of, ENGINE) for of, _ in whole.imports)
-        self.statements = self._apart(text, stages) if self.is_apart else [whole]
+        self.folder = str(file.parent)
+        whole, *apart = _SOURCES.statements(
+            (name, self.package, sorted(stages)), source, lambda: self._statements(source, stages)
+        )
+        self.uses, self.is_lazy = {*whole.uses}, "__getattr__" in whole.binds
+        self.is_apart, self.statements = bool(apart), apart or [whole]
         self.bound: dict[str, list[int]] = {}  # numbers of the statements that bind a name
         for number, statement in enumerate(self.statements):
             for local in statement.binds:
                 self.bound.setdefault(local, []).append(number)
+
+    def _statements(self, source: bytes, stages: frozenset[str]) -> list[Statement]:
+        """Return all of the module, and its statements one by one if it may declare experiments."""
+        if self.file.suffix != ".py":  # compiled by another language: it counts as it is
+            source = f"source = {_hash(source)!r}".encode()
+        text = _FOR_TYPES.sub("if 0:", decode_source(source))
+        whole = Statement.of(text, self.package)
+        if any(of == ABOVE or within(of, ENGINE) for of, _ in whole.imports):
+            return [whole, *self._apart(text, stages)]
+        return [whole]
 
     def _apart(self, text: str, stages: frozenset[str]) -> list[Statement]:
         """Return the statements one by one, without what is only shown."""
@@ -94,7 +119,7 @@ class Module:
             for inner in (node, *getattr(node, "body", ())):
                 if isinstance(inner, _DEFINITIONS) and _is_text(inner.body[0]):
                     inner.body = inner.body[1:] or [ast.Pass(lineno=1, col_offset=0)]
-        statements = [Statement(ast.Module([node], []), self.package) for node in nodes]
+        statements = [Statement.of(ast.Module([node], []), self.package) for node in nodes]
         owners: dict[str, set[str]] = {}  # by names, the modules that they are imported from
         for node, statement in zip(nodes, statements, strict=True):
             imported = {of for of, _ in statement.imports}
@@ -108,14 +133,14 @@ class Module:
         for number, node in enumerate(nodes):
             if isinstance(node, ast.FunctionDef) and _first_names(node.decorator_list) & engine:
                 node.decorator_list = []  # a stage of another experiment
-                statements[number] = Statement(ast.Module([node], []), self.package)
+                statements[number] = Statement.of(ast.Module([node], []), self.package)
             if isinstance(node, ast.ClassDef) and _names(node.bases) & engine:
                 for call in (getattr(inner, "value", None) for inner in node.body):
                     if isinstance(call, ast.Call):
                         call.keywords = [
                             keyword for keyword in call.keywords if keyword.arg not in LABELS
                         ]
-                statements[number] = Statement(ast.Module([node], []), self.package)
+                statements[number] = Statement.of(ast.Module([node], []), self.package)
             statements[number].acts = _acts(node, harmless)
         return statements
 
@@ -187,7 +212,9 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 def _imports(code: CodeType, package: str) -> Iterator[Reference]:
     """Yield what imports, and calls of `import_module`, in code refer to."""
-    found = [given for what, given in _FINDER.scan_opcodes(code) if what != "store"]
+    imports = _IMPORT in code.co_code[::2]  # most code has none, and a scan takes long
+    scanned = _FINDER.scan_opcodes(code) if imports else ()
+    found = [given for what, given in scanned if what != "store"]
     for *level, names, name in found:
         owner = _absolute("." * sum(level) + name, package)
         above = accumulate(owner.split("."), "{}.{}".format)
@@ -264,11 +291,57 @@ def open_module(name: str, file: Path, stages: frozenset[str]) -> Module:
 
 @cache
 def _read(name: str, file: Path, stages: frozenset[str], modified: int, size: int) -> Module:
-    source = file.read_bytes()
-    if file.suffix == ".py":
-        return Module(name, file, decode_source(source), stages)
-    # Compiled by another language: it counts as it is.
-    return Module(name, file, f"source = {hashlib.sha256(source).hexdigest()!r}", stages)
+    return Module(name, file, file.read_bytes(), stages)
+
+
+class _Sources:
+    """Statements of modules that were compiled before, in a file of the user's cache.
+
+    They are there by the hash of all that they depend on: compiling takes most of a digest's time.
+    """
+
+    def __init__(self) -> None:
+        self._objects = Objects(user_cache_path(ABOVE), make=True, mode=0o700, clean=False)
+        self._used: dict[str, list[Statement]] = {}
+        self._is_new = False
+
+    @cached_property
+    def _rules(self) -> str:
+        return f"{sys.version} {_hash(Path(__file__).read_bytes())}"
+
+    @cached_property
+    def _before(self) -> dict[str, Any]:
+        """What the file has; nothing if it is missing, damaged, or another user may write to it."""
+        with suppress(OSError, ValueError):
+            if not self._objects.foreign([SOURCES]):
+                return dict(json.loads(self._objects.get(SOURCES) or b"{}"))
+        return {}
+
+    def statements(
+        self, of: Sequence[Any], source: bytes, compiled: Callable[[], list[Statement]]
+    ) -> list[Statement]:
+        """Return the statements of a source, compiled now if they were not before."""
+        key = _hash(repr((self._rules, of)).encode() + source)
+        try:
+            found = [
+                Statement(digest, uses, [(a, b) for a, b in imports], binds, acts)
+                for digest, uses, imports, binds, acts in self._before[key]
+            ]
+        except (KeyError, TypeError, ValueError):
+            found, self._is_new = compiled(), True
+        return self._used.setdefault(key, found)
+
+    def keep(self) -> None:
+        """Write the statements that this process uses, if some were compiled in it."""
+        if self._is_new:
+            self._is_new = False
+            used = {key: [astuple(one) for one in found] for key, found in self._used.items()}
+            with suppress(OSError):
+                self._objects.put(SOURCES, json.dumps(used).encode())
+
+
+_SOURCES = _Sources()
+keep_sources = _SOURCES.keep
 
 
 # installed libraries ------------------------------------------------------------------------------
@@ -397,7 +470,7 @@ class Code:
             for name, of in modules.items()
         }
         libraries = dict(pair for top in tops for pair in versions(top))
-        folders = {(of.package, of.file.parent) for of in modules.values()}
+        folders = {(of.package, of.folder) for of in modules.values()}
         shaders = sorted(pair for name, of in folders if name for pair in _files(name, of, SHADERS))
         parts = [place_of(plain), [*map(place_of, functions)], values, code, shaders, libraries]
         digest = _hash(json.dumps(parts, sort_keys=True).encode())
@@ -454,8 +527,8 @@ class Code:
             for target in statement.imports:
                 self._refer(target, used, found)
             if of.is_apart:
-                found.nodes |= {(name, one) for one in statement.uses & of.bound.keys()}
-                found.nodes |= {(name, WHOLE)} if statement.uses & ANY_NAME else set()
+                found.nodes |= {(name, one) for one in of.bound.keys() & statement.uses}
+                found.nodes |= {(name, WHOLE)} if ANY_NAME & {*statement.uses} else set()
         return found
 
     def _refer(self, target: Reference, used: Set[str] | None, found: _Edges) -> None:
@@ -522,9 +595,9 @@ def place_of(function: Callable[..., Any]) -> Function:
 
 
 @cache
-def _files(name: str, folder: Path, suffixes: frozenset[str]) -> tuple[tuple[str, str], ...]:
+def _files(name: str, folder: str, suffixes: frozenset[str]) -> tuple[tuple[str, str], ...]:
     """Return paths and hashes of the files of some kinds in and below a package's folder."""
-    files = (file for file in folder.rglob("*") if file.suffix in suffixes)
+    files = (file for file in Path(folder).rglob("*") if file.suffix in suffixes)
     return tuple(
         (f"{name}/{file.relative_to(folder).as_posix()}", _hash(file.read_bytes()))
         for file in sorted(files)
@@ -540,7 +613,7 @@ def package_digest(name: str) -> str:
     """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
     spec = place(name)
     folders = list(spec.submodule_search_locations or ()) if spec else []
-    found = [file for of in folders for file in _files(name, Path(of), SHADERS | {".py"})]
+    found = [file for of in folders for file in _files(name, of, SHADERS | {".py"})]
     if spec and spec.has_location and spec.origin and not folders:
         found = [(name, _hash(Path(spec.origin).read_bytes()))]
     return _hash(repr(found).encode()) if found else ""

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.code import Code, CodeDigest, place_of
+from sweeps.engine.code import Code, CodeDigest, keep_sources, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.kinds import Value, spelt
@@ -435,7 +435,9 @@ class Plan:
     def digests(self) -> dict[str, CodeDigest]:
         """Return by stage the code and libraries behind its function."""
         functions = {name: bound.stage.function for name, bound in self.bound.items()}
-        return {name: self.source_code.digest(one) for name, one in functions.items()}
+        found = {name: self.source_code.digest(one) for name, one in functions.items()}
+        keep_sources()
+        return found
 
     @property
     def code(self) -> dict[str, str]:
