@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 NAME = "ncti-sweep"
 _until_exit: list[ExitStack] = []
 MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
-COLLECTED = 10_000
+COLLECTED = 50_000
 """New objects before garbage is sought: at Python's 700, that took a tenth of a sweep's time."""
 
 

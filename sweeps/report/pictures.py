@@ -37,9 +37,12 @@ NAMED = 6  # names of pictures that are printed
 SMALL = 8.5  # points
 ASPECT, TURNED = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 3 to 5
 SEEN = 60.0  # deg, of its Figures 6 to 8
-STEP = 1.15  # between lines above one another
+SCALE = 50.0  # m, drawn below its images
+STEP, BESIDE = 1.15, 1.04  # between lines above one another, and to their labels
 DPI = 100  # of pictures of the page
 SHIPS = "ships"  # group
+Floats = NDArray[np.float64]
+
 MEASURES = ("length", "beam", "height", "facets")
 SHADES = ("#34485c", "#b2cade")
 """Of ships, visible on light and dark pages."""
@@ -76,8 +79,8 @@ def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str
         floor = profile.quantile(0.2).item()
         height = (profile.values - floor) / ((profile.max().item() - floor) or 1.0) - STEP * place
         axes.plot(profile.down_range, height, lw=1.1)
-        at = profile.down_range[-1].item(), 0.15 - STEP * place
-        axes.annotate(printable(label.format(value)), at, ha="right", fontsize=SMALL)
+        at = BESIDE * profile.down_range[-1].item(), -STEP * place
+        axes.annotate(printable(label.format(value)), at, fontsize=SMALL)
     axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
     axes.spines[["left", "right", "top"]].set_visible(False)
 
@@ -85,35 +88,59 @@ def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str
 def draw_silhouettes(store: Where) -> Figure:
     """Draw infrared images and log-polar maps of a ship by range and super-resolution."""
     from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
 
     images = read(opened(store), "infrared")
     kept = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
     view = nominal(images, keep=kept).sel(aspect=SEEN, method="nearest")
     ship = "spruance" if "spruance" in view.ship.values else view.ship.values[0]
     view = view.sel(ship=ship)[["image", "log_polar"]].load()
-    places = [(r, way) for r in view.range.values for way in view.super_resolution.values]
-    height = 1.5 * len(places) + 0.6
-    figure = Figure(figsize=(9.0, height), dpi=130)
-    top, bottom = 1.0 - 0.3 / height, 0.5 / height
-    figure.subplots_adjust(left=0.08, right=0.985, bottom=bottom, top=top, wspace=0.2, hspace=0.3)
-    panels = figure.subplots(len(places), 2, squeeze=False, width_ratios=(3, 1))
-    for (left, right), (slant_range, way) in zip(panels, places, strict=True):
-        shot = view.sel(range=slant_range, super_resolution=way)
-        image = shot.image.transpose("row", "col").values
-        rows, columns = (np.isfinite(image).any(axis=axis) for axis in (1, 0))
-        across, up = shot.horizontal.values[columns], shot.vertical.values[rows]
-        extent = (across[0], across[-1], up[0], up[-1])
-        shown: Any = {"origin": "lower", "extent": extent, "cmap": "inferno"}
-        drawn = left.imshow(image[np.ix_(rows, columns)], **shown)
-        figure.colorbar(drawn, ax=left, label="K", pad=0.03)
-        left.set_ylabel(f"{slant_range:g} km\n{way}")
-        cells = shot.log_polar.transpose("radius", "angle").values
-        right.imshow(cells, origin="lower", extent=(0, 360, 0, 1), aspect="auto", cmap="Blues")
+    ranges, ways = view.range.values, view.super_resolution.values
+    shots = [[_shot(view.sel(range=r, super_resolution=way)) for way in ways] for r in ranges]
+    # All show what the smallest does, on one scale, so that the ship is as long in each.
+    extents = np.array([extent for row in shots for _, extent, _ in row])
+    (left, low), (right, high) = extents[:, ::2].max(axis=0), extents[:, 1::2].min(axis=0)
+    width, height, gap = right - left, high - low, 0.04 * (right - left)
+    tall, margin = 1.5 * height, 3 * gap  # with the map, which is below the image
+    size = np.array([len(ways) * (width + gap) + margin, len(ranges) * (tall + gap) + margin])
+    figure = Figure(figsize=10.0 * size / size[0], dpi=130)
+    # One frame for all: the ticks of many take longer to draw than the images.
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    text = partial(axes.annotate, fontsize=SMALL, ha="center", va="center")
+    for n, row in enumerate(shots):
+        top = -n * (tall + gap)
+        text(f"{ranges[n]:g} km", (-1.2 * gap, top - tall / 2), rotation="vertical")
+        for k, (image, extent, cells) in enumerate(row):
+            start = k * (width + gap)
+            frame = Rectangle((start, top - height), width, height, transform=axes.transData)
+            moved = extent + np.repeat([start - left, top - high], 2)
+            axes.imshow(image, extent=moved, cmap="inferno", origin="lower").set_clip_path(frame)
+            below = (start, start + width, top - tall, top - height)
+            axes.imshow(cells, extent=below, cmap="Blues", origin="lower")
+            span = f"{np.nanmin(image):.1f} to {np.nanmax(image):.1f} K"
+            box = {"facecolor": "black", "edgecolor": "none", "alpha": 0.5, "pad": 1.5}
+            text(span, (start + width - gap, top - gap), color="w", ha="right", bbox=box)
+    for k, way in enumerate(ways):
+        text(f"super-resolution: {printable(str(way))}", (k * (width + gap) + width / 2, gap))
+    axes.plot([0.0, SCALE], [-size[1] + margin] * 2, color="k", lw=2)
     aspect, frames = float(view.aspect), int(view.frame_count)
-    panels[0, 0].set_title(f"{printable(str(ship))}, aspect {aspect:g}°, {frames} frames [m]")
-    panels[0, 1].set_title("log-polar map")
-    panels[-1, 1].set_xlabel("angle [°]")
+    words = f"{SCALE:g} m; {printable(str(ship))}, aspect {aspect:g}°, {frames} frames; "
+    words += "below each image its log-polar map, radius over angle"
+    text(words, (SCALE + gap, -size[1] + margin), ha="left")
+    axes.set(xlim=(gap - margin, size[0] - margin), ylim=(margin - gap - size[1], margin - gap))
+    axes.set_axis_off()
     return figure
+
+
+def _shot(view: xr.Dataset) -> tuple[Floats, Floats, NDArray[Any]]:
+    """Return an image without its empty margins, its edges [m] and its log-polar map."""
+    image = view.image.transpose("row", "col").values
+    row, column = (np.isfinite(image).any(axis=axis) for axis in (1, 0))
+    axes = view.horizontal.values[column], view.vertical.values[row]
+    half = [(axis[-1] - axis[0]) / (len(axis) - 1) / 2 for axis in axes]
+    edges = [(axis[0] - h, axis[-1] + h) for axis, h in zip(axes, half, strict=True)]
+    cells = view.log_polar.transpose("radius", "angle").values
+    return image[np.ix_(row, column)], np.ravel(edges), cells
 
 
 def draw_flights(
