@@ -134,7 +134,7 @@ def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
         array = np.asarray(values)
     except ValueError:
         raise ValueError(f"{name} is {_line(values)}, but must be an array of numbers") from None
-    if array.dtype.kind not in "iuf" or not _all_inside(array, **bounds):
+    if array.dtype.kind not in "biuf" or not _all_inside(array, **bounds):
         for value in array.ravel().tolist():
             require(name, value, **bounds)
     return np.asarray(array, dtype=np.float64)

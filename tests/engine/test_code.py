@@ -3,6 +3,7 @@
 import importlib
 import inspect
 import json
+import re
 import shutil
 import sys
 from importlib import metadata
@@ -87,6 +88,35 @@ def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, diges
         for seed, place in (("1", folder), ("2", copy))
     }
     assert printed == {digest_in(folder).digest}
+
+
+def test_statements_compiled_before_are_used_if_only_this_user_wrote_them(tmp_path):
+    folder = write(tmp_path / "here", PROJECT)
+    script = (
+        "import fleet.measure, sweeps.engine.code as code;"
+        "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest);"
+        "code.keep_sources()"
+    )
+
+    def digest() -> str:
+        where = {"PYTHONPATH": f"{folder}:{ROOT}", "XDG_CACHE_HOME": str(tmp_path / "home")}
+        return python("-c", script, **where).stdout.strip()
+
+    plain = digest()
+    [file] = (tmp_path / "home").rglob(code.SOURCES)
+    whole = file.read_text()
+    assert not file.stat().st_mode & 0o077
+    assert digest() == plain
+    for damaged in ("", "{", "[]", "7", re.sub(r"\[\[.*?\]\]", "[[]]", whole), whole[:-9]):
+        file.write_text(damaged)
+        assert digest() == plain
+        assert json.loads(file.read_text()) == json.loads(whole)
+    # Another source, or another rule, is another key; what is there counts as it is.
+    file.write_text(re.sub(r'"[0-9a-f]{64}",', f'"{64 * "0"}",', whole))
+    assert digest() != plain
+    file.chmod(0o620)
+    assert digest() == plain
+    assert json.loads(file.read_text()) == json.loads(whole)
 
 
 def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
