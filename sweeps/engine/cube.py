@@ -4,33 +4,26 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.kinds import spelt
-from sweeps.engine.packs import Arrays, Spots
+from sweeps.engine.packs import Arrays, Spots, each_cell
+from sweeps.engine.places import Objects
 from sweeps.engine.plan import Axis, Cells, Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import DIMENSION, Setting
 from sweeps.engine.stage import COORDINATE, MEASURED, SHARE, STATE, Bound, Output
 from sweeps.engine.tasks import Damaged, uneven
-from sweeps.engine.zarr_array import Array, Group, suggest_chunks
+from sweeps.engine.zarr_array import Array, Group, Region, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
 FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
-
-REMEMBERED = 2**27  # bytes of cells that stay in memory between variables
-OVERHEAD = 600  # bytes of the objects that hold one
-AT_ONCE = 4096  # cells that are read together
-
-Reader = Callable[[Spots], list[Arrays | None]]
-
 
 ANEW = "measured while the cell was computed; differs if computed again"
 
@@ -53,10 +46,13 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Filling:
-    """How results fill a region of a variable: which places they take, and the padding.
+    """How results fill a region of a variable: where they are, which places they take, the padding.
 
     `wanted` and `lost` are places, in the order of the axes, of results and of failed ones.
     """
+
+    packs: Objects
+    spots: Spots  # of the results
 
     stage: str
     output: Output
@@ -70,12 +66,13 @@ class Filling:
     wanted: Cells
     lost: Cells
 
-    def values(self, cells: Iterable[Arrays]) -> NDArray[Any]:
-        """Return the values of the region, of the results that it wants."""
+    def values(self, region: Region) -> NDArray[Any]:
+        """Return the values of the region; raise `Damaged` if a cell cannot be read back."""
         output, own = self.output, self.own
         flat = np.full((math.prod(self.shape), *own), output.empty, dtype=output.dtype)
         flat[self.lost] = FAILED
         first = [self.starts.get(dim, 0) for dim in output.dims]
+        cells = _each(self.packs, self.spots)
         for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
             array = arrays[output.name]
             if self.even and array.shape != own:
@@ -100,22 +97,12 @@ def _begins(output: Output, origin: Mapping[str, Output], arrays: Arrays) -> lis
     return [begins.get(dim, 0) for dim in output.dims]
 
 
-def _elsewhere(
-    filling: Filling, spots: Spots, read: Reader, region: tuple[slice, ...]
-) -> NDArray[Any]:
-    """Return the values of a region; raise `Damaged` if a cell cannot be read back."""
-    parts = range(0, len(spots), AT_ONCE)
-    return filling.values(chain.from_iterable(_read(read, spots[k : k + AT_ONCE]) for k in parts))
-
-
-def _read(read: Reader, spots: Spots) -> list[Arrays]:
-    """Return the arrays of cells; raise `Damaged` if any cannot be read back."""
-    every = read(spots)
-    found = [arrays for arrays in every if arrays is not None]
-    if len(found) < len(every):
-        keys = zip(spots.keys, every, strict=True)
-        raise Damaged(tuple(key.tobytes() for key, arrays in keys if arrays is None))
-    return found
+def _each(packs: Objects, spots: Spots) -> Iterator[Arrays]:
+    """Yield the arrays of cells; raise `Damaged` if one cannot be read back."""
+    for key, arrays in zip(spots.keys, each_cell(packs, spots), strict=True):
+        if arrays is None:
+            raise Damaged((key.tobytes(),))
+        yield arrays
 
 
 def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
@@ -159,17 +146,12 @@ def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
 
 @dataclass
 class Cube:
-    """The arrays of a store, made of the finished cells of a schedule.
-
-    `read` gives None for a damaged one.
-    """
+    """The arrays of a store, made of the finished cells of a schedule."""
 
     schedule: Schedule
-    read: Reader
+    packs: Objects
     # By group: starts of own dimensions that have an origin, and lengths of all.
     _extents: dict[str, tuple[dict[str, int], dict[str, int]]] = field(default_factory=dict)
-    _memory: dict[int, Arrays] = field(default_factory=dict)  # by number of the result
-    _held: int = 0
 
     @property
     def plan(self) -> Plan:
@@ -239,11 +221,15 @@ class Cube:
             attrs |= FLAGS
         given: Any = (tuple(one[k] for k in layout.order) for one in (dims, shape, chunks))
         named, sizes, parts = given
-        read, coordinate = partial(self._region, layout), output.role == COORDINATE
+        make, coordinate = partial(self._filling, layout), output.role == COORDINATE
+
+        def read(region: Region) -> NDArray[Any]:
+            return make(region)(region)
+
         if words:  # few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
             return Array.of(named, texts, attrs, coordinate=coordinate)
-        how = partial(self._made_of, layout), partial(self._sent, layout)
+        how = partial(self._made_of, layout), make
         return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate, *how)
 
     def _nodes(self, layout: Layout, ranges: Sequence[range]) -> Cells:
@@ -272,7 +258,8 @@ class Cube:
             origin, even = layout.origin, layout.bound.stage.is_even(output)
             nodes = self._nodes(layout, [range(len(axes[n].points)) for n in layout.axes])
             nodes = nodes[self.schedule.spots.present[nodes]]
-            for arrays in self._each(nodes[:1] if even else np.unique(nodes)):
+            nodes = nodes[:1] if even else np.unique(nodes)
+            for arrays in _each(self.packs, self.schedule.spots[nodes]):
                 shape = arrays[output.name].shape
                 for dim, begin, size in zip(
                     output.dims, _begins(output, origin, arrays), shape, strict=True
@@ -283,18 +270,8 @@ class Cube:
             lengths[dim] = max(lengths[dim], high - low)
         return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
 
-    def _region(self, layout: Layout, region: tuple[slice, ...]) -> NDArray[Any]:
-        """Return values of a region of a variable, complete along its own dimensions."""
-        filling, nodes = self._filling(layout, region)
-        return filling.values(self._each(nodes))
-
-    def _sent(self, layout: Layout, region: tuple[slice, ...]) -> Callable[..., NDArray[Any]]:
-        """Return what makes a region of a variable in another process, from the packs."""
-        filling, nodes = self._filling(layout, region)
-        return partial(_elsewhere, filling, self.schedule.spots[nodes].alone(), self.read)
-
-    def _filling(self, layout: Layout, region: tuple[slice, ...]) -> tuple[Filling, Cells]:
-        """Return how a region of a variable is filled, and the numbers of the results it takes."""
+    def _filling(self, layout: Layout, region: Region) -> Callable[[Region], NDArray[Any]]:
+        """Return what makes the values of a region of a variable, also in another process."""
         output, count = layout.output, len(layout.axes)
         starts, lengths = self._extents[layout.group]
         natural = [region[k] for k in np.argsort(layout.order)]
@@ -303,7 +280,9 @@ class Cube:
         state = output.role == STATE
         lost = np.flatnonzero(np.isin(nodes, [*self.schedule.failed])) if state else nodes[:0]
         wanted = np.flatnonzero(self.schedule.spots.present[nodes])
-        filling = Filling(
+        return Filling(
+            self.packs,
+            self.schedule.spots[nodes[wanted]].alone(),
             layout.bound.name,
             output,
             layout.origin,
@@ -315,10 +294,9 @@ class Cube:
             order=layout.order,
             wanted=wanted,
             lost=lost,
-        )
-        return filling, nodes[wanted]
+        ).values
 
-    def _made_of(self, layout: Layout, region: tuple[slice, ...]) -> bytes:
+    def _made_of(self, layout: Layout, region: Region) -> bytes:
         """Return what decides the values of a region: keys of its cells, and how they lie there."""
         output, count = layout.output, len(layout.axes)
         starts, lengths = self._extents[layout.group]
@@ -330,24 +308,6 @@ class Cube:
         own = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
         about = [output.name, output.pad, layout.order, own, natural[count:]]
         return repr(about).encode() + lost.tobytes() + keys.tobytes()
-
-    def _each(self, nodes: Cells) -> Iterator[Arrays]:
-        """Yield arrays of results, of which few are in memory at once."""
-        for start in range(0, len(nodes), AT_ONCE):
-            yield from self._cells(nodes[start : start + AT_ONCE])
-
-    def _cells(self, nodes: Cells) -> list[Arrays]:
-        """Return arrays of results, from memory if they were read recently."""
-        memory, wanted = self._memory, nodes.tolist()
-        lacking = np.array([one for one in dict.fromkeys(wanted) if one not in memory], np.int64)
-        read = _read(self.read, self.schedule.spots[lacking])
-        for one, arrays in zip(lacking.tolist(), read, strict=True):
-            memory[one] = arrays
-            self._held += OVERHEAD + sum(array.nbytes for array in arrays.values())
-        found = [memory[one] for one in wanted]
-        if self._held > REMEMBERED:
-            self._memory, self._held = {}, 0
-        return found
 
     def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
         """Return coordinates of all axes: along dimensions, or scalar ones of one value."""

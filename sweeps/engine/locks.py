@@ -32,10 +32,6 @@ LOOK = 1.0  # s between looks at the object of an owner elsewhere
 TRIES = 8  # when others come and go meanwhile
 
 
-class Busy(Exception):
-    """Another process holds a lock; `str` says which."""
-
-
 @contextmanager
 def locked(place: Where) -> Iterator[Callable[[], None]]:
     """Hold the lock of a store, which need not exist; yield what raises OSError once it is lost.
@@ -47,11 +43,6 @@ def locked(place: Where) -> Iterator[Callable[[], None]]:
     above, room = _beside(place)
     try:
         lock = _acquired(place, Objects(above, make=True), room)
-    except Busy as busy:
-        raise ConfigurationError(
-            f"store is {str(place)!r}, which is being written by {busy}; "
-            "wait until it ends or give another path"
-        ) from None
     except OSError as error:
         raise ConfigurationError(
             f"store is {str(place)!r}, but nothing can be locked in {str(above)!r}: "
@@ -71,7 +62,7 @@ def is_locked(place: Where) -> bool:
     objects = Objects(above)
     numbers = _numbers(objects, room)
     content = objects.get(f"{room}/{numbers[-1]}") if numbers else None
-    return content is not None and not (_is_here(content) and _is_gone(content))
+    return content is not None and not _is_gone(content)
 
 
 def _beside(place: Where) -> tuple[Where, str]:
@@ -111,7 +102,7 @@ class _Lock:
 
 
 def _acquired(place: Where, objects: Objects, room: str) -> _Lock:
-    """Return a lock that is now held; raise `Busy` if another owner is alive."""
+    """Return a lock that is now held; ConfigurationError if another owner is alive."""
     owner = {
         "id": uuid.uuid4().hex,
         "pid": os.getpid(),
@@ -130,7 +121,7 @@ def _acquired(place: Where, objects: Objects, room: str) -> _Lock:
             if {"pid", "host", "since"} <= found.keys():
                 seen = "process {pid} on {host} since {since}".format(**found)
             if not _is_dead(objects, last, content):
-                raise Busy(seen)
+                break
         if bool(last) == (content is not None):  # else it was released just now
             number = before[-1] + 1 if before else 1
             with readable():
@@ -142,7 +133,10 @@ def _acquired(place: Where, objects: Objects, room: str) -> _Lock:
             if made:
                 objects.delete([f"{room}/{number}"])
         time.sleep(random.uniform(0.001, 0.02))
-    raise Busy(seen)
+    raise ConfigurationError(
+        f"store is {str(place)!r}, which is being written by {seen}; "
+        "wait until it ends or give another path"
+    )
 
 
 def _numbers(objects: Objects, room: str) -> list[int]:
@@ -161,8 +155,8 @@ def _read(content: bytes | None) -> dict[str, Any]:
 
 def _is_dead(objects: Objects, name: str, content: bytes) -> bool:
     """Return whether the owner of an object is gone; wait for its lease if it is elsewhere."""
-    if _is_here(content):
-        return _is_gone(content)
+    if (gone := _is_gone(content)) is not None:
+        return gone
     until = time.monotonic() + LEASE
     while time.monotonic() < until:
         time.sleep(LOOK)
@@ -171,14 +165,11 @@ def _is_dead(objects: Objects, name: str, content: bytes) -> bool:
     return True
 
 
-def _is_here(content: bytes) -> bool:
-    """Return whether the owner of an object is, or was, a process that this one sees."""
-    return _read(content).get("machine") == _machine() != ""
-
-
-def _is_gone(content: bytes) -> bool:
+def _is_gone(content: bytes) -> bool | None:
+    """Return whether the owner of an object is gone; None if this process does not see it."""
     owner = _read(content)
-    return owner.get("started") != _start_of(owner.get("pid", 0))
+    is_here = owner.get("machine") == _machine() != ""
+    return owner.get("started") != _start_of(owner.get("pid", 0)) if is_here else None
 
 
 def _machine() -> str:

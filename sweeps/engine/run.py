@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import count
 from typing import Any
 
@@ -25,7 +24,7 @@ from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
 from sweeps.engine.locks import locked
 from sweeps.engine.manifest import verify
-from sweeps.engine.packs import MISSING, cells_of, each_cell, read_cells
+from sweeps.engine.packs import MISSING, cells_of, each_cell
 from sweeps.engine.places import Objects, Where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
@@ -332,7 +331,7 @@ def _write(
     """
     heed()
     plan, failed = schedule.plan, schedule.failed
-    cube = Cube(schedule, partial(read_cells, index.cells))
+    cube = Cube(schedule, index.cells)
     failures = {
         plan.described(bound, cell): failed[nodes[cell]]
         for bound in plan.bound.values()

@@ -11,8 +11,6 @@ agree.
 from __future__ import annotations
 
 import json
-import os
-import socket
 import threading
 import uuid
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -37,7 +35,8 @@ Listed = Mapping[str, "ObjectMeta"]
 def using(cells: Objects, say: Callable[[str], None]) -> Iterator[Use]:
     """Keep a record of a sweep that runs in the cache where its packs are."""
     use = Use(cells, say)
-    use.renew()
+    with suppress(OSError):
+        use.renew()
     try:
         with repeating(RENEWED, use.renew):
             yield use
@@ -50,7 +49,7 @@ def using(cells: Objects, say: Callable[[str], None]) -> Iterator[Use]:
 class Use:
     """Record of a sweep that runs. Until it has said which packs it uses, it uses all.
 
-    No method but `leaving` raises an error of the place: results are worth more than records.
+    Results are worth more than records: what cannot be written stops nothing.
     """
 
     cells: Objects
@@ -62,19 +61,11 @@ class Use:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def renew(self) -> None:
-        """Write the record again, if that can be done."""
-        with suppress(OSError):
-            self._write()
-
-    def _write(self) -> None:
+        """Write the record again; OSError if that cannot be done."""
         with self._lock:
-            document = {
-                "holder": f"process {os.getpid()} on {socket.gethostname()}",
-                "since": self.since,
-                "packs": None if self.packs is None else sorted(self.packs),
-                "deleting": self._deleting,
-            }
-            self.cells.put(self.name, json.dumps(document).encode())
+            packs = None if self.packs is None else sorted(self.packs)
+            record = [packs, self.since, self._deleting]
+            self.cells.put(self.name, json.dumps(record).encode())
 
     def leaving(self) -> set[str]:
         """Return packs that others are about to delete. Those listed later are safe to use."""
@@ -85,7 +76,8 @@ class Use:
     def take(self, packs: Iterable[str]) -> None:
         """Add packs to those that are used."""
         self.packs = {*(self.packs or ()), *packs}
-        self.renew()
+        with suppress(OSError):
+            self.renew()
 
     def shrink(self, limit_bytes: int) -> None:
         """Delete the oldest packs until the rest is small enough.
@@ -98,7 +90,7 @@ class Use:
             self.say(f"Finished results in {self.cells.place} cannot be deleted ({error}).")
 
     def _shrink(self, limit_bytes: int) -> None:
-        self._write()
+        self.renew()
         listed = self.cells.listed()
         if self.since is None or self.name not in listed:
             return
@@ -113,7 +105,7 @@ class Use:
                 break
             self._deleting.append(name)
             excess -= packs[name]["size"]
-        self._write()  # from here on, others see what is to go
+        self.renew()  # from here on, others see what is to go
         stay = self._used_by_others(packs)
         self.cells.delete(name for name in self._deleting if name not in stay)
 
@@ -148,10 +140,9 @@ class Record(NamedTuple):
     def of(cls, content: bytes) -> Record:
         """Return a record from its bytes; one that uses everything if they say nothing."""
         with undamaged():
-            given = json.loads(content)
-            packs, deleting = given["packs"], given["deleting"]
+            packs, since, deleting = json.loads(content)
             packs = None if packs is None else frozenset(packs)
-            return cls(packs, float(given["since"]), frozenset(deleting))
+            return cls(packs, float(since), frozenset(deleting))
         return cls()
 
 
