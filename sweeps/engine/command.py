@@ -42,7 +42,7 @@ from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run
 from sweeps.engine.stage import Experiment
 from sweeps.engine.usage import listing, usage
-from sweeps.engine.watching import NAMED_FAILURES, counted, described, recorded, summary, watching
+from sweeps.engine.watching import NAMED_FAILURES, counted, described, summary, watching
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
@@ -224,12 +224,10 @@ class Command:
             partial=bool(choices.one(Run.partial)),
             cache_shared=bool(choices.one(Run.cache_shared)),
         )
-        with watching(self.name, log) as watch:
-            if place.partial:
-                sweep(self.experiment, choices, place, watch)
-                return []
-            with recorded(store, place.cache, watch) as seen:
-                finished = sweep(self.experiment, choices, place, seen)
+        with watching(self.name, log, store, place.cache, record=not place.partial) as watch:
+            finished = sweep(self.experiment, choices, place, watch)
+        if place.partial:
+            return []
         say(self.name, summary(finished.progress, finished.seconds))
         left = [_failed(finished.failures, log)] if finished.failures else []
         try:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import errno
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
@@ -145,8 +145,7 @@ def _until_undamaged(
                 if place.cluster.kind in HERE:  # which end meanwhile
                     thread.submit(stack.close)
                     workers = None
-                with _named(place.store):
-                    failures += _write(schedule, place, index, watch, check, workers)
+                failures += _write(schedule, place, index, watch, check, workers)
             except Damaged as error:
                 damaged = sorted(_damaged(schedule, index.cells).union(error.keys))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
@@ -158,16 +157,6 @@ def _until_undamaged(
             finally:
                 thread.submit(stack.close)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
-
-
-@contextmanager
-def _named(place: Where) -> Iterator[None]:
-    """Let an OSError name a folder if it names none, as where a disk is full."""
-    try:
-        yield
-    except OSError as error:
-        error.filename = error.filename or str(place)
-        raise
 
 
 def _compute(

@@ -134,8 +134,6 @@ class Settings:
         found: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
-                if hasattr(Settings, name):
-                    raise TypeError(f"{cls.__name__} has a setting {name}, a name that is taken")
                 of_class = {"single": single, "fixed": fixed}.items()
                 own: Any = {of: given for of, given in of_class if getattr(value, of) is None}
                 setting = replace(value, key=f"{key}.{name}".lstrip("."), **own)

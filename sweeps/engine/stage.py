@@ -281,11 +281,6 @@ class Table:
     displays: tuple[Display, ...] = ()  # tables shown of it; none: one of all its variables
 
 
-def nothing_to_check(choices: Choices) -> Choices:
-    """Return the choices unchanged."""
-    return choices
-
-
 @dataclass(frozen=True)
 class Experiment:
     """Declaration of an experiment: settings, or groups of them, stages and tables.
@@ -299,7 +294,7 @@ class Experiment:
     parts: tuple[type[Settings] | Setting | Stage | Table, ...]  # each kind in its order
     # Refuses inconsistent choices (`ConfigurationError`), and drops values that
     # nothing uses.
-    check: Callable[[Choices], Choices] = nothing_to_check
+    check: Callable[[Choices], Choices] = lambda choices: choices
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # of its stores
     # Called before stages run on this machine, with a function that prints a sentence: for work
     # that one process does for all.

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, replace
+from dataclasses import astuple
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -34,21 +34,33 @@ LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least t
 
 
 @contextmanager
-def watching(name: str, log: FailureLog) -> Iterator[Watch]:
+def watching(
+    name: str, log: FailureLog, store: Where, cache: Where, *, record: bool = True
+) -> Iterator[Watch]:
     """Show the progress of a sweep on stderr, in lines that begin with the `name`.
 
-    The first failures are shown, and all are logged.
+    The first failures are shown, and all are logged. How far it is, is also written into its cache,
+    every second at most; a `record` that cannot be written costs nothing but itself.
     """
-    shown = _Shown(name, log)
+    shown = _Shown(name, log, store, cache, record)
     with shown.live:
-        yield Watch(shown.say, shown.step, shown.failed)
+        try:
+            yield Watch(shown.say, shown.step, shown.failed)
+            shown.state["ended"] = "finished"
+        finally:
+            shown.write()
 
 
 class _Shown:
-    """What is shown of a sweep under way."""
+    """What is shown and written of a sweep under way."""
 
-    def __init__(self, name: str, log: FailureLog) -> None:
-        self.name, self.log = name, log
+    def __init__(
+        self, name: str, log: FailureLog, store: Where, cache: Where, record: bool
+    ) -> None:
+        self.name, self.log, self.record = name, log, record
+        self.states, self.file, self.due = _states(cache, make=True), _name(store), 0.0
+        self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time(), "stages": {}}
+        self.state["ended"] = "stopped"  # unless it says otherwise
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
         self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
         self.begun = self.at = time.monotonic()
@@ -72,6 +84,12 @@ class _Shown:
         now = time.monotonic()
         stages = [*schedule.progress.items()]
         done, work = (one.seconds for one in schedule.progress.values()), schedule.work_left()
+        if now >= self.due:
+            self.state["stages"] = {
+                name: [*astuple(one), work[name]] for name, one in stages if one.total
+            }
+            self.write()
+            self.due = time.monotonic() + WRITTEN
         rest = time_left(sum(work.values()), sum(done), now - self.begun)
         left = f"about {rest} left" if rest else ""
         begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
@@ -88,6 +106,12 @@ class _Shown:
             self.at = now
             parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
             self.say(", ".join([*parts, left] if left else parts) or "finishing")
+
+    def write(self) -> None:
+        with suppress(OSError):
+            if self.record:
+                state = json.dumps(self.state | {"at": time.time()})
+                self.states.put(self.file, state.encode())
 
 
 def time_left(work: float, done: float, elapsed: float) -> str:
@@ -136,41 +160,6 @@ def _name(store: Where) -> str:
     return f"{digest(str(real_place(store)))}.json"
 
 
-@contextmanager
-def recorded(store: Where, cache: Where, watch: Watch) -> Iterator[Watch]:
-    """Yield an observer that also writes how far a sweep is into its cache, every second at most.
-
-    A state that cannot be written costs nothing but itself.
-    """
-    states, begun, due = _states(cache, make=True), time.time(), 0.0
-    state: dict[str, Any] = {"process": os.getpid(), "begun": begun, "stages": {}}
-    state["ended"] = "stopped"  # unless it says otherwise
-
-    def write() -> None:
-        with suppress(OSError):
-            states.put(_name(store), json.dumps(state | {"at": time.time()}).encode())
-
-    def step(schedule: Schedule) -> None:
-        nonlocal due
-        if time.monotonic() >= due:
-            left = schedule.work_left()
-            stages = {
-                name: asdict(one) | {"work": left[name]}
-                for name, one in schedule.progress.items()
-                if one.total
-            }
-            state["stages"] = stages
-            write()
-            due = time.monotonic() + WRITTEN
-        watch.step(schedule)
-
-    try:
-        yield replace(watch, step=step)
-        state["ended"] = "finished"
-    finally:
-        write()
-
-
 def described(store: Where, cache: Where) -> tuple[str, Table]:
     """Return a sentence on the latest sweep of a store, and a table of its stages.
 
@@ -185,8 +174,8 @@ def described(store: Where, cache: Where) -> tuple[str, Table]:
     try:
         state = json.loads(content)
         stages = {
-            name: (Progress(**{key: one[key] for key in asdict(Progress())}), float(one["work"]))
-            for name, one in state["stages"].items()
+            name: (Progress(*counts), float(work))
+            for name, (*counts, work) in state["stages"].items()
         }
         begun, at = float(state["begun"]), float(state["at"])
         process, ended = int(state["process"]), str(state["ended"])
