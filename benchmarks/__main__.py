@@ -46,6 +46,7 @@ from benchmarks import (
     workers,
 )
 from benchmarks.reports import Report, machine, show, write_json
+from sweeps.engine.errors import ConfigurationError
 from sweeps.stages.views import cache_folder
 
 REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]] = {
@@ -185,7 +186,7 @@ def main(arguments: list[str] | None = None) -> None:
             continue
         try:
             made = run(asked)
-        except RuntimeError as error:
+        except (RuntimeError, ConfigurationError) as error:
             print(f"benchmark: {name} failed: {error}", file=sys.stderr)
             sys.exit(1)
         tables = {"": made} if isinstance(made, Report) else made

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 ROWS = 192
 """Rows of a block: with some hundred features, its cosines take what the templates do."""
+HELD_ROWS = 8 * ROWS
+"""Rows of a block that costs too much to begin, as where covariances are factored for each."""
 
 
 def row_blocks(count: int, rows: int = ROWS) -> Iterator[slice]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.blocks import ROWS, row_blocks
+from ncti.classify.blocks import HELD_ROWS, row_blocks
 from ncti.classify.directions import NO_CATEGORY
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 NAME = "acn"
 IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are called; takes long
-AT_ONCE = 8 * ROWS
-"""Most tests whose vectors are all held where they are presented one after the other."""
 
 Indices = NDArray[np.intp]
 
@@ -127,7 +125,7 @@ class TrainingSet:
         def vectors(views: Indices) -> Floats:
             return self.see(tests[number : number + 1, views]).astype(np.float64)
 
-        if tests.shape[1] > AT_ONCE:
+        if tests.shape[1] > HELD_ROWS:
             return vectors
         return vectors(np.arange(tests.shape[1])).__getitem__
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.classify.blocks import ROWS, row_blocks
+from ncti.classify.blocks import HELD_ROWS, ROWS, row_blocks
 from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
 from sweeps.engine.settings import Choices
 from sweeps.engine.stage import At, Output, Stream, coordinate, stage
@@ -20,7 +20,7 @@ from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.likelihood import AT_ONCE, Likelihood, Prior
+from sweeps.stages.likelihood import Likelihood, Prior
 from sweeps.stages.views import (
     INFRARED,
     RANGE,
@@ -227,7 +227,7 @@ def fusion(
     inverse_temperature[..., 0, :], inverse_temperature[..., 1:, :] = 1.0, factors[:, :1]
     outlier_fraction[..., ::2, :] = of_profiles.mean(axis=-1)[..., None, None, None]
     outlier_fraction[..., 1, :] = factors[:, 1]
-    for rows in row_blocks(len(views), ROWS * max(1, AT_ONCE // (ROWS * max(replicates, looks)))):
+    for rows in row_blocks(len(views), ROWS * max(1, HELD_ROWS // (ROWS * max(replicates, looks)))):
         true, column = np.divmod(views[rows], known.shape[1])
         similar = [
             cosines(silhouettes[m % len(silhouettes)], maps, m, views[rows]) for m in range(looks)

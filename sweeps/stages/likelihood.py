@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncti.classify.blocks import ROWS, row_blocks
+from ncti.classify.blocks import HELD_ROWS, row_blocks
 from ncti.classify.fusion import label_posterior
 from ncti.classify.misfit import log_fit
 from ncti.classify.track import aspect_prior
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
 ANSWERS = classifier.of_profiles(NAME, "gain_sigma", "left_out")
-AT_ONCE = 8 * ROWS
-"""Rows whose densities are held: covariances are factored anew for each block of them."""
 
 
 class Likelihood(Settings, key="classifier"):
@@ -320,7 +318,7 @@ def likelihood(
     probability, similarity, fit = np.full((3, *whole), np.nan)
     for f, count in enumerate(frame_count):
         highest = peaks(templates, count, gain_sigma)
-        for rows in row_blocks(len(views), AT_ONCE):
+        for rows in row_blocks(len(views), HELD_ROWS):
             seen = prior.levelled(flat[f, views[rows]])
             plain = templates.log_likelihood(seen, count, gain_sigma=gain_sigma), highest
             others = np.empty((len(gain_sigma), len(seen), 0))
