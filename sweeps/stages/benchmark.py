@@ -349,13 +349,14 @@ def gradient_boosting(training_set: Vectors, rng: np.random.Generator) -> Model:
 
 @fit
 def pca_qda(training_set: Vectors, rng: np.random.Generator) -> Model:
-    """Return quadratic discriminants of at most 20 principal components."""
+    """Return quadratic discriminants of at most 20 principal components, fewer than rows a ship."""
     from sklearn.decomposition import PCA
     from sklearn.discriminant_analysis import QuadraticDiscriminantAnalysis
     from sklearn.pipeline import make_pipeline
 
     X, y, _ = training_set
-    components = PCA(min(20, len(X) // 8), random_state=_number(rng))
+    fewest = int(np.unique(y, return_counts=True)[1].min())  # their covariance has a rank below it
+    components = PCA(max(1, min(20, fewest - 1)), random_state=_number(rng))
     return make_pipeline(components, QuadraticDiscriminantAnalysis(reg_param=0.01)).fit(X, y)
 
 
