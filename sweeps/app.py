@@ -6,7 +6,6 @@ a second, and an interrupt meanwhile is reported as one.
 
 from __future__ import annotations
 
-import gc
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 NAME = "ncti-sweep"
 _until_exit: list[ExitStack] = []
 MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
-COLLECTED = 50_000
-"""New objects before garbage is sought: at Python's 700, that took a tenth of a sweep's time."""
 
 
 def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
@@ -46,8 +43,6 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         sys.exit(0)
     with ExitStack() as signals:
         signals.enter_context(stopping())
-        if arguments is None:  # this process is the command's
-            gc.set_threshold(COLLECTED)
         try:
             if all(word in MULTIRUN for word in given if word.startswith("-")):
                 _say("reading the configuration, which takes longer the first time")
@@ -70,7 +65,9 @@ def command(*modules: Any) -> Command:
     """Return the command of the experiment, with further modules if any."""
     heed()
     from sweeps.engine.command import Command
+    from sweeps.engine.process import seek_garbage_less
 
+    seek_garbage_less()
     heed()
     from sweeps.experiment import EXPERIMENT, MODULES, about, assemble
     from sweeps.report.places import beside

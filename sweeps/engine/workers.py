@@ -34,7 +34,7 @@ from tornado.ioloop import PeriodicCallback
 from sweeps.engine.cluster import UNSHARED, Shared, import_jobqueue
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.forking import ENVIRONMENT, interrupts_held
-from sweeps.engine.process import environment, one_thread
+from sweeps.engine.process import environment, one_thread, seek_garbage_less
 
 SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
@@ -78,6 +78,7 @@ def run_task(shared: Shared, function: Callable[..., Any], arguments: tuple[Any,
     Raises what `Shared.check` does if this process has other code or folders.
     """
     shared.check()
+    seek_garbage_less()
 
     def call() -> Any:
         with one_thread():
