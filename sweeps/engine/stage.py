@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import chain
@@ -303,8 +304,8 @@ class Experiment:
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
 
     def __post_init__(self) -> None:
-        check_declarations(self.declared, self.stages, self.tables)
-        check_names(self.declared, bind(self).values())
+        for mistake in mistakes(self):
+            raise DeclarationError(mistake)
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
@@ -461,141 +462,111 @@ def value_token(value: Value) -> str:
 # checks of declarations ---------------------------------------------------------------------------
 
 
-def check_declarations(
-    settings: Iterable[Setting], stages: Iterable[Stage], tables: Iterable[Table]
-) -> None:
-    """Raise DeclarationError for the first mistake in the declarations of an experiment.
+def mistakes(experiment: Experiment) -> Iterator[str]:
+    """Yield what is wrong in the declarations of an experiment; `bind` raises what else there is.
 
-    Parameters
-    ----------
-    settings : iterable of Setting
-        All of the experiment's, including those of the engine.
-    stages, tables : iterables
-        Those of the experiment.
+    Each may be a consequence of those before it.
     """
-    stages = tuple(stages)
-    keys = _once((one.key for one in settings), "settings")
-    _once((one.name for one in stages), "stages")
+    settings, stages = experiment.declared, experiment.stages
+    keys = [one.key for one in settings]
+    yield from _twice(keys, "settings")
+    yield from _twice((one.name for one in stages), "stages")
     outputs = [
         f"{stage.place_of(output)}/{output.name}"
         for stage in stages
         for output in stage.outputs
         if stage.place_of(output)
     ]
-    _once(outputs, "outputs of a group of the store")
+    yield from _twice(outputs, "outputs of a group of the store")
     for setting in settings:
-        _check_name(f"setting {setting.key}", setting.name)
+        yield from _bad_name(f"setting {setting.key}", setting.name)
         if setting.single and setting.single not in (DIMENSION, COORDINATE):
-            raise DeclarationError(
-                f"setting {setting.key} has single={setting.single!r}, but must have one of "
-                f"{DIMENSION!r}, {COORDINATE!r}"
-            )
+            single = f"single={setting.single!r}, but must have one of"
+            yield f"setting {setting.key} has {single} {DIMENSION!r}, {COORDINATE!r}"
     for stage in stages:
-        _check_stage(stage, keys)
+        yield from _of_stage(stage, keys)
     groups = {name.rpartition("/")[0] for name in outputs}
-    for table in tables:
-        _check_group(f"table {table.group}", table.group)
-        for group in table.of:
-            _check_known(f"table {table.group}: group", group, groups)
+    for table in experiment.tables:
+        yield from _bad_group(f"table {table.group}", table.group)
+        yield from _unknown(f"table {table.group}: group", table.of, groups)
         groups.add(table.group)
+    yield from _names(settings, bind(experiment).values())
 
 
-def check_names(settings: Iterable[Setting], stages: Iterable[Bound]) -> None:
-    """Raise DeclarationError if an output or own dimension is named like something in its group.
-
-    Parameters
-    ----------
-    settings : iterable of Setting
-        All of the experiment's.
-    stages : iterable of Bound
-        Its stages, with the settings that they depend on.
-    """
+def _names(settings: Iterable[Setting], stages: Iterable[Bound]) -> Iterator[str]:
+    """Yield outputs and own dimensions that are named like something else in their group."""
     in_stores = {s.key: s for s in settings if s.single or not s.fixed}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
-    dims: set[tuple[str, str]] = set()
     stored = [
         (bound, output, bound.stage.place_of(output))
         for bound in stages
         for output in bound.stage.outputs
         if bound.stage.place_of(output)
     ]
-    for bound, output, group in stored:
-        dims |= {(group, dim) for dim in output.dims}
+    dims = {(group, dim) for _, output, group in stored for dim in output.dims}
+    for bound, _, group in stored:
         for setting in (in_stores[key] for key in bound.needs if key in in_stores):
             axes[group, bound.stage.group.names.get(setting) or setting.name] = setting.key
     for bound, output, group in stored:
         what = f"stage {bound.name}: {output.name}"
         if (key := axes.get((group, output.name))) is not None:
-            raise DeclarationError(f"{what} is named like the setting {key}; rename one of them")
+            yield f"{what} is named like the setting {key}; rename one of them"
         if (group, output.name) in dims and output.dims != (output.name,):
-            raise DeclarationError(f"{what} is named like a dimension of its group")
-        for dim in output.dims:
-            key = axes.get((group, dim))
-            if key is not None and key not in bound.gather:
-                raise DeclarationError(
-                    f"{what} has a dimension named like the setting {key}, which the stage does "
-                    "not gather; rename one of them"
-                )
+            yield f"{what} is named like a dimension of its group"
+        for key in (axes[group, dim] for dim in output.dims if (group, dim) in axes):
+            if key not in bound.gather:
+                how = f"has a dimension named like the setting {key}"
+                yield f"{what} {how}, which the stage does not gather; rename one of them"
 
 
-def _check_stage(stage: Stage, keys: set[str]) -> None:
-    what = f"stage {stage.name}"
-    _check_name(what, stage.name)
-    _once((one.name for one in stage.outputs), f"outputs of {what}")
-    named = (*stage.along, *stage.gather, *chain.from_iterable(stage.at.items()))
+def _of_stage(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
+    what, status = f"stage {stage.name}", stage.group.status
+    yield from _bad_name(what, stage.name)
+    yield from _twice((one.name for one in stage.outputs), f"outputs of {what}")
     if stage.group.path:
-        _check_group(what, stage.group.path)
-    named += (*stage.group.names, *(stage.group.status.over if stage.group.status else ()))
+        yield from _bad_group(what, stage.group.path)
     for output in stage.outputs:
         for name in (output.name, *output.dims):
-            _check_name(what, name)
-        _check_dtype(f"{what}: {output.name}", output.dtype, stage.place_of(output))
-    if stage.stream is not None:
-        named += (*stage.stream.settings, *stage.stream.optional)
-    for setting in named:
-        _check_known(f"{what}: setting", setting.key, keys)
+            yield from _bad_name(what, name)
+        yield from _bad_dtype(f"{what}: {output.name}", output.dtype, stage.place_of(output))
+    stream = stage.stream or Stream(())
+    named = (*stage.along, *stage.gather, *chain.from_iterable(stage.at.items()))
+    named += (*stage.group.names, *(status.over if status else ()))
+    named += (*stream.settings, *stream.optional)
+    yield from _unknown(f"{what}: setting", [one.key for one in named], keys)
     if stage.stream is not None and RNG not in stage.arguments:
-        raise DeclarationError(f"{what} has a stream, but its function does not take {RNG}")
+        yield f"{what} has a stream, but its function does not take {RNG}"
     if VALID in stage.arguments and not stage.gather:
-        raise DeclarationError(f"{what} takes {VALID}, but gathers nothing")
+        yield f"{what} takes {VALID}, but gathers nothing"
 
 
-def _check_dtype(what: str, dtype: str, stored: Any) -> None:
+def _bad_dtype(what: str, dtype: str, stored: Any) -> Iterator[str]:
     try:
         found = np.dtype(dtype)
     except TypeError:
-        raise DeclarationError(f"{what} has the dtype {dtype!r}, unknown to numpy") from None
+        yield f"{what} has the dtype {dtype!r}, unknown to numpy"
+        return
     plain = not (found.hasobject or found.names or found.subdtype)
     storable = found.kind == "U" or (found.kind in "biuf" and found.itemsize <= 8)
     if not plain or (stored and not storable):
-        raise DeclarationError(
-            f"{what} has the dtype {dtype!r}, but must have one of numbers of at most 8 bytes, "
-            "truth values or texts of fixed width"
-        )
+        allowed = "numbers of at most 8 bytes, truth values or texts of fixed width"
+        yield f"{what} has the dtype {dtype!r}, but must have one of {allowed}"
 
 
-def _check_name(what: str, name: str) -> None:
-    if not name or "/" in name or name.startswith(".") or name.startswith("__"):
-        raise DeclarationError(
-            f"{what} has the name {name!r}, but a name must not be empty, have '/', or begin "
-            "with '.' or '__'"
-        )
+def _bad_name(what: str, name: str) -> Iterator[str]:
+    if not name or "/" in name or name.startswith((".", "__")):
+        allowed = "a name must not be empty, have '/', or begin with '.' or '__'"
+        yield f"{what} has the name {name!r}, but {allowed}"
 
 
-def _check_group(what: str, path: str) -> None:
+def _bad_group(what: str, path: str) -> Iterator[str]:
     for name in path.split("/"):
-        _check_name(f"{what} in group {path!r}", name)
+        yield from _bad_name(f"{what} in group {path!r}", name)
 
 
-def _check_known(what: str, name: str, known: Iterable[str]) -> None:
-    if name not in known:
-        raise DeclarationError(f"{what} {name} is not in the experiment")
+def _unknown(what: str, names: Iterable[str], known: Collection[str]) -> Iterator[str]:
+    return (f"{what} {name} is not in the experiment" for name in names if name not in known)
 
 
-def _once(names: Iterable[str], what: str) -> set[str]:
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            raise DeclarationError(f"two {what} have the name {name}")
-        seen.add(name)
-    return seen
+def _twice(names: Iterable[str], what: str) -> Iterator[str]:
+    return (f"two {what} have the name {name}" for name, n in Counter(names).items() if n > 1)
