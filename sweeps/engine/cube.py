@@ -18,7 +18,7 @@ from sweeps.engine.places import Objects
 from sweeps.engine.plan import Axis, Cells, Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import DIMENSION, Setting
-from sweeps.engine.stage import COORDINATE, MEASURED, SHARE, STATE, Bound, Output
+from sweeps.engine.stage import COORDINATE, FIRST, MEASURED, SHARE, STATE, Bound, Output
 from sweeps.engine.tasks import Damaged, uneven
 from sweeps.engine.zarr_array import Array, Group, Region, suggest_chunks
 
@@ -53,14 +53,12 @@ class Filling:
 
     packs: Objects
     spots: Spots  # of the results
-
     stage: str
     output: Output
-    origin: Mapping[str, Output]  # at which a cell begins, by own dimension
-    even: bool
+    even: bool  # whether all arrays have one shape
     shape: tuple[int, ...]  # along the axes
-    starts: Mapping[str, int]  # of own dimensions with an origin
-    own: tuple[int, ...]  # lengths of own dimensions
+    first: tuple[int, ...]  # starts of own dimensions
+    own: tuple[int, ...]  # and lengths
     inside: tuple[slice, ...]  # of these, what is in the region
     order: tuple[int, ...]  # of the dimensions, axes and own
     wanted: Cells
@@ -71,18 +69,17 @@ class Filling:
         output, own = self.output, self.own
         flat = np.full((math.prod(self.shape), *own), output.empty, dtype=output.dtype)
         flat[self.lost] = FAILED
-        first = [self.starts.get(dim, 0) for dim in output.dims]
         cells = _each(self.packs, self.spots)
         for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
             array = arrays[output.name]
-            if self.even and array.shape != own:
-                raise uneven(self.stage, output.name, array.shape, own)
-            if array.shape == own and not self.origin:
+            if array.shape == own:
                 flat[number] = array
                 continue
+            if self.even:
+                raise uneven(self.stage, output.name, array.shape, own)
             if output.pad is not None:
                 flat[number] = output.pad
-            corner = map(int.__sub__, _begins(output, self.origin, arrays), first)
+            corner = map(int.__sub__, _begins(output, arrays), self.first)
             place: Any = [
                 slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
             ]
@@ -91,10 +88,9 @@ class Filling:
         return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
 
 
-def _begins(output: Output, origin: Mapping[str, Output], arrays: Arrays) -> list[int]:
+def _begins(output: Output, arrays: Arrays) -> list[int]:
     """Return where a cell begins on each own dimension."""
-    begins = {dim: int(arrays[first.name]) for dim, first in origin.items()}
-    return [begins.get(dim, 0) for dim in output.dims]
+    return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
 
 
 def _each(packs: Objects, spots: Spots) -> Iterator[Arrays]:
@@ -261,9 +257,8 @@ class Cube:
             nodes = nodes[:1] if even else np.unique(nodes)
             for arrays in _each(self.packs, self.schedule.spots[nodes]):
                 shape = arrays[output.name].shape
-                for dim, begin, size in zip(
-                    output.dims, _begins(output, origin, arrays), shape, strict=True
-                ):
+                begins = _begins(output, arrays)
+                for dim, begin, size in zip(output.dims, begins, shape, strict=True):
                     low, high = ends.get((dim, dim in origin), (begin, begin))
                     ends[dim, dim in origin] = min(low, begin), max(high, begin + size)
         for (dim, _), (low, high) in ends.items():
@@ -285,10 +280,9 @@ class Cube:
             self.schedule.spots[nodes[wanted]].alone(),
             layout.bound.name,
             output,
-            layout.origin,
             layout.bound.stage.is_even(output),
             shape=tuple(map(len, ranges)),
-            starts={dim: starts.get(dim, 0) for dim in layout.origin},
+            first=tuple(starts.get(dim, 0) if dim in layout.origin else 0 for dim in output.dims),
             own=tuple(lengths[dim] for dim in output.dims),
             inside=tuple(natural[count:]),
             order=layout.order,

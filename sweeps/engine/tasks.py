@@ -14,7 +14,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from itertools import chain, islice
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.failures import Failure, described, reason, traceback_of
 from sweeps.engine.keys import Keys, cell_rng
-from sweeps.engine.packs import AT_ONCE, Arrays, Pack, Packing, Spots, each_cell
+from sweeps.engine.packs import Arrays, Pack, Packing, Spots, each_cell
 from sweeps.engine.places import Objects
 from sweeps.engine.stage import FIRST, MEASURED, RNG, VALID, Output, Stage
 
@@ -270,7 +269,7 @@ def _difference(step: Step, first: Arrays, again: Arrays) -> str:
 # arguments --------------------------------------------------------------------------------------
 
 Inputs = dict[str, Any]
-"""By argument, the arrays of what a call reads, what reads them, or why there are none."""
+"""By argument, the arrays of what a call reads, what reads them, or that they are damaged."""
 
 
 def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Inputs]:
@@ -285,20 +284,14 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
         found: list[Inputs] = [{} for _ in range(start, stop)]
         size = 0
         for name, read in reads.items():
-            if read.in_blocks:
-                for number, inputs in enumerate(found, start):
-                    inputs[name] = Gathered(read.step, read.spots[number], packs)
-                continue
             spots = read.spots[start:stop]
-            cells = each_cell(packs, spots[spots.present])
-            for number, inputs in enumerate(found):
-                if spots.pack.ndim == 1:  # one cell, as most often
-                    arrays: Any = next(cells) or Damaged((spots.keys[number].tobytes(),))
-                else:
-                    arrays = _joined(read.step, spots[number], cells)
-                inputs[name] = arrays
-                if not isinstance(arrays, Exception):
-                    size += sum(array.nbytes for array in arrays.values())
+            if spots.pack.ndim > 1:  # several cells, which are read when the call runs
+                for number, inputs in enumerate(found):
+                    inputs[name] = Gathered(read.step, spots[number], packs)
+                continue
+            for number, arrays in enumerate(each_cell(packs, spots)):
+                found[number][name] = arrays or Damaged((spots.keys[number].tobytes(),))
+                size += sum(array.nbytes for array in (arrays or {}).values())
         while found:
             yield found.pop(0)  # and hold it no longer
         fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
@@ -307,9 +300,6 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
 
 def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
     """Return arguments of a call by name; raise `Damaged` if one is unreadable."""
-    damaged = [one.keys for one in inputs.values() if isinstance(one, Damaged)]
-    if damaged:
-        raise Damaged(tuple(chain(*damaged)))
     given: dict[str, Any] = {}
     for name, source in calls.sources.items():
         if isinstance(source, Column):
@@ -318,8 +308,10 @@ def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dic
             given[name] = _object(source.calls, int(source.places[number]), packs)
         else:
             arrays = inputs.pop(name)
-            if isinstance(arrays, Exception):
+            if isinstance(arrays, Damaged):
                 raise arrays
+            if isinstance(arrays, Gathered) and not source.in_blocks:
+                arrays = arrays.arrays(arrays.spots)
             if not source.in_blocks and len(arrays) == 1:
                 arrays = arrays[source.step.outputs[0].name]
             given[name] = arrays
@@ -368,7 +360,8 @@ class Gathered:
         """Numbers of cells, and the shape of one."""
         flat = self.spots.reshape(-1)
         first = flat[np.flatnonzero(flat.present)[:1]]
-        return *self.spots.pack.shape, *self._read(first).shape[1:]
+        [array] = self.arrays(first).values()
+        return *self.spots.pack.shape, *array.shape[1:]
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -384,44 +377,27 @@ class Gathered:
         if not spots.present.any():
             [output] = self.step.outputs
             return np.full((*spots.pack.shape, *own), output.empty, output.dtype)
-        return self._read(spots)
-
-    def _read(self, spots: Spots) -> NDArray[Any]:
-        found = _joined(self.step, spots, each_cell(self.packs, spots[spots.present]))
-        if isinstance(found, Exception):
-            raise found
-        [array] = found.values()
+        [array] = self.arrays(spots).values()
         return array
 
-
-def _joined(step: Step, spots: Spots, cells: Iterator[Arrays | None]) -> Arrays | Exception:
-    """Return arrays of the next cells as one; empty values where there is none.
-
-    An exception, if cells are damaged or their shapes differ.
-    """
-    present, whole = spots.present, Arrays()
-    lost: list[bytes] = []
-    wrong: Exception | None = None
-    places = np.flatnonzero(present)
-    for start in range(0, len(places), AT_ONCE):
-        at = places[start : start + AT_ONCE]
-        read = [*islice(cells, len(at))]
-        found = [cell for cell in read if cell is not None]
-        if len(found) < len(read):
-            keys = zip(spots.keys.reshape(-1, 2)[at], read, strict=True)
-            lost += [key.tobytes() for key, cell in keys if cell is None]
-        for output in step.outputs if not (lost or wrong) else ():
-            name, shape = output.name, found[0][output.name].shape
-            if start == 0:
-                whole[name] = np.empty((*present.shape, *shape), dtype=output.dtype)
-                if not present.all():
-                    whole[name][...] = output.empty
-            shape = whole[name].shape[present.ndim :]
-            if any(cell[name].shape != shape for cell in found):
-                wrong = ValueError(f"{name} of {step.name} has a shape that differs between cells")
-                break
-            whole[name].reshape(-1, *shape)[at] = [cell[name] for cell in found]
-    return Damaged(tuple(lost)) if lost else wrong or whole
+    def arrays(self, spots: Spots) -> Arrays:
+        """Return the arrays of cells by output; empty values where there is none."""
+        present, whole = spots.present, Arrays()
+        some, places = spots[present], np.flatnonzero(present).tolist()
+        cells = zip(places, some.keys, each_cell(self.packs, some), strict=True)
+        for place, key, arrays in cells:
+            if arrays is None:
+                raise Damaged((key.tobytes(),))
+            for output in self.step.outputs:
+                name, array = output.name, arrays[output.name]
+                if name not in whole:
+                    shape = (present.size, *array.shape)
+                    whole[name] = np.full(shape, output.empty, output.dtype)
+                if array.shape != whole[name].shape[1:]:
+                    what = f"{name} of {self.step.name}"
+                    raise ValueError(f"{what} has a shape that differs between cells")
+                whole[name][place] = array
+        return {name: one.reshape(*present.shape, *one.shape[1:]) for name, one in whole.items()}
 
 
 # By function, its objects, and the latest calls with their inputs that are read ahead.
