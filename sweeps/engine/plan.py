@@ -22,7 +22,7 @@ from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.kinds import Value, spelt
 from sweeps.engine.settings import Choices, Joint, Run, Setting
-from sweeps.engine.stage import Argument, Bound, Experiment, bind, value_token
+from sweeps.engine.stage import Bound, Experiment, bind, value_token
 
 Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
 
@@ -274,14 +274,12 @@ class Plan:
                 )
         return np.array(places)[inverse]
 
-    def plain_argument(self, bound: Bound, argument: Argument, cell: int) -> Value:
+    def plain_argument(self, bound: Bound, source: Setting | Bound, cell: int) -> Value:
         """Return the value of an argument that is a setting or a plain stage."""
-        setting, source = argument.setting, argument.source
-        if setting is not None:
-            gathered = setting.key in bound.gather
-            given = self.choices[setting] if gathered else self.value(bound, setting.key, cell)
-            return setting.in_si(given)
-        assert source is not None
+        if isinstance(source, Setting):
+            gathered = source.key in bound.gather
+            given = self.choices[source] if gathered else self.value(bound, source.key, cell)
+            return source.in_si(given)
         there = int(self.taken(bound)[source].first[cell])
         if source not in self._plain:
             self._plain[source] = np.full(self.count(source), UNKNOWN, dtype=object)
@@ -292,10 +290,8 @@ class Plan:
 
     def _plain_value(self, bound: Bound, cell: int) -> Value:
         """Return the result of a plain stage in one of its cells."""
-        given = {
-            argument.name: self.plain_argument(bound, argument, cell)
-            for argument in bound.arguments
-        }
+        arguments = bound.arguments.items()
+        given = {name: self.plain_argument(bound, one, cell) for name, one in arguments}
         try:
             return bound.stage.checked_value(bound.stage.function(**given))
         except (ConfigurationError, DeclarationError):
@@ -307,20 +303,19 @@ class Plan:
             ) from error
 
     def column(
-        self, bound: Bound, argument: Argument, cells: Cells
+        self, bound: Bound, source: Setting | Bound, cells: Cells
     ) -> tuple[tuple[Value, ...], Cells]:
         """Return distinct values of an argument that is a setting or a plain stage, and of which
         of them is that of each of some cells.
         """
-        setting, source = argument.setting, argument.source
-        if source is not None:
+        if isinstance(source, Bound):
             places, size = self.taken(bound)[source].first[cells], self.count(source)
-        elif setting is not None and setting.key not in bound.gather:
-            number = self.axis_number(setting.key)
+        elif source.key not in bound.gather:
+            number = self.axis_number(source.key)
             places, size = self.places(bound, number, cells), len(self.axes[number].points)
         else:
             places, size = 0 * cells, 1
-        return _column(places, size, cells, partial(self.plain_argument, bound, argument))
+        return _column(places, size, cells, partial(self.plain_argument, bound, source))
 
     def stream(self, bound: Bound, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `sweeps.engine.keys`."""
@@ -367,11 +362,10 @@ class Plan:
 
     def _new_keys(self, bound: Bound, cells: Cells) -> Keys:
         keys = np.tile(hashed([self.identity[bound.name]]), (len(cells), 1))
-        for argument in bound.arguments:
-            source = argument.source
-            if source is None or source.stage.plain:
-                values, places = self.column(bound, argument, cells)
-                texts = [f"{argument.name}={value_token(value)}" for value in values]
+        for name, source in bound.arguments.items():
+            if isinstance(source, Setting) or source.stage.plain:
+                values, places = self.column(bound, source, cells)
+                texts = [f"{name}={value_token(value)}" for value in values]
                 fold(keys, hashed(texts)[places])
             else:
                 taken = self.taken(bound)[source]
@@ -380,7 +374,7 @@ class Plan:
                 rows = self.keys(source)[every].reshape(len(first), -1, 2)
                 several = rows.shape[1] > 1
                 words = hashed(row.tobytes() for row in rows) if several else rows[:, 0]
-                fold(keys, hashed([f"{argument.name}:"]))
+                fold(keys, hashed([f"{name}:"]))
                 fold(keys, words[places])
         if bound.random:
             versions = (STREAM_VERSION, np.__version__, self._stream_name(bound))

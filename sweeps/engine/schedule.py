@@ -23,6 +23,7 @@ from sweeps.engine.index import CellIndex
 from sweeps.engine.keys import Keys, distinct, hashed, joined, spelt_key
 from sweeps.engine.packs import NO_SPOTS, Spots
 from sweeps.engine.plan import Cells, Plan
+from sweeps.engine.settings import Setting
 from sweeps.engine.stage import VALID, At, Bound
 from sweeps.engine.tasks import Calls, Column, Made, Outcome, Read, Step
 
@@ -512,18 +513,15 @@ class Schedule:
         asks = VALID in bound.stage.arguments
         gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
         valid = np.ones((count, *gathered), dtype=bool) if asks else None
-        for argument in bound.arguments:
-            source, setting = argument.source, argument.setting
-            if setting is not None and setting.key in along:
-                rows = np.moveaxis(grid, along.index(setting.key), 0)
+        for name, source in bound.arguments.items():
+            if isinstance(source, Setting) and source.key in along:
+                rows = np.moveaxis(grid, along.index(source.key), 0)
                 at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
-                values = tuple(plan.value(bound, setting.key, cell) for cell in at.tolist())
-                sources[argument.name] = Column(
-                    (setting.in_si(values),), np.zeros(count, dtype=np.int32)
-                )
-            elif source is None or source.stage.plain:
-                found, places = plan.column(bound, argument, firsts)
-                sources[argument.name] = Column(found, places.astype(np.int32))
+                values = tuple(plan.value(bound, source.key, cell) for cell in at.tolist())
+                sources[name] = Column((source.in_si(values),), np.zeros(count, dtype=np.int32))
+            elif isinstance(source, Setting) or source.stage.plain:
+                found, places = plan.column(bound, source, firsts)
+                sources[name] = Column(found, places.astype(np.int32))
             elif not source.stage.kept:
                 made, places = np.unique(
                     plan.taken(bound)[source].first[firsts], return_inverse=True
@@ -533,12 +531,12 @@ class Schedule:
                     _, keys[one] = self._now(source, int(made[one]))
                 own = {"keys": keys, "begins": np.arange(len(made) + 1), "places": 0 * made}
                 calls = self._calls_at(source, made, np.zeros((), dtype=np.int64), **own)
-                sources[argument.name] = Made(calls, places.astype(np.int32))
+                sources[name] = Made(calls, places.astype(np.int32))
             else:
-                read, present = self._read(bound, source, firsts, grid)
-                at = bound.stage.reads.get(argument.name)
-                in_blocks = isinstance(at, At) and at.in_blocks
-                sources[argument.name] = replace(read, in_blocks=in_blocks)
+                spots, present = self._read(bound, source, firsts, grid)
+                read = bound.stage.reads.get(name)
+                in_blocks = isinstance(read, At) and read.in_blocks
+                sources[name] = Read(Step.of(source.stage), spots, in_blocks)
                 if valid is not None:
                     valid &= present
         streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
@@ -549,8 +547,8 @@ class Schedule:
 
     def _read(
         self, bound: Bound, source: Bound, firsts: Cells, grid: Cells
-    ) -> tuple[Read, NDArray[np.bool_]]:
-        """Return an input, and by call where on the gathered axes all of its cells exist."""
+    ) -> tuple[Spots, NDArray[np.bool_]]:
+        """Return where an input is, and by call where on gathered axes all of its cells exist."""
         _, first, further = self.plan.taken(bound)[source]
         # Along axes on which the input does not depend, it is the same.
         own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
@@ -559,7 +557,7 @@ class Schedule:
         each = range(1, spots.present.ndim - further.ndim)
         present = np.asarray(spots.present.all(axis=tuple(each)))
         lacking = (slice(None) if key in source.needs else None for key in bound.gather)
-        return Read(Step.of(source.stage), spots), present[(slice(None), *lacking)]
+        return spots, present[(slice(None), *lacking)]
 
     # outcomes -------------------------------------------------------------------------------
 

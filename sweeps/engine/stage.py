@@ -343,21 +343,12 @@ class Experiment:
         return {one.name: one for one in self.stages}
 
 
-@dataclass(frozen=True)
-class Argument:
-    """Source of an argument of a stage's function: a setting, or another stage."""
-
-    name: str
-    setting: Setting | None = None
-    source: Bound | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """A stage with resolved arguments, without `rng` and `valid`."""
+    """A stage with resolved arguments: by name a setting, or another stage; not `rng`, `valid`."""
 
     stage: Stage
-    arguments: tuple[Argument, ...]
+    arguments: Mapping[str, Setting | Bound]
     needs: tuple[str, ...]  # keys of settings that a cell depends on, through inputs, too; sorted
     inputs: tuple[Bound, ...]
     name: str
@@ -387,12 +378,12 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
             under_way.append(name)
             declared = experiment.by_name[name]
             named = [one for one in declared.arguments if one not in (RNG, VALID)]
-            arguments = tuple(argument(declared, one) for one in named)
+            arguments = {one: argument(declared, one) for one in named}
             bound[name] = _bound(declared, arguments, together)
             under_way.pop()
         return bound[name]
 
-    def argument(declared: Stage, name: str) -> Argument:
+    def argument(declared: Stage, name: str) -> Setting | Bound:
         """Return an argument's setting or stage: from `reads`, else the one of that name."""
         what = f"stage {declared.name}: argument {name!r} is"
         source = declared.reads.get(name, name)
@@ -411,9 +402,9 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
                 raise DeclarationError(
                     f"stage {declared.name}: setting {setting.key} is not in the experiment"
                 )
-            return Argument(name, setting=setting)
+            return setting
         if source in experiment.by_name:
-            return Argument(name, source=visit(source))
+            return visit(source)
         groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
         raise DeclarationError(f"{what} neither a setting of {groups} nor a stage")
 
@@ -423,10 +414,12 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
 
 
 def _bound(
-    declared: Stage, arguments: tuple[Argument, ...], together: Mapping[str, tuple[str, ...]]
+    declared: Stage,
+    arguments: Mapping[str, Setting | Bound],
+    together: Mapping[str, tuple[str, ...]],
 ) -> Bound:
-    inputs = tuple(argument.source for argument in arguments if argument.source is not None)
-    needs = {argument.setting.key for argument in arguments if argument.setting is not None}
+    inputs = tuple(one for one in arguments.values() if isinstance(one, Bound))
+    needs = {one.key for one in arguments.values() if isinstance(one, Setting)}
     at = {one.key: other.key for one, other in declared.at.items()}
     for source in inputs:
         taken = set(source.needs)
