@@ -250,15 +250,6 @@ class Objects:
         with suppress(FileNotFoundError), told(self.place):
             self.store.delete(name)
 
-    def has(self, name: str) -> bool:
-        """Return whether there is an object; False if that cannot be told."""
-        try:
-            with told(self.place):
-                self.store.head(name)
-        except OSError:
-            return False
-        return True
-
     def each(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
         """Return what a function makes of each thing, several at once as they wait for answers."""
         with ThreadPoolExecutor(AT_ONCE) as pool:

@@ -114,7 +114,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         plan = Plan(experiment, choices)
         check = stack.enter_context(locked(place.store))
         recover(place.store)
-        use = stack.enter_context(using(place.packs, watch.say))
+        use = stack.enter_context(using(place.packs))
         index = CellIndex(place.packs, watch.say, use)
         old = existing(experiment, place.store, plan)
         if old is not None and is_whole(plan, place.store, old, watch.say):
@@ -126,7 +126,10 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
             )
         else:
             finished = _until_undamaged(plan, place, index, watch, check)
-        use.shrink(place.cache_limit)
+        try:
+            use.shrink(place.cache_limit)
+        except OSError as error:
+            watch.say(f"Finished results in {place.cache} cannot be deleted ({error}).")
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
 

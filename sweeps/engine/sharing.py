@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import threading
 import uuid
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
@@ -32,9 +32,9 @@ Listed = Mapping[str, "ObjectMeta"]
 
 
 @contextmanager
-def using(cells: Objects, say: Callable[[str], None]) -> Iterator[Use]:
+def using(cells: Objects) -> Iterator[Use]:
     """Keep a record of a sweep that runs in the cache where its packs are."""
-    use = Use(cells, say)
+    use = Use(cells)
     with suppress(OSError):
         use.renew()
     try:
@@ -53,7 +53,6 @@ class Use:
     """
 
     cells: Objects
-    say: Callable[[str], None]
     name: str = field(default_factory=lambda: f"{RUNNING}{uuid.uuid4().hex}")
     packs: set[str] | None = None
     since: float | None = None  # s, epoch
@@ -82,14 +81,9 @@ class Use:
     def shrink(self, limit_bytes: int) -> None:
         """Delete the oldest packs until the rest is small enough.
 
-        Those that this or another sweep uses, or that were written since it began, stay.
+        Those that this or another sweep uses, or that were written since it began, stay. Raises
+        OSError if the place does.
         """
-        try:
-            self._shrink(limit_bytes)
-        except OSError as error:
-            self.say(f"Finished results in {self.cells.place} cannot be deleted ({error}).")
-
-    def _shrink(self, limit_bytes: int) -> None:
         self.renew()
         listed = self.cells.listed()
         if self.since is None or self.name not in listed:

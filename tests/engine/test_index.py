@@ -119,7 +119,7 @@ def test_what_killed_writers_left_goes_after_a_day(six, said):
     left.write_bytes(b"")
     for age, stays in ((0, True), (86400 + 60, False)):
         os.utime(left, (0, time.time() - age))
-        with using(six, said.append) as use:
+        with using(six) as use:
             use.leaving()
             use.shrink(2**40)
         assert left.exists() == stays
@@ -130,7 +130,7 @@ def test_a_pack_that_says_something_else_has_no_cells_and_is_evicted(six, said):
     lost = written(six, "lost").path
     (six.place / lost).write_bytes(b"something else")
     (six.place / "notes.pack").write_text("of another version")
-    with using(six, said.append) as use:
+    with using(six) as use:
         index = CellIndex(six, said.append, use)
         assert whole(six, index, range(6)) and not index.find(keys("lost")).present
         cells, size = index.size()
@@ -222,7 +222,7 @@ def drive(cache, driver: int) -> list[str]:
     said: list[str] = []
     cells = cells_of(cache)
     for number in range(4):
-        with using(cells, said.append) as use:
+        with using(cells) as use:
             index = CellIndex(cells, said.append, use)
             for name in (driver, "shared"):
                 index.add(written(cells, (name, number)))
