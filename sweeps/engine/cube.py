@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.kinds import spelt
-from sweeps.engine.packs import Arrays, Spots, each_cell
+from sweeps.engine.packs import Arrays, Spots
 from sweeps.engine.places import Objects
 from sweeps.engine.plan import Axis, Cells, Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import DIMENSION, Setting
 from sweeps.engine.stage import COORDINATE, FIRST, MEASURED, SHARE, STATE, Bound, Output
-from sweeps.engine.tasks import Damaged, uneven
+from sweeps.engine.tasks import undamaged_cells, uneven
 from sweeps.engine.zarr_array import Array, Group, Region, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
@@ -69,7 +69,7 @@ class Filling:
         output, own = self.output, self.own
         flat = np.full((math.prod(self.shape), *own), output.empty, dtype=output.dtype)
         flat[self.lost] = FAILED
-        cells = _each(self.packs, self.spots)
+        cells = undamaged_cells(self.packs, self.spots)
         for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
             array = arrays[output.name]
             if array.shape == own:
@@ -91,14 +91,6 @@ class Filling:
 def _begins(output: Output, arrays: Arrays) -> list[int]:
     """Return where a cell begins on each own dimension."""
     return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
-
-
-def _each(packs: Objects, spots: Spots) -> Iterator[Arrays]:
-    """Yield the arrays of cells; raise `Damaged` if one cannot be read back."""
-    for key, arrays in zip(spots.keys, each_cell(packs, spots), strict=True):
-        if arrays is None:
-            raise Damaged((key.tobytes(),))
-        yield arrays
 
 
 def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
@@ -255,7 +247,7 @@ class Cube:
             nodes = self._nodes(layout, [range(len(axes[n].points)) for n in layout.axes])
             nodes = nodes[self.schedule.spots.present[nodes]]
             nodes = nodes[:1] if even else np.unique(nodes)
-            for arrays in _each(self.packs, self.schedule.spots[nodes]):
+            for arrays in undamaged_cells(self.packs, self.schedule.spots[nodes]):
                 shape = arrays[output.name].shape
                 begins = _begins(output, arrays)
                 for dim, begin, size in zip(output.dims, begins, shape, strict=True):

@@ -150,7 +150,7 @@ def _until_undamaged(
                     workers = None
                 failures += _write(schedule, place, index, watch, check, workers)
             except Damaged as error:
-                damaged = sorted(_damaged(schedule, index.cells).union(error.keys))
+                damaged = sorted(_damaged(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 lost = f"{len(damaged):,} results in the cache are damaged"
                 watch.say(f"{lost} and are computed again")
@@ -265,7 +265,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                     raise uneven(stage, output, shape, first)
         watch.step(schedule)
     if damaged:
-        raise Damaged(tuple(sorted(damaged)))
+        raise Damaged(*sorted(damaged))
     return failures
 
 

@@ -135,11 +135,15 @@ class Report(NamedTuple):
 
 
 class Damaged(Exception):
-    """Inputs differ from what was written; their keys."""
+    """Inputs differ from what was written; its arguments are their keys, as bytes."""
 
-    def __init__(self, keys: tuple[bytes, ...]) -> None:
-        super().__init__("damaged")
-        self.keys = keys
+
+def undamaged_cells(packs: Objects, spots: Spots) -> Iterator[Arrays]:
+    """Yield the arrays of cells; raise `Damaged` if one cannot be read back."""
+    for key, arrays in zip(spots.keys, each_cell(packs, spots), strict=True):
+        if arrays is None:
+            raise Damaged(key.tobytes())
+        yield arrays
 
 
 def run_calls(parts: tuple[Calls, ...], order: Iterable[int], packs: Objects) -> Report:
@@ -196,7 +200,7 @@ class _Running:
             given = _arguments(calls, number, inputs, self.packs)
             cells = self._computed(number, given)
         except Damaged as error:
-            self.lacking[number] = error.keys
+            self.lacking[number] = error.args
             return
         except Exception as error:
             if calls.streams:  # from which the generator can be made again
@@ -290,7 +294,7 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
                     inputs[name] = Gathered(read.step, spots[number], packs)
                 continue
             for number, arrays in enumerate(each_cell(packs, spots)):
-                found[number][name] = arrays or Damaged((spots.keys[number].tobytes(),))
+                found[number][name] = arrays or Damaged(spots.keys[number].tobytes())
                 size += sum(array.nbytes for array in (arrays or {}).values())
         while found:
             yield found.pop(0)  # and hold it no longer
@@ -383,11 +387,8 @@ class Gathered:
     def arrays(self, spots: Spots) -> Arrays:
         """Return the arrays of cells by output; empty values where there is none."""
         present, whole = spots.present, Arrays()
-        some, places = spots[present], np.flatnonzero(present).tolist()
-        cells = zip(places, some.keys, each_cell(self.packs, some), strict=True)
-        for place, key, arrays in cells:
-            if arrays is None:
-                raise Damaged((key.tobytes(),))
+        cells = undamaged_cells(self.packs, spots[present])
+        for place, arrays in zip(np.flatnonzero(present).tolist(), cells, strict=True):
             for output in self.step.outputs:
                 name, array = output.name, arrays[output.name]
                 if name not in whole:

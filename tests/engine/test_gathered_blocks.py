@@ -99,4 +99,4 @@ def test_damage_is_noticed_when_it_is_read(gathered):
     lost = replace(lazy.spots, keys=lazy.spots.keys + np.uint64(1))
     with pytest.raises(Damaged) as error:
         replace(lazy, spots=lost)[0, :1]
-    assert error.value.keys == (lost.keys[0, 0].tobytes(),)
+    assert error.value.args == (lost.keys[0, 0].tobytes(),)
