@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import FrameType, SimpleNamespace
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 5.0  # s of cleaning up, after which another signal ends the process at once
@@ -41,16 +41,8 @@ class Stopped(BaseException):
         return 128 + self.number
 
 
-class _Noted:
-    """The signal that arrived, and whether one may interrupt now."""
-
-    number: int | None = None
-    at = 0.0  # s, monotonic
-    handled = False
-    interruptible = 0
-
-
-_noted = _Noted()
+# The signal that arrived, when [s, monotonic], and whether one may interrupt now.
+_noted = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
 
 
 @contextmanager
