@@ -46,9 +46,9 @@ FORMS = {
 
 @dataclass(frozen=True)
 class ClusterChoice:
-    """Choice of the cluster that runs the tasks; raises `ConfigurationError` if it is invalid.
+    """Choice of the cluster that runs the tasks: values of `Cluster` settings that fit together.
 
-    Kinds are `inline` (this process), `local` (processes of this machine), `address` (a running
+    Raises `ConfigurationError` if they do not. Kinds are `inline` (this process), `local` (processes of this machine), `address` (a running
     dask scheduler) and `slurm` (jobs submitted with `sbatch`, each one task at a time on one core).
     """
 
@@ -65,10 +65,6 @@ class ClusterChoice:
     interface: str | None = None  # network interface between jobs and this process
 
     def __post_init__(self) -> None:
-        if self.kind not in READ:
-            raise _wrong("kind", self.kind, f"one of {', '.join(READ)}")
-        if self.workers is not None and self.workers < 1:
-            raise _wrong("workers", self.workers, "at least 1")
         where = f"when cluster.kind is {self.kind}"
         required = REQUIRED.get(self.kind, {})
         for name, value in list(asdict(self).items())[1:]:

@@ -17,7 +17,7 @@ from sweeps.engine.places import where
 from sweeps.engine.run import Place
 from sweeps.engine.run import sweep as run
 from sweeps.engine.schedule import Watch
-from sweeps.engine.settings import DIMENSION, Run, Setting, read_choices
+from sweeps.engine.settings import DIMENSION, Cluster, Run, Setting, read_choices
 from sweeps.engine.stage import RNG, Experiment, Group, Output, Stage
 from sweeps.engine.store import zarr_store
 
@@ -91,7 +91,8 @@ def sweep(
         experiment = Experiment(name, name, (*settings.values(), stage), code=(package,))
     except DeclarationError as error:
         raise ConfigurationError(str(error)) from None
-    choices = read_choices(experiment.declared, {Run.seed.key: seed})
+    given = {Run.seed.key: seed, Cluster.kind.key: cluster}
+    choices = read_choices(experiment.declared, given)
     at = where("store", store)
     packs = where("cache", cache) if cache else user_cache_path("sweeps")
     place = Place(at, packs, ClusterChoice(cluster))

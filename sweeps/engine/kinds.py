@@ -155,13 +155,10 @@ class Switch(Kind):
 class Text(Kind):
     """Any text that is not empty, such as a path."""
 
-    _words: ClassVar[str] = "a text"
+    _words: ClassVar[str] = "a text that is not empty"
 
     def _holds(self, value: Any) -> bool:
         return isinstance(value, str) and value != ""
-
-    def _refused(self, key: str, value: Any) -> str:
-        return f"{key} is {shown(value) if value != '' else 'empty'}, but must be {self.allowed}"
 
 
 @dataclass(frozen=True)

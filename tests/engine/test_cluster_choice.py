@@ -13,8 +13,6 @@ JOB = {"kind": "slurm", "workers": 1, "memory": "1GB"}
 @pytest.mark.parametrize(
     ("key", "settings"),
     [
-        ("kind", {"kind": "k8s"}),
-        ("workers", {"workers": 0}),
         ("workers", {"kind": "inline", "workers": 2}),
         ("address", {"address": "tcp://127.0.0.1:1"}),
         ("address", {"kind": "address"}),
