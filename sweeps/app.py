@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         signals.enter_context(stopping())
         try:
             if all(word in MULTIRUN for word in given if word.startswith("-")):
-                _say("reading the configuration, which takes longer the first time")
+                _say("reading the configuration")
             status = command(*modules).main(given)
         except Stopped as stopped:
             _say(stopped.words)

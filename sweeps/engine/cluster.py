@@ -48,8 +48,9 @@ FORMS = {
 class ClusterChoice:
     """Choice of the cluster that runs the tasks: values of `Cluster` settings that fit together.
 
-    Raises `ConfigurationError` if they do not. Kinds are `inline` (this process), `local` (processes of this machine), `address` (a running
-    dask scheduler) and `slurm` (jobs submitted with `sbatch`, each one task at a time on one core).
+    Raises `ConfigurationError` if they do not. Kinds are `inline` (this process), `local`
+    (processes of this machine), `address` (a running dask scheduler) and `slurm` (jobs submitted
+    with `sbatch`, each one task at a time on one core).
     """
 
     kind: str = "local"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import repeat
@@ -11,9 +11,10 @@ from itertools import repeat
 import numpy as np
 
 from sweeps.engine.keys import Keys
-from sweeps.engine.packs import MISSING, NO_SPOTS, PACK, Pack, Spots, described_pack
+from sweeps.engine.packs import MISSING, NO_SPOTS, PACK, Pack, Spots, declared, described_pack
 from sweeps.engine.places import Objects
 from sweeps.engine.sharing import Use
+from sweeps.engine.stage import Output
 
 READERS = 16  # packs whose heads are read at once
 RECENT = 10  # packs of a stage, whose costs count
@@ -28,7 +29,7 @@ class CellIndex:
 
     def __init__(self, cells: Objects, say: Callable[[str], None], use: Use | None = None) -> None:
         self.cells = cells
-        self.use = use
+        self._say, self.use = say, use
         self.packs: list[Pack] = []
         self.paths: list[str] = []  # of all packs, by number
         self._new: dict[int, Keys | None] = {}  # keys of packs not yet in what follows, if read
@@ -82,10 +83,11 @@ class CellIndex:
         of_pack, row = np.concatenate(packs)[order], np.concatenate(rows)[order]
         self._spots = Spots(self.paths, of_pack, row, np.array(halves).T)
 
-    def find(self, keys: Keys) -> Spots:
+    def find(self, keys: Keys, outputs: Sequence[Output]) -> Spots:
         """Return where the cells of some keys, (cell, 2), are: the newest of equal ones.
 
         A later one whose key has the same first half hides another: by chance once in 10^19 pairs.
+        Those of a pack whose arrays are not as `outputs` declares them are damaged.
         """
         pack, row = np.full((2, len(keys)), MISSING, dtype=np.int32)
         known = self._spots
@@ -96,6 +98,12 @@ class CellIndex:
             right = (at >= 0) & (known.keys[at] == asked[order]).all(axis=1)
             pack[start + order] = np.where(right, known.pack[at], MISSING)
             row[start + order] = known.row[at]
+        kinds, met = declared(outputs), np.unique(pack[pack >= 0]).tolist()
+        if other := [number for number in met if self.packs[number].kinds != kinds]:
+            wrong = np.isin(pack, other)
+            pack[wrong] = MISSING
+            lost = f"{int(wrong.sum()):,} results in the cache are not what their stage declares"
+            self._say(f"{lost}, and are computed again")
         return Spots(self.paths, pack, row, keys)
 
     def forget(self, keys: Keys) -> None:

@@ -3,7 +3,8 @@
 A pack begins with its head: a line with its stage, the time that its cells took and the layouts of
 their arrays, then the keys of the cells, the layout of each, and the digest of each of the records,
 which follow: the arrays of a cell, one after another. The name of a pack has the digest and size of
-its head, and so stands for all that is in it. Nothing of a pack is executed.
+its head, and so stands for all that is in it. Nothing of a pack is executed, and only arrays that a
+stage declares are used.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 import operator
 import re
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 
 from sweeps.engine.keys import Keys
 from sweeps.engine.places import UNREACHED, Objects, Where, below
+from sweeps.engine.stage import Output
 
 ROOM = "cells"
 CLOSED, SHARED = 0o700, 0o777  # modes of the folder of a cache, as far as the umask lets
@@ -52,6 +54,8 @@ Buffer = Any
 Cells = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 Numbers = NDArray[np.int32]
+Kind = tuple[tuple[str, str, int], ...]
+"""Names, codes of the dtypes, and numbers of dimensions of the arrays of a cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +129,7 @@ class Pack:
     cells: int = 0
     stage: str = "(unreadable)"
     seconds: float = 0.0  # that all cells took
+    kinds: frozenset[Kind] = frozenset()  # of its cells
 
 
 class Head(NamedTuple):
@@ -135,6 +140,7 @@ class Head(NamedTuple):
 
     stage: str
     seconds: float
+    kinds: frozenset[Kind]
     keys: Keys
     numbers: NDArray[np.uint32]
     begins: NDArray[np.int64]
@@ -172,7 +178,7 @@ class Head(NamedTuple):
             raise ValueError("its records are too large")
         checks = content[begin + keys.nbytes + numbers.nbytes :]
         of_cells = keys, numbers, ends - taken, ends, layouts, checks
-        return cls(stage, seconds, *of_cells)
+        return cls(stage, seconds, _kinds(described), *of_cells)
 
     @property
     def size(self) -> int:
@@ -223,7 +229,17 @@ class Packing:
         step = TOGETHER * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
         cells.put(path, chain((head,), blocks))
-        return Pack(path, len(head) + size, len(keys), stage, seconds)
+        return Pack(path, len(head) + size, len(keys), stage, seconds, _kinds(self.layouts))
+
+
+def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
+    """Return the kinds of cells of some layouts, each the name, code and shape of every array."""
+    return frozenset(tuple((name, code, len(at)) for name, code, at in one) for one in layouts)
+
+
+def declared(outputs: Iterable[Output]) -> frozenset[Kind]:
+    """Return the kind of the cells of a stage with some outputs."""
+    return _kinds([[(one.name, _code(np.dtype(one.dtype)), one.dims) for one in outputs]])
 
 
 def _named(path: str) -> tuple[str, int]:
@@ -331,5 +347,6 @@ def described_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
         head = _head.__wrapped__(cells, path) if _named(path)[1] <= size else None
         if head is None or head.size != size:
             raise ValueError("it is longer or shorter than it was")
-        return Pack(path, size, len(head.keys), head.stage, head.seconds), head.keys.copy()
+        pack = Pack(path, size, len(head.keys), head.stage, head.seconds, head.kinds)
+        return pack, head.keys.copy()
     return Pack(path, size), np.empty((0, 2), np.uint64)

@@ -301,7 +301,7 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     for bound in plan.targets:
         keys = plan.keys(bound)
         plan.forget_keys(bound)
-        index.used(np.unique(index.find(keys).pack).tolist())
+        index.used(np.unique(index.find(keys, bound.stage.outputs).pack).tolist())
         total = len(distinct(keys)[0])
         progress[bound.name] = Progress(total, total)
     cells = sum(one.total for one in progress.values())

@@ -362,7 +362,7 @@ class Schedule:
         self.nodes[bound] = nodes
         alike.append(range(before, before + len(new)))
         asked = keys[new] if len(new) < len(keys) else keys
-        found = self._index.find(asked)
+        found = self._index.find(asked, bound.stage.outputs)
         absent = cells[new[~found.present]]
         self.spots = Spots(
             found.paths,
@@ -423,7 +423,7 @@ class Schedule:
                 node = self.nodes[bound][one]
                 why, self.spots.keys[node] = self._now(bound, int(one[0]))
                 self._odd[node] = odd[number]
-                found = self._index.find(self.spots.keys[node])
+                found = self._index.find(self.spots.keys[node], bound.stage.outputs)
                 if why:
                     self._fail(bound, int(node[0]), why)
                 elif found.present[0]:

@@ -51,7 +51,7 @@ def same(cell, expected) -> bool:
 def whole(cells: Objects, index, names) -> bool:
     """True if all cells are found, and read as they were written."""
     index.refresh()
-    found = index.find(keys(*names))
+    found = index.find(keys(*names), SMALL)
     read = read_cells(cells, found)
     return found.present.all() and all(
         same(cell, small(name)) for cell, name in zip(read, names, strict=True)

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from packed import keys, small, whole, write_pack, written
+from packed import SMALL, keys, small, whole, write_pack, written
 from running import ROOT
 from toys import SPRINGS, Told
 
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.index import CellIndex
-from sweeps.engine.packs import Pack, cells_of
+from sweeps.engine.packs import Pack, cells_of, declared
 from sweeps.engine.places import Objects
 from sweeps.engine.run import Place, sweep
 from sweeps.engine.settings import read_choices
@@ -50,11 +50,11 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, said):
     assert [added.add(older, keys(1)), added.add(newer, keys(1, 2))] == [0, 1]
     for index in (added, CellIndex(cells, said.append)):
         index.refresh()
-        found = index.find(keys(3, 2, 1))
+        found = index.find(keys(3, 2, 1), SMALL)
         assert found.pack.tolist() == [-1, 1, 1] and found.row[1:].tolist() == [1, 0]
         assert index.packs == [older, newer] and found.paths == [older.path, newer.path]
         index.forget(keys(1))
-        assert index.find(keys(1, 2)).pack.tolist() == [-1, 1]
+        assert index.find(keys(1, 2), SMALL).pack.tolist() == [-1, 1]
 
 
 @settings(deadline=None)
@@ -67,13 +67,15 @@ def test_an_index_finds_what_a_dictionary_finds(data):
         index = CellIndex(Objects(Path(name)), print)
         expected = {}
         for number, pack in enumerate(data.draw(st.lists(some, max_size=4))):
-            index.add(Pack(f"{number}"), np.array(pack, np.uint64).reshape(-1, 2))
+            index.add(
+                Pack(f"{number}", kinds=declared(SMALL)), np.array(pack, np.uint64).reshape(-1, 2)
+            )
             expected |= {key: (number, row) for row, key in enumerate(pack)}
             if data.draw(st.booleans()):
                 index.refresh()
         index.refresh()
         asked = [*data.draw(some), (0, 1)]
-        found = index.find(np.array(asked, np.uint64).reshape(-1, 2))
+        found = index.find(np.array(asked, np.uint64).reshape(-1, 2), SMALL)
         at = [(n, row) if n >= 0 else None for n, row in zip(found.pack, found.row, strict=True)]
         assert at == [expected.get(key) for key in asked]
 
@@ -132,7 +134,7 @@ def test_a_pack_that_says_something_else_has_no_cells_and_is_evicted(six, said):
     (six.place / "notes.pack").write_text("of another version")
     with using(six) as use:
         index = CellIndex(six, said.append, use)
-        assert whole(six, index, range(6)) and not index.find(keys("lost")).present
+        assert whole(six, index, range(6)) and not index.find(keys("lost"), SMALL).present
         cells, size = index.size()
         assert cells == 6 and index.costs().keys() == {"render"}
         index.used(range(3))
@@ -178,7 +180,7 @@ def test_a_folder_of_another_user_is_not_read(six, said, monkeypatch):
     monkeypatch.setattr(os, "geteuid", lambda: os.stat(six.place).st_uid + 1)
     index = CellIndex(six, said.append)
     index.refresh()
-    assert not index.find(keys(*range(6))).present.any() and index.costs() == {}
+    assert not index.find(keys(*range(6)), SMALL).present.any() and index.costs() == {}
     assert said == others(3, six)
     trusting = cells_of(six.place.parent, shared=True)
     assert whole(trusting, CellIndex(trusting, said.append), range(6)) and len(said) == 1
@@ -192,7 +194,7 @@ def test_what_others_may_write_is_not_read(six, said, bits, which):
     opened.chmod(opened.stat().st_mode | bits)
     index = CellIndex(six, said.append)
     index.refresh()
-    found = index.find(keys(*range(6))).present
+    found = index.find(keys(*range(6)), SMALL).present
     assert found.tolist() == 2 * [False] + 4 * [which == "file"]
     assert said == others(1 if which == "file" else 3, six)
     trusting = cells_of(six.place.parent, shared=True)

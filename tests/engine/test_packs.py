@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
-from packed import keys, pack_files, same, small, spots, write_pack, written
+from packed import SMALL, keys, pack_files, same, small, spots, write_pack, written
 from small_stores import files
 from toys import Told, go
 
@@ -20,6 +20,7 @@ from sweeps.engine import packs, places
 from sweeps.engine.index import CellIndex
 from sweeps.engine.packs import Pack, cells_of, described_pack, read_cells
 from sweeps.engine.places import Objects
+from sweeps.engine.stage import Output
 
 HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
 
@@ -299,6 +300,31 @@ def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     assert read_cells(cells, spots(other, [0], [1])) == [None]
     pack, there = described_pack(cells, other, len(content))
     assert pack == Pack(other, len(content)) and len(there) == 0
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"output 0": np.zeros(1), "output 1": np.zeros(1, "f4")},
+        {"output 0": np.zeros(1), "output 1": np.zeros(1, ">f8")},
+        {"output 0": np.zeros(1), "output 1": np.zeros((1, 1))},
+        {"output 0": np.zeros(1), "output 2": np.zeros(1)},
+        {"output 1": np.zeros(1), "output 0": np.zeros(1)},
+        {"output 0": np.zeros(1)},
+        {"output 0": np.zeros(1), "output 1": np.zeros(1), "output 2": np.zeros(1)},
+    ],
+)
+def test_only_what_a_stage_declares_is_found(tmp_path, other):
+    cells, said = Objects(tmp_path), []
+    for made in (small(1), other):
+        write_pack(cells, "s", [1], [made])
+        index = CellIndex(cells, said.append)
+        index.refresh()
+        assert index.find(keys(1), SMALL).present.tolist() == [made is not other]
+    [said] = said
+    assert said.startswith("1 results in the cache are not what their stage declares")
+    outputs = [Output(name, one.ndim * ("x",), one.dtype.str) for name, one in other.items()]
+    assert index.find(keys(1), outputs).present.all()
 
 
 def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, monkeypatch):

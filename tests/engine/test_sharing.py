@@ -219,11 +219,11 @@ def evict(cache, limit, turns, lost):
 
 
 def whole_if_found(cells, index, name):
-    from packed import keys
+    from packed import SMALL, keys
 
     index.refresh()
     index._found = getattr(index, "_found", [])
-    [pack] = index.find(keys(name)).pack.tolist()
+    [pack] = index.find(keys(name), SMALL).pack.tolist()
     index._found.append(pack)
     return pack >= 0
 
