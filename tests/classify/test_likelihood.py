@@ -10,7 +10,8 @@ from scipy import stats
 from sklearn.base import clone
 
 from ncti.classify import GaussianTemplates, lower_band
-from ncti.classify.bands import whiten
+from ncti.classify.bands import densities, whiten
+from ncti.classify.whitening import band_products
 
 LEVEL = 1e-3
 BINS, LAGS = 24, 5
@@ -182,3 +183,42 @@ def test_whitening_solves_each_column_as_if_alone(seed, bins, lags, count):
     np.testing.assert_allclose(lower @ white, columns, rtol=0, atol=1e-13 * bins)
     some = np.flatnonzero(rng.random(count) < 0.5)
     np.testing.assert_array_equal(whiten(factor, columns[:, some]), white[:, some])
+
+
+@given(
+    *(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 40)),
+    *(st.sampled_from([1, 64, 150]), st.integers(0, 3)),
+)
+def test_products_of_whitened_vectors_are_those_of_each_alone(seed, bins, lags, count, number):
+    rng = np.random.default_rng(seed)
+    factor = rng.uniform(-0.3, 0.3, (min(lags, bins), bins)) / lags
+    factor[0] = rng.uniform(1.0, 2.0, bins)
+    vectors, mean = rng.standard_normal((count, bins)), rng.standard_normal(bins)
+    directions = rng.standard_normal((bins, number))
+    squared, along = band_products(factor, vectors, mean, directions)
+    white = whiten(factor, (vectors - mean).T)
+    # Sums of up to 30 terms, in another order.
+    bound = 1e-14 * bins * (1 + np.abs(white).max() ** 2) * (1 + np.abs(directions).sum())
+    np.testing.assert_allclose(squared, (white**2).sum(axis=0), rtol=0, atol=bound)
+    np.testing.assert_allclose(along, white.T @ directions, rtol=0, atol=bound)
+    some = rng.random(count) < 0.5
+    alone = band_products(factor, vectors[some], mean, directions)
+    np.testing.assert_array_equal(alone[0], squared[some])
+    np.testing.assert_array_equal(alone[1], along[some])
+
+
+def test_densities_are_those_of_the_whole_covariance_for_any_numbers_of_frames():
+    rng = np.random.default_rng(5)
+    factor = rng.uniform(-0.1, 0.1, (3, BINS))
+    factor[0] = rng.uniform(1.0, 2.0, BINS)
+    lower = sum(np.diag(band[: BINS - lag], -lag) for lag, band in enumerate(factor))
+    directions, mean = rng.standard_normal((BINS, 2)), rng.standard_normal(BINS)
+    samples, scale = rng.standard_normal((7, BINS)), np.array([0.5, 2.0])
+    unit = whiten(factor, directions)
+    for frames in (np.full(7, 16.0), np.arange(1.0, 8.0)):
+        [found] = densities(factor, unit, samples, mean, frames, [scale])
+        scaled = directions * scale
+        for sample, n, density in zip(samples, frames, found, strict=True):
+            whole = lower @ lower.T / n + scaled @ scaled.T
+            plain = stats.multivariate_normal(mean, whole).logpdf(sample)
+            np.testing.assert_allclose(density, plain, rtol=1e-10)
