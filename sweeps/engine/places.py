@@ -194,12 +194,6 @@ class Objects:
 
     def get(self, name: str) -> bytes | None:
         """Return an object; None if it is absent."""
-        if isinstance(self.place, Path):  # a sixth of obstore's time, which asks another thread
-            try:
-                with open(f"{self.place}/{name}", "rb", buffering=0) as file:
-                    return file.read()
-            except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-                return None
         try:
             with told(self.place):
                 return bytes(self.store.get(name).bytes())
