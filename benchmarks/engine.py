@@ -220,7 +220,7 @@ def many(cells: int, step: str, folder: str) -> tuple[float, float]:
     place = Place(Path(folder, "s.zarr"), Path(folder, "cache"), ClusterChoice("local", 2))
     start = time.perf_counter()
     if step == "dry":
-        preview(Plan(toy.NOTHING, chosen), place.packs, place.store)
+        preview(Plan(toy.NOTHING, chosen), place)
     else:
         timed(toy.NOTHING, chosen, place)
     return time.perf_counter() - start, peak_memory()

@@ -45,12 +45,13 @@ from sweeps.engine.usage import listing, usage
 from sweeps.engine.watching import NAMED_FAILURES, counted, described, summary, watching
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
+RESUMED = "the same command resumes the sweep"
 HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
 
 MOST_CELLS = 10_000_000  # whose keys fit into memory
 
 Report = Callable[[Where, Choices, Finished], None]
-Sweep = tuple[Plan, Where]  # what is swept, and its store
+Sweep = tuple[Plan, Place]  # what is swept, and where and how it runs
 
 
 @dataclass(frozen=True)
@@ -87,27 +88,24 @@ class Command:
             except SystemExit as ended:  # of a parser, after its help or a wrong option
                 return ended.code if isinstance(ended.code, int) else ALL_DONE
             except Stopped as stopped:
-                say(self.name, f"{stopped.words}; the same command resumes the sweep")
-                return stopped.status
+                said, status = f"{stopped.words}; {RESUMED}", stopped.status
             except (ConfigurationError, DeclarationError) as error:
-                say(self.name, str(error))
-                return WRONG
+                said, status = str(error), WRONG
             except (HydraException, OmegaConfBaseException) as error:
-                say(self.name, in_one_line(error))
-                return WRONG
+                said, status = in_one_line(error), WRONG
             except SweepIncomplete as error:
-                say(self.name, str(error))
-                return SOME_FAILED
+                said, status = str(error), SOME_FAILED
             except MemoryError as error:
-                say(self.name, f"out of memory ({error}); the same command resumes the sweep")
-                return SOME_FAILED
+                said, status = f"out of memory ({error}); {RESUMED}", SOME_FAILED
             except OSError as error:
                 where = f" {error.filename!r}" if error.filename else ""
                 verb = "read" if error.errno in SHORTAGES else "write"
                 verb = "reach" if error.errno == UNREACHED else verb
-                say(self.name, f"cannot {verb}{where}: {error.strerror or error}")
                 disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
-                return SOME_FAILED if error.errno in disk else WRONG
+                said = f"cannot {verb}{where}: {error.strerror or error}"
+                status = SOME_FAILED if error.errno in disk else WRONG
+            say(self.name, said)
+            return status
 
     def _main(self, given: Sequence[str]) -> None:
         experiment = self.experiment
@@ -160,15 +158,14 @@ class Command:
         sweeps: list[Sweep] = []
         with interruptible():
             for choices, store in fused(self.experiment, checked):
-                _cluster(choices)
-                cache = self._cache_place(choices.one(Run.cache))
-                check_folder("cache", cache)
-                check_apart(stores, cache, self.beside)
+                place = self._place(choices, store)
+                check_folder("cache", place.cache)
+                check_apart(stores, place.cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
                     existing(self.experiment, store, plan)
-                sweeps.append((plan, store))
+                sweeps.append((plan, place))
         return sweeps
 
     def _places(self, given: Sequence[str], *options: str) -> tuple[Where, Where]:
@@ -179,6 +176,18 @@ class Command:
 
     def _cache_place(self, given: Value) -> Where:
         return where("cache", str(given)) if given else user_cache_path(self.name)
+
+    def _place(self, choices: Choices, store: Where) -> Place:
+        """Return where and how a sweep runs."""
+        return Place(
+            store,
+            self._cache_place(choices.one(Run.cache)),
+            ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
+            int(choices.one(Run.cache_limit) * 1e9),
+            choices.one(Run.verify),
+            partial=bool(choices.one(Run.partial)),
+            cache_shared=bool(choices.one(Run.cache_shared)),
+        )
 
     # running --------------------------------------------------------------------------------
 
@@ -191,7 +200,7 @@ class Command:
             If cells of some failed, or their report is not complete.
         """
         left: list[str] = []
-        for plan, store in sweeps:
+        for plan, place in sweeps:
             choices = plan.choices
             with environment(choices.variables):
                 unread = plan.unread({key.lstrip("+~") for key in keys})
@@ -199,32 +208,20 @@ class Command:
                 for sentence in (*remarks, *self.about(choices)):
                     say(self.name, sentence)
                 if choices.one(Run.dry_run):
-                    cache = self._cache_place(choices.one(Run.cache))
-                    trusted = bool(choices.one(Run.cache_shared))
-                    packs = cells_of(cache, make=False, shared=trusted)
-                    stages, sentence = preview(plan, packs, store)
+                    stages, sentence = preview(plan, place)
                     rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
                     show(counted(dict(reversed(rows.items())), "cells", "reused", "to compute"))
                     show(sentence)
                 else:
-                    left += self._run(choices, store)
+                    left += self._run(choices, place)
         if left:
             raise SweepIncomplete("; ".join(left))
 
-    def _run(self, choices: Choices, store: Where) -> list[str]:
+    def _run(self, choices: Choices, place: Place) -> list[str]:
         """Run one sweep into a store, and report it; return what is not complete."""
-        near = namesake(store)
+        near = namesake(place.store)
         log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
-        place = Place(
-            store,
-            self._cache_place(choices.one(Run.cache)),
-            _cluster(choices),
-            int(choices.one(Run.cache_limit) * 1e9),
-            choices.one(Run.verify),
-            partial=bool(choices.one(Run.partial)),
-            cache_shared=bool(choices.one(Run.cache_shared)),
-        )
-        with watching(self.name, log, store, place.cache, record=not place.partial) as watch:
+        with watching(self.name, log, place.store, place.cache, record=not place.partial) as watch:
             finished = sweep(self.experiment, choices, place, watch)
         if place.partial:
             return []
@@ -232,7 +229,7 @@ class Command:
         left = [_failed(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
-                self.report(store, choices, finished)
+                self.report(place.store, choices, finished)
         except SweepIncomplete as error:
             left.append(str(error))
         except Exception as error:  # the store is complete without it
@@ -281,7 +278,3 @@ def _check_size(plan: Plan) -> None:
             f"the sweep has {cells:,} cells, but may have at most {MOST_CELLS:,}; "
             f"numbers of values: {listed}"
         )
-
-
-def _cluster(choices: Choices) -> ClusterChoice:
-    return ClusterChoice(**{setting.name: choices.one(setting) for setting in Cluster.declared})

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
@@ -354,7 +354,7 @@ def _write(
 # dry run ------------------------------------------------------------------------------------------
 
 
-def preview(plan: Plan, packs: Objects, store: Where) -> tuple[Mapping[str, tuple[int, int]], str]:
+def preview(plan: Plan, place: Place) -> tuple[Mapping[str, tuple[int, int]], str]:
     """Return the cells of each stage, those to be computed among them, and the work in words.
 
     Nothing is written, and neither place need exist.
@@ -364,11 +364,11 @@ def preview(plan: Plan, packs: Objects, store: Where) -> tuple[Mapping[str, tupl
     ConfigurationError
         If the sweep would be refused.
     """
-    old = existing(plan.experiment, store, plan)
-    if old is not None and is_whole(plan, store, old, lambda sentence: None):
+    old = existing(plan.experiment, place.store, plan)
+    if old is not None and is_whole(plan, place.store, old, lambda sentence: None):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
-    index = CellIndex(packs, lambda sentence: None)
+    index = CellIndex(replace(place.packs, make=False), lambda sentence: None)
     schedule, costs = Schedule(plan), index.costs()
     schedule.resolve(index)
     stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}

@@ -27,7 +27,7 @@ def prepared(*arguments: str) -> list[tuple[Choices, Path]]:
     """Checked choices and stores of the sweeps of a command line, `-m` among it or not."""
     overrides = [one for one in arguments if one != "-m"]
     jobs = read_jobs(EXPERIMENT, overrides, several=len(overrides) < len(arguments))
-    return [(plan.choices, store) for plan, store in COMMAND.prepare(jobs)]
+    return [(plan.choices, place.store) for plan, place in COMMAND.prepare(jobs)]
 
 
 def chosen(*overrides: str) -> Choices:
