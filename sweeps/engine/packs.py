@@ -138,9 +138,7 @@ class Head(NamedTuple):
     A layout has the name, dtype, shape and place in the record of every array of a cell.
     """
 
-    stage: str
-    seconds: float
-    kinds: frozenset[Kind]
+    pack: Pack
     keys: Keys
     numbers: NDArray[np.uint32]
     begins: NDArray[np.int64]
@@ -178,12 +176,8 @@ class Head(NamedTuple):
             raise ValueError("its records are too large")
         checks = content[begin + keys.nbytes + numbers.nbytes :]
         of_cells = keys, numbers, ends - taken, ends, layouts, checks
-        return cls(stage, seconds, _kinds(described), *of_cells)
-
-    @property
-    def size(self) -> int:
-        """Bytes of the whole pack."""
-        return int(self.ends[-1]) if len(self.ends) else 0
+        size = int(ends[-1]) if cells else 0
+        return cls(Pack(path, size, cells, stage, seconds, _kinds(described)), *of_cells)
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
         """Return the arrays of a cell, in memory of its own, of its record; None if it differs."""
@@ -345,8 +339,7 @@ def described_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
     """Return what a pack says of itself, and its keys; no cells, if that cannot be read."""
     with undamaged():
         head = _head.__wrapped__(cells, path) if _named(path)[1] <= size else None
-        if head is None or head.size != size:
+        if head is None or head.pack.size != size:
             raise ValueError("it is longer or shorter than it was")
-        pack = Pack(path, size, len(head.keys), head.stage, head.seconds, head.kinds)
-        return pack, head.keys.copy()
+        return head.pack, head.keys.copy()
     return Pack(path, size), np.empty((0, 2), np.uint64)

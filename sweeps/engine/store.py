@@ -215,15 +215,11 @@ def _write_chunks(objects: Objects, chunks: Sequence[Chunk], old: Manifest) -> d
 
     Those that the store has are not made again: they stay, or are copied.
     """
-    files: dict[str, int] = {}
     kept = [chunk for chunk in chunks if chunk.source]
     carried = objects.each(lambda chunk: _carry(objects, chunk, old), kept)
-    files |= {
-        chunk.name: old.files[chunk.source]
-        for chunk, done in zip(kept, carried, strict=True)
-        if done and chunk.source in old.files
-    }
-    done = {chunk.name for chunk, done in zip(kept, carried, strict=True) if done}
+    those = (chunk for chunk, done in zip(kept, carried, strict=True) if done)
+    done = {chunk.name: old.files.get(chunk.source) for chunk in those}
+    files = {name: checksum for name, checksum in done.items() if checksum is not None}
     with ThreadPoolExecutor(AT_ONCE) as pool:
         under_way: deque[Future[None]] = deque()
         for chunk in chunks:
