@@ -108,11 +108,7 @@ def sweep(
 def _setting(key: str, given: Iterable[Any]) -> Setting:
     """Return the setting of an argument, whose default are its values."""
     listed = [one.item() if hasattr(one, "item") else one for one in given]
-    kind: Kind = Number()
-    if all(isinstance(one, bool) for one in listed):
-        kind = Switch()
-    elif all(isinstance(one, int) for one in listed):
-        kind = Count(low=-math.inf)
-    elif all(isinstance(one, str) for one in listed):
-        kind = Text()
+    kinds: dict[type, Kind] = {bool: Switch(), int: Count(low=-math.inf), str: Text()}
+    fitting = (kind for of, kind in kinds.items() if all(isinstance(one, of) for one in listed))
+    kind = next(fitting, Number())
     return Setting(kind, listed, key.rpartition(".")[2], single=DIMENSION, key=key)
