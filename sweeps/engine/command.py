@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import logging
+import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -254,12 +255,10 @@ def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
     tables = sum(what.startswith("table ") for what, _ in failures)
     counts = {"cell": len(failures) - tables, "table": tables}
     counted = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
-    here, path = Path.cwd(), log.path
-    near = path.relative_to(here) if path.is_relative_to(here) else path
     return (
         f"{' and '.join(counted)} failed: {named}"
         + (f"; and {more:,} more" if more > 0 else "")
-        + (f"; tracebacks and arguments are in {near}" if log.written else "")
+        + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.written else "")
     )
 
 

@@ -21,7 +21,7 @@ from sweeps.engine.code import Code, CodeDigest, keep_sources, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.kinds import Value, spelt
-from sweeps.engine.settings import Choices, Joint, Run, Setting
+from sweeps.engine.settings import Choices, Run, Setting
 from sweeps.engine.stage import Bound, Experiment, bind, value_token
 
 Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
@@ -52,18 +52,13 @@ class Axis:
 
 def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
     """Return every axis; a joint one takes the place of the first of its settings."""
-    of_key: dict[str, Joint] = {key: joint for joint in choices.joint for key in joint.keys}
     by_key = {setting.key: setting for setting in settings}
-    axes: dict[str | Setting, Axis] = {}
-    for setting in settings:
-        joint = of_key.get(setting.key)
-        if joint is None:
-            points = tuple((value,) for value in choices[setting])
-            axes[setting] = Axis(setting.name, (setting,), points)
-        elif joint.name not in axes:
-            members = tuple(by_key[key] for key in joint.keys)
-            axes[joint.name] = Axis(joint.name, members, joint.points, joint.labels or ())
-    return tuple(axes.values())
+    axes = {one.key: Axis(one.name, (one,), tuple((v,) for v in choices[one])) for one in settings}
+    for joint in choices.joint:
+        members = tuple(by_key[key] for key in joint.keys)
+        axis = Axis(joint.name, members, joint.points, joint.labels or ())
+        axes |= dict.fromkeys(joint.keys, axis)
+    return tuple({id(axis): axis for axis in axes.values()}.values())
 
 
 class Taken(NamedTuple):

@@ -282,7 +282,7 @@ class Progress:
 
 
 class Part(NamedTuple):
-    """Calls of one stage in a task, and what they compute; call k, `begins[k]` to `begins[k + 1]`.
+    """Calls of one stage in a task, and what they compute, in their order.
 
     `cells` and `nodes` are (cell,).
     """
@@ -290,7 +290,6 @@ class Part(NamedTuple):
     bound: Bound
     cells: Cells
     nodes: Cells
-    begins: Cells
     calls: Calls
 
 
@@ -500,7 +499,7 @@ class Schedule:
             places=places,
             again={k: self.part(bound, [cells[k : k + 1]], verified=False).calls for k in again},
         )
-        return Part(bound, cells, nodes, begins, calls)
+        return Part(bound, cells, nodes, calls)
 
     def _calls_at(self, bound: Bound, firsts: Cells, grid: Cells, **computed: Any) -> Calls:
         """Return calls for cells, (call,), and a grid of others from each of these on.
@@ -569,7 +568,7 @@ class Schedule:
         Returns what failed. Several cells of a call that raised are computed by one call each if
         `split`, since one of them may be the cause.
         """
-        bound, begins, name = part.bound, part.begins, part.bound.name
+        bound, begins, name = part.bound, part.calls.begins, part.bound.name
         done = np.ones(len(part.cells), dtype=bool)
         for call in outcome.lacking:
             done[begins[call] : begins[call + 1]] = False
@@ -596,7 +595,7 @@ class Schedule:
         jobs = [
             (part.bound, part.cells[begin:end])
             for part in task.parts
-            for begin, end in pairwise(part.begins.tolist())
+            for begin, end in pairwise(part.calls.begins.tolist())
         ]
         tasks = (self._task([job]) for job in jobs)
         return [task for task in tasks if task.parts]
