@@ -210,6 +210,9 @@ def alike(first: Floats, second: Floats) -> float:
     return max(float(profile_correlation(np.roll(first, shift), second)) for shift in shifts)
 
 
+Said = tuple[str, str, str, str]  # figure, what, the source's words, ours
+
+
 def figures(replicates: int = 8) -> Report:
     """Compare the source's statements on its Figures 3, 4, 5, 19 and 20 with ours."""
     profiles_of = [
@@ -220,67 +223,19 @@ def figures(replicates: int = 8) -> Report:
     profiles, formed = swept(profiles_of, "range_profile", "classification/acn")
     (clustered,) = swept(silhouettes_of, "classification/acn_infrared")
     profiles, formed = (one.squeeze(drop=True) for one in (profiles, formed))
-    formed = formed.sel(target_free_ifovs=4000)
     expected = xr.apply_ufunc(
         profile_vector,
         profiles.expected.sel(target_free_ifovs=4000),
         input_core_dims=[["down_range"]],
         output_core_dims=[["down_range"]],
     )
-    duncan = expected.sel(ship="duncan")
-    depths = [depth(duncan.sel(aspect=aspect)) for aspect in (0, 30, 60, 90)]
-    at_30 = expected.sel(aspect=30).values
-    pairs = np.corrcoef(at_30)[np.triu_indices(len(at_30), 1)]
-    seen = profiles.sel(ship="duncan", aspect=30)
-    peak = seen.expected.max("down_range") - seen.expected.min("down_range")
-    off = (seen.averaged - seen.expected) ** 2
-    noise = 100 * np.sqrt(off.mean(("replicate", "down_range"))) / peak
-    first = []
-    for ship in formed.ship.values:
-        confused = formed.training_confused.sel(ship=ship) == 1
-        aspects = formed.aspect.values[confused.values]
-        first.append(f"{ship} {aspects.min():g}°" if aspects.size else f"{ship} none")
-    before, beyond = (
-        100 * float((formed.training_confused.isel(aspect=where) == 1).mean())
-        for where in (formed.aspect.values < 50, formed.aspect.values >= 50)
-    )
-    share = percent((clustered.training_confused == 1).where(clustered.training_confused >= 0, -1))
     said = [
         sensor(),
-        (
-            "Figure 3",
-            "depth of the Duncan at 0, 30, 60, 90°, above 5 % of the peak",
-            "deep at the bow, little abeam",
-            ", ".join(f"{one:g}" for one in depths) + " m",
-        ),
-        (
-            "Figure 4",
-            "correlation of two ships at 30°, lowest to highest",
-            "distinguishable",
-            f"{pairs.min():.2f} to {pairs.max():.2f}",
-        ),
-        (
-            "Figure 5",
-            "rms noise of 1, 4, 8, 16 frames over the peak, Duncan at 30°",
-            "speckle dominates below eight frames",
-            "; ".join(
-                ", ".join(f"{value:.0f}" for value in noise.sel(target_free_ifovs=free).values)
-                + f" % at G = {free}"
-                for free in noise.target_free_ifovs.values
-            ),
-        ),
-        (
-            "Figure 19",
-            "first aspect at which a ship shares a category; views that do below 50° and beyond",
-            "about 50°; none, most",
-            f"{', '.join(first)}; {before:.0f}, {beyond:.0f} %",
-        ),
-        (
-            "Figure 20",
-            "views in shared categories, by bin",
-            "confused at 0-30°",
-            with_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
-        ),
+        depths(expected.sel(ship="duncan")),
+        likeness(expected.sel(aspect=30)),
+        noise(profiles.sel(ship="duncan", aspect=30)),
+        shared_categories(formed.sel(target_free_ifovs=4000)),
+        shared_by_bin(clustered),
     ]
     names = ("figure", "what", "source", "ours")
     return Report(
@@ -296,13 +251,82 @@ def figures(replicates: int = 8) -> Report:
     )
 
 
+def depths(profiles: xr.DataArray) -> Said:
+    """Return what Figure 3 shows of a ship's expected profiles from bow to beam."""
+    found = [depth(profiles.sel(aspect=aspect)) for aspect in (0, 30, 60, 90)]
+    return (
+        "Figure 3",
+        "depth of the Duncan at 0, 30, 60, 90°, above 5 % of the peak",
+        "deep at the bow, little abeam",
+        ", ".join(f"{one:g}" for one in found) + " m",
+    )
+
+
+def likeness(profiles: xr.DataArray) -> Said:
+    """Return what Figure 4 shows of the (ship, down_range) expected profiles at one aspect."""
+    pairs = np.corrcoef(profiles.values)[np.triu_indices(len(profiles), 1)]
+    return (
+        "Figure 4",
+        "correlation of two ships at 30°, lowest to highest",
+        "distinguishable",
+        f"{pairs.min():.2f} to {pairs.max():.2f}",
+    )
+
+
+def noise(profiles: xr.Dataset) -> Said:
+    """Return what Figure 5 shows of averages of a view, by number of frames."""
+    peak = profiles.expected.max("down_range") - profiles.expected.min("down_range")
+    off = (profiles.averaged - profiles.expected) ** 2
+    rms = 100 * np.sqrt(off.mean(("replicate", "down_range"))) / peak
+    return (
+        "Figure 5",
+        "rms noise of 1, 4, 8, 16 frames over the peak, Duncan at 30°",
+        "speckle dominates below eight frames",
+        "; ".join(
+            ", ".join(f"{value:.0f}" for value in rms.sel(target_free_ifovs=free).values)
+            + f" % at G = {free}"
+            for free in rms.target_free_ifovs.values
+        ),
+    )
+
+
+def shared_categories(formed: xr.Dataset) -> Said:
+    """Return what Figure 19 shows of views in categories that ships share, by aspect."""
+    first = []
+    for ship in formed.ship.values:
+        confused = formed.training_confused.sel(ship=ship) == 1
+        aspects = formed.aspect.values[confused.values]
+        first.append(f"{ship} {aspects.min():g}°" if aspects.size else f"{ship} none")
+    before, beyond = (
+        100 * float((formed.training_confused.isel(aspect=where) == 1).mean())
+        for where in (formed.aspect.values < 50, formed.aspect.values >= 50)
+    )
+    return (
+        "Figure 19",
+        "first aspect at which a ship shares a category; views that do below 50° and beyond",
+        "about 50°; none, most",
+        f"{', '.join(first)}; {before:.0f}, {beyond:.0f} %",
+    )
+
+
+def shared_by_bin(formed: xr.Dataset) -> Said:
+    """Return what Figure 20 shows of views in categories that ships share, by aspect bin."""
+    share = percent((formed.training_confused == 1).where(formed.training_confused >= 0, -1))
+    return (
+        "Figure 20",
+        "views in shared categories, by bin",
+        "confused at 0-30°",
+        with_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
+    )
+
+
 def depth(profile: xr.DataArray) -> float:
     """Distance between the ends of a profile above 5 % of its peak [m]."""
     there = profile.down_range.values[profile.values > 0.05 * float(profile.max())]
     return float(there.max() - there.min())
 
 
-def sensor() -> tuple[str, str, str, str]:
+def sensor() -> Said:
     """Return Table 1 at 50 and 100 km, from its attenuations and its contrast at 25 km alone."""
     table = article_figures()["table1_sensor"]["ranges"]
     loss = {km: float(one["attenuation_db"]) for km, one in table.items()}
