@@ -46,9 +46,9 @@ from benchmarks.result_tables import (
     with_known,
 )
 from ncti.operate.fleets import ARTICLE
-from ncti.ships.perturbation import Variant
+from ncti.ships.perturbation import MOST_SCALE, Variant
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.stages.classifier import LARGEST, SMALLEST, generated_ships
+from sweeps.stages.classifier import LARGEST, SMALLEST, UNSEEN, generated_ships
 
 SEEDS, LEAST_SEEDS = 20, 2
 DRAWS = 10  # of what takes long: trainings of the multilayered network, and flights
@@ -108,6 +108,28 @@ FAR = (
     f"classifier.template_spacing={SOURCE_STEP}",
 )
 FRIGATES = (120, 150)  # lengths [m] about those of the unknown ships
+CLASSES = {
+    "Bronstein": 113.2,
+    "Allen M. Sumner": 114.8,
+    "Gearing": 119.0,
+    "Garcia": 126.3,
+    "Brooke": 126.3,
+    "Forrest Sherman": 127.4,
+    "Charles F. Adams": 133.2,
+    "Coontz": 156.2,
+    "Leahy": 162.5,
+    "Belknap": 166.7,
+    "Kidd": 171.6,
+    "Spruance": 171.7,
+    "Truxtun": 171.9,
+    "Bainbridge": 172.2,
+    "Ticonderoga": 172.8,
+    "Virginia": 178.3,
+    "California": 181.7,
+    "Long Beach": 219.8,
+}
+"""Lengths overall [m] of frigates, destroyers and cruisers of the U.S. Navy about 1980, as they are
+published, without the classes of the unknown ships: Knox and Oliver Hazard Perry."""
 LEAST_SIZES = (1 / LARGEST, SMALLEST)  # of generated ships
 
 
@@ -127,13 +149,37 @@ def generated(learned: Sequence[str], number: int, least: float) -> list[str]:
 
 def as_long(number: int, low: float, high: float) -> list[str]:
     """Return the ships that are generated of the article's, of lengths [m] between two."""
-    lengths = {name: ncti.ships.load(name).metadata["loa"] for name in ARTICLE}
+    lengths = _lengths()
     ships = {str(name): Variant.read(name) for name in generated_ships(ARTICLE, number)}
     return [
         name
         for name, made in ships.items()
         if made and low <= made.size * lengths[made.base] <= high
     ]
+
+
+def of_classes(number: int) -> list[str]:
+    """Return ships like those that are generated, but of lengths spread as those of `CLASSES` are.
+
+    Of a ship learned, as those of classes within the same range of sizes.
+    """
+    every = list(CLASSES.values())
+    ships = []
+    for base, length in _lengths().items():
+        sizes = np.sort(every) / length
+        sizes = sizes[(sizes >= SMALLEST) & (sizes <= LARGEST)]
+        share = np.arange(1, number + 1) * (np.sqrt(5) - 1) / 2 % 1  # evenly, also of the first
+        drawn = np.interp(share, (np.arange(len(sizes)) + 0.5) / len(sizes), sizes)
+        ships += [
+            str(Variant(base, UNSEEN, k, MOST_SCALE, round(float(size), 3)))
+            for k, size in enumerate(drawn, 1)
+        ]
+    return ships
+
+
+def _lengths() -> dict[str, float]:
+    """Return the lengths of the article's ships [m]."""
+    return {name: ncti.ships.load(name).metadata["loa"] for name in ARTICLE}
 
 
 PARTS = (
@@ -301,11 +347,13 @@ def measure(sizes: Sizes) -> dict[str, Report]:
                 (DENSITIES, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
             )
         )
+        like_classes = of_classes(sizes.generated)
         of_length = as_long(sizes.generated, *FRIGATES)
-        every, near = (
+        every, published, near = (
             sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
             for ships, label in (
                 ([*of_unknown(), f"classifier.generated={sizes.generated}"], "generated ships"),
+                (of_unknown(*like_classes), "generated ships as long as classes"),
                 (of_unknown(*of_length), "generated ships as long"),
             )
         )
@@ -314,6 +362,7 @@ def measure(sizes: Sizes) -> dict[str, Report]:
             likely,
             {
                 "of any length": every,
+                "as long as other classes of their navy": published,
                 f"of {FRIGATES[0]} to {FRIGATES[1]} m, as the unknown ones": near,
             },
             against,
