@@ -427,6 +427,7 @@ class Code:
         self._module = cache(self._find_module)
         self._edges = cache(self._find_edges)
         self._kind = cache(self._find_kind)
+        self._digest = cache(self._find_digest)
 
     def digest(self, function: Callable[..., Any]) -> CodeDigest:
         """Return the hash of a function's name and code.
@@ -444,6 +445,9 @@ class Code:
         TypeError
             If `function` is not a Python function.
         """
+        return self._digest(function)
+
+    def _find_digest(self, function: Callable[..., Any]) -> CodeDigest:
         given: Any = function.__dict__["__init__"] if isinstance(function, type) else function
         plain = inspect.unwrap(given)
         if not isinstance(plain, FunctionType):
