@@ -107,6 +107,8 @@ FAR = (
     *("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood"),
     f"classifier.template_spacing={SOURCE_STEP}",
 )
+CALIBRATED = ("classifier.gain_sigma=0", "classifier.floor_sigma=0")
+FOLLOWED = "classifier.aspect_sigma=5"
 FRIGATES = (120, 150)  # lengths [m] about those of the unknown ships
 CLASSES = {
     "Bronstein": 113.2,
@@ -349,10 +351,13 @@ def measure(sizes: Sizes) -> dict[str, Report]:
         )
         like_classes = of_classes(sizes.generated)
         of_length = as_long(sizes.generated, *FRIGATES)
-        every, published, near = (
+        blind = [*of_unknown(), f"classifier.generated={sizes.generated}"]
+        every, calibrated, tracked_too, published, near = (
             sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
             for ships, label in (
-                ([*of_unknown(), f"classifier.generated={sizes.generated}"], "generated ships"),
+                (blind, "generated ships"),
+                ([*blind, *CALIBRATED], "generated ships, gain and floor known"),
+                ([*blind, *CALIBRATED, FOLLOWED], "generated ships, and a track"),
                 (of_unknown(*like_classes), "generated ships as long as classes"),
                 (of_unknown(*of_length), "generated ships as long"),
             )
@@ -362,6 +367,8 @@ def measure(sizes: Sizes) -> dict[str, Report]:
             likely,
             {
                 "of any length": every,
+                "of any length, gain and floor known": calibrated,
+                "of any length, gain and floor known, aspect within 5°": tracked_too,
                 "as long as other classes of their navy": published,
                 f"of {FRIGATES[0]} to {FRIGATES[1]} m, as the unknown ones": near,
             },
