@@ -121,7 +121,7 @@ def answered(
 def test_the_stages_are_the_network(kind, learn, monkeypatch):
     """Trained in every order and tested with the same vectors, one after the other."""
     if learn == "in blocks":
-        monkeypatch.setattr(acn, "AT_ONCE", 1)
+        monkeypatch.setattr(acn, "HELD_ROWS", 1)
         monkeypatch.setattr(acn, "row_blocks", lambda count: row_blocks(count, 4))
     learn = bool(learn)
     seen, tests = views = views_of(kind)

@@ -210,7 +210,7 @@ def test_answers_in_blocks_are_those_of_all_views(rows, monkeypatch):
 
 
 def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
-    monkeypatch.setattr(fusion, "AT_ONCE", 192)
+    monkeypatch.setattr(fusion, "HELD_ROWS", 192)
 
     def peak(aspects):
         known, templates, averaged = few_learned(aspects)

@@ -177,7 +177,7 @@ def test_answers_in_blocks_are_those_of_all_views(rows, error, monkeypatch):
 
 def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
     """Of 60 views learned, whose cells widen where an aspect is left out."""
-    monkeypatch.setattr(likelihood, "AT_ONCE", 192)
+    monkeypatch.setattr(likelihood, "HELD_ROWS", 192)
 
     def peak(aspects):
         known, templates, averaged = few_learned(aspects)
