@@ -172,6 +172,9 @@ class Command:
     def _places(self, given: Sequence[str], *options: str) -> tuple[Where, Where]:
         """Return the store and the cache of a command line beside some options."""
         words = [word for word in given if word not in options]
+        if wrong := [word for word in words if "=" not in word]:
+            taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
+            raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
         [job] = read_jobs(self.experiment, words, several=False)
         return where("store", job.store), self._cache_place(job.choices.one(Run.cache))
 

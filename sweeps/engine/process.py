@@ -121,9 +121,9 @@ def repeating(seconds: float, function: Callable[[], object]) -> Iterator[None]:
 
 
 def seek_garbage_less() -> None:
-    """Let Python wait for 50,000 new objects before it seeks garbage in this process, not 700.
+    """Let Python wait for 50,000 new objects before it seeks garbage in this process.
 
-    At that, a tenth of a sweep's time went into looking through what had been imported.
+    At its default, 700, a tenth of a sweep's time went into looking through what was imported.
     """
     gc.set_threshold(50_000)
 

@@ -38,7 +38,7 @@ SMALL = 8.5  # points
 ASPECT, TURNED = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 3 to 5
 SEEN = 60.0  # deg, of its Figures 6 to 8
 SCALE = 50.0  # m, drawn below its images
-STEP, BESIDE = 1.15, 1.04  # between lines above one another, and to their labels
+STEP = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
 SHIPS = "ships"  # group
 Floats = NDArray[np.float64]
@@ -79,8 +79,10 @@ def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str
         floor = profile.quantile(0.2).item()
         height = (profile.values - floor) / ((profile.max().item() - floor) or 1.0) - STEP * place
         axes.plot(profile.down_range, height, lw=1.1)
-        at = BESIDE * profile.down_range[-1].item(), -STEP * place
-        axes.annotate(printable(label.format(value)), at, fontsize=SMALL)
+        at = profile.down_range[-1].item(), 0.15 - STEP * place
+        behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+        words = printable(label.format(value))
+        axes.annotate(words, at, ha="right", fontsize=SMALL, bbox=behind)  # noise may cross it
     axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
     axes.spines[["left", "right", "top"]].set_visible(False)
 

@@ -92,6 +92,8 @@ def test_a_status_that_cannot_be_shown_is_refused(start):
     told = start("--status", "store=t.zarr", "cache=cache", status=2)
     assert "store is 't.zarr', of which the cache 'cache' knows no sweep" in told
     assert "spring.mas is not a key" in start(*SEEN, "spring.mas=1", status=2)
+    assert "--status has 's.zarr', but takes settings" in start("--status", "s.zarr", status=2)
+    assert "--cache has '--status', but takes settings" in start(*SEEN, "--cache", status=2)
     start(*GIVEN)
     (file,) = Path("cache", "status").iterdir()
     for content in ("", "{}", "[1]", '{"stages": {"x": 1}}'):
