@@ -17,16 +17,18 @@ Floats = NDArray[np.float64]
 def checked_moments(
     mean: ArrayLike, covariance: ArrayLike, labels: ArrayLike, floor: ArrayLike
 ) -> tuple[Floats, Floats, NDArray[Any], Floats]:
-    """Return means, bands, labels, and means less the floor, as arrays of matching shapes.
+    """Return (template, place, bin) means, bands, labels, and the means less the floor.
 
     The arguments are those of `ncti.classify.GaussianTemplates.fit`. Raises `ValueError` if shapes
     do not match.
     """
     means = require_all("mean", mean)
     bands = require_all("covariance", covariance)
-    if means.ndim != 2 or not means.size:
-        raise ValueError(f"mean has shape {means.shape}, but must be (template, bin)")
-    count, bins = means.shape
+    if means.ndim not in (2, 3) or not means.size:
+        raise ValueError(
+            f"mean has shape {means.shape}, but must be (template, bin) or (template, place, bin)"
+        )
+    count, bins = means.shape[0], means.shape[-1]
     lags = bands.shape[1] if bands.ndim == 3 else 0
     if bands.shape != (count, lags, bins) or not 1 <= lags <= bins:
         raise ValueError(
@@ -44,9 +46,10 @@ def checked_moments(
     if signal.shape != means.shape:
         raise ValueError(
             f"floor has shape {np.shape(floor)}, but must be one number, ({bins},), "
-            f"({count}, 1) or {means.shape}"
+            f"{(*means.shape[:-1], 1)} or {means.shape}"
         )
-    return means, bands, names, signal
+    whole = count, -1, bins
+    return means.reshape(whole), bands, names, signal.reshape(whole)
 
 
 def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[Floats, Floats]:
@@ -183,6 +186,8 @@ def densities(
     mean: Floats,
     frames: Floats,
     priors: ArrayLike,
+    *,
+    places: int = 1,
 ) -> Floats:
     """Return log densities of averages of frames for one template.
 
@@ -190,40 +195,54 @@ def densities(
     ----------
     factor : (lag, bin) float64 ndarray
         Lower Cholesky factor L of the covariance of one frame.
-    unit : (bin, direction) float64 ndarray
-        Unknown directions, scaled to a unit of their prior and whitened by L.
+    unit : (bin, column) float64 ndarray
+        Whitened by L: the steps from the mean at the first place to that at each other place, the
+        signal at each place, and the unknown directions that all places share, scaled to a unit of
+        their prior.
     samples : (sample, bin) float64 ndarray
         Averages.
     mean : (bin,) float64 ndarray
-        Mean of the template.
+        Mean of the template at its first place.
     frames : (sample,) float64 ndarray
         Number of frames in each average.
     priors : (prior, scaled) array_like
-        Sets of standard deviations for the first directions; the others keep their scale.
+        Sets of standard deviations of the signal and the first shared directions; the others keep
+        their scale.
+    places : int
+        Number of places of the template, which are equally probable.
 
     Returns
     -------
     (prior, sample) float64 ndarray
-        Natural logarithms of the density.
+        Natural logarithms of the density, averaged over places.
 
     Notes
     -----
     With U the directions times their standard deviations, the covariance of n frames is
     L (I + n U U') L' / n. By the Woodbury identity and the matrix determinant lemma only the small
-    matrix I + n U'U has to be inverted, once for averages of one number of frames.
+    matrix I + n U'U has to be inverted, once for averages of one number of frames. Averages are
+    whitened once for all places: their products with the steps give those at any other place.
     """
     from ncti.classify.whitening import band_products  # numba takes long to import
 
-    # Distance and determinant without the unknown directions, the same for all priors.
     squared, along = band_products(*map(np.ascontiguousarray, (factor, samples, mean, unit)))
     gram, deviations = unit.T @ unit, np.asarray(priors)
     n = frames if np.ptp(frames) else frames[:1]
-    alone, size = n * squared, 2 * np.log(factor[0]).sum() + len(mean) * np.log(2 * math.pi / n)
-    density: Floats = np.empty((len(deviations), len(samples)))
-    for k, prior in enumerate(deviations):
-        scale = np.append(prior, np.ones(len(gram) - len(prior)))
-        inner = np.eye(len(gram)) + n[:, None, None] * (gram * np.outer(scale, scale))
-        overlap = n[:, None] * (along * scale)
-        known = np.einsum("sd,sde,se->s", overlap, np.linalg.inv(inner), overlap)
-        density[k] = -(alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
-    return density
+    size = 2 * np.log(factor[0]).sum() + len(mean) * np.log(2 * math.pi / n)
+    shared = np.arange(2 * places - 1, len(gram))
+    density: Floats = np.empty((places, len(deviations), len(samples)))
+    for p in range(places):
+        directions, step = np.append(places - 1 + p, shared), p - 1
+        # Distance from the mean at this place without its unknown directions, and along them.
+        alone, overlapping = squared, along[:, directions]
+        if p:
+            alone = squared - 2 * along[:, step] + gram[step, step]
+            overlapping = overlapping - gram[step, directions]
+        for k, prior in enumerate(deviations):
+            scale = np.append(prior, np.ones(len(directions) - len(prior)))
+            inner = gram[np.ix_(directions, directions)] * np.outer(scale, scale)
+            inner = np.eye(len(directions)) + n[:, None, None] * inner
+            overlap = n[:, None] * (overlapping * scale)
+            known = np.einsum("sd,sde,se->s", overlap, np.linalg.inv(inner), overlap)
+            density[p, k] = -(n * alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
+    return density[0] if places == 1 else np.logaddexp.reduce(density) - math.log(places)

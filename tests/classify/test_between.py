@@ -115,7 +115,7 @@ def test_errors_are_calibrated_on_averages_of_sixteen_frames(monkeypatch):
 
     monkeypatch.setattr(GaussianTemplates, "density", noted)
     noise = 0.5
-    means = taught(12.0, None, noise=noise).mean_
+    means = taught(12.0, None, noise=noise).mean_[:, 0]
     assert {float(count) for _, frames in seen for count in frames} == {16.0}
     samples = np.unique(np.concatenate([each for each, _ in seen]), axis=0)
     assert samples.size == 480

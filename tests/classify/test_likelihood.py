@@ -43,6 +43,48 @@ def dense_covariance(
     )
 
 
+@pytest.mark.parametrize("gain_sigma", [0.0, 3.0])
+@pytest.mark.parametrize("floor_sigma", [0.0, 0.7])
+def test_a_template_of_several_places_is_the_mean_of_one_template_a_place(gain_sigma, floor_sigma):
+    """Equal priors: a sum of densities, not the best of them. Rounding of some hundred nats."""
+    means, floor, dense = templates(count=4 * 3)
+    several, band = means.reshape(4, 3, BINS), lower_band(dense[:4])
+    how = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
+    X = means[::5] + np.random.default_rng(1).standard_normal((3, BINS)) / 4
+    for frames in (16, np.arange(1, 4)):
+        alone = [
+            GaussianTemplates(**how)
+            .fit(several[:, p], band, LABELS, floor)
+            .log_likelihood(X, frames)
+            for p in range(3)
+        ]
+        found = GaussianTemplates(**how).fit(several, band, LABELS, floor)
+        averaged = np.logaddexp.reduce(alone) - np.log(3)
+        np.testing.assert_allclose(found.log_likelihood(X, frames), averaged, rtol=1e-9)
+        np.testing.assert_allclose(
+            found.without([True, False, False, False]).log_likelihood(X, frames),
+            averaged[:, 1:],
+            rtol=1e-9,
+        )
+
+
+def test_places_that_are_one_change_nothing_with_a_template_error():
+    """Twice the same mean: the mean of two equal densities is that of one."""
+    means, floor, dense = templates(count=6)
+    labels, aspect = ["duncan"] * 3 + ["horne"] * 3, [0.0, 2.0, 4.0] * 2
+    X = means[:3] + np.random.default_rng(2).standard_normal((3, BINS)) / 4
+    one, two = (
+        GaussianTemplates(template_error=0.3).fit(
+            seen, lower_band(dense), labels, floor, aspect=aspect
+        )
+        for seen in (means, np.stack([means, means], axis=1))
+    )
+    np.testing.assert_allclose(
+        two.log_likelihood(X, 16), one.log_likelihood(X, 16), rtol=1e-9, atol=1e-9
+    )
+    np.testing.assert_allclose(two.peak(16), one.peak(16), rtol=1e-9)
+
+
 @pytest.mark.parametrize("frames", [1, 4, 32])
 @pytest.mark.parametrize("floor_sigma", [0.0, 0.7])
 @pytest.mark.parametrize("gain_sigma", [0.0, 0.05, 3.0])

@@ -307,7 +307,7 @@ def test_similarity_falls_with_the_misfit():
         best = logs.argmax(axis=1)
         for k in range(0, len(samples), 5):
             t = best[k]
-            mean = templates.mean_[t]
+            mean = templates.mean_[t, 0]
             signal = mean - mean[0]
             shift = covariance[..., 0, :].mean(dtype=np.float64)
             whole = dense(covariance.reshape(-1, *covariance.shape[2:])[t])
