@@ -83,12 +83,7 @@ TRACKED = (
 )
 LEARNERS = ("grid.frame_count=16", "classifier.name=mnn", "grid.replicate=4")
 PROTOCOL = (
-    *(
-        "+experiment=draws",
-        "grid.pulse_width=30",
-        "grid.vigilance=0.95",
-        "ladar.subpixel_offsets=2",
-    ),
+    *("+experiment=draws", "grid.pulse_width=30", "grid.vigilance=0.95", "grid.replicate=2"),
     *("classifier.orders=4", "infrared.subpixel_offsets=2", "infrared.orders=4"),
     "classifier.name=[acn,mnn,correlation,likelihood]",
 )

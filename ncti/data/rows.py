@@ -19,6 +19,7 @@ from ncti.data.draws import Bounds, sampler, uniform_numbers
 from ncti.data.views import (
     OF_ROWS,
     OF_VIEWS,
+    PLACE,
     SENSORS,
     VIEW,
     Arrays,
@@ -80,6 +81,8 @@ ROWS = {
     "frames": ("1", "frames averaged"),
     "gain": ("1", "gain of the target above the noise floor"),
     "floor": ("1", "shift of the noise floor, in rms deviations of a frame"),
+    "right": ("1", "place of the ship origin, right of the corner of its IFOV"),
+    "up": ("1", "place of the ship origin, above the corner of its IFOV"),
     "error_bound": ("1", "bound on the error of the range extent after the pulse"),
 }
 """Coordinates of rows, with their units if they have any, and labels."""
@@ -98,6 +101,9 @@ OF_RADAR: dict[str, Any] = {
     "expected": False,
 }
 """Arguments of the laser radar alone, and what they are where there is none."""
+
+ONLY_RADAR = (*OF_RADAR, *PLACE, "error_bound")
+"""Coordinates of rows that need a laser radar."""
 
 
 def dataset(
@@ -192,8 +198,8 @@ def dataset(
         Of the laser radar `profile` (row, down_range), the average of frames, noise floor included,
         as float32, and perhaps `expected`; of the imager `silhouette` (row, angle, radius), the
         log-polar map of the segmented silhouette in 255ths. Coordinates of rows: `ship`, `view`
-        (its number), all parameters by their names here, and `error_bound`, an estimate of the
-        error of the range extent.
+        (its number), all parameters by their names here, `right` and `up`, the place of the ship
+        origin in an IFOV, and `error_bound`, an estimate of the error of the range extent.
 
     Raises
     ------
@@ -209,7 +215,8 @@ def dataset(
     Notes
     -----
     Speckle and noise follow Equations A and B of [1]_, frame by frame, and images Appendix 2. The
-    ship lies anywhere on the imager's pixels, and its silhouette is the matched segmentation's of
+    ship lies anywhere on the IFOVs, and anywhere on the imager's pixels; both places are drawn for
+    each row. Its silhouette is the matched segmentation's of
     `ncti.features.segment`. A distribution is drawn by its inverse from a number of the row, so
     that each parameter is the same whatever the others are.
 
@@ -386,8 +393,10 @@ def parameters(
     drawn["ship"] = (which * ships).astype(np.intp)[of_row]
     for name, values in zip(*of_view, uniform, strict=True):
         drawn[name] = samplers[name](values)[of_row]
-    for name, values in zip(own, uniform_numbers(seed, OF_ROWS, numbers, len(own)), strict=True):
+    *uniform, right, up = uniform_numbers(seed, OF_ROWS, numbers, len(own) + len(PLACE))
+    for name, values in zip(own, uniform, strict=True):
         drawn[name] = samplers[name](values)
+    drawn |= dict(zip(PLACE, (right, up), strict=True))
     drawn["frames"] = drawn["frames"].astype(np.int64)
     if cnr is None:
         budget = [10 * math.log10(carrier_to_noise(far)) for far in drawn["slant_range"].tolist()]
@@ -449,9 +458,7 @@ def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
         bins = bin_centres(radar.window, radar.bin_width)
         coords["down_range"] = labelled("down_range", bins, "m", "down-range")
     else:
-        rows = {
-            name: about for name, about in ROWS.items() if name not in (*OF_RADAR, "error_bound")
-        }
+        rows = {name: about for name, about in ROWS.items() if name not in ONLY_RADAR}
     if "infrared" in SENSORS[recipe.sensor]:
         attributes |= {**vars(recipe.imager), "super_resolution": recipe.super_resolution}
         angle, radius = map_cells()

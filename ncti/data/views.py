@@ -15,7 +15,7 @@ from ncti.features import segment, silhouette_map
 from ncti.infrared import DetectorView, Hits, Imager, footprint
 from ncti.ladar.budget import power_ratio
 from ncti.ladar.expected import expected_profile
-from ncti.ladar.extent import range_extent
+from ncti.ladar.extent import bin_centres, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks
 from ncti.ladar.moments import frame_variance
 from ncti.ladar.pulse import noise_floor
@@ -33,6 +33,9 @@ VIEW = ("ship", "aspect", "depression", "slant_range")
 
 SIGNAL = ("pulse_width", "cnr", "frames", "gain", "floor")
 """Parameters of a row besides, of the laser radar."""
+
+PLACE = ("right", "up")
+"""Place of the ship on the grid of IFOVs in a row of the laser radar."""
 
 OF_VIEWS, OF_ROWS, SPECKLE, IMAGE = range(4)
 """Streams of random numbers: parameters of a view, of a row, its speckle, and its image."""
@@ -194,21 +197,23 @@ def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:
 def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays) -> Arrays:
     """Return the profiles of the rows of one view, with the expected ones if they are wanted."""
     radar = recipe.radar
-    extent = range_extent(
-        image,
-        slant_range=slant_range,
-        ifov=radar.ifov,
-        bin_width=radar.bin_width,
-        window=radar.window,
-    )
-    floor = (len(extent.fraction) + radar.target_free_ifovs) * noise_floor()
-    count = len(drawn["row"])
+    count, bins = len(drawn["row"]), bin_centres(radar.window, radar.bin_width).size
     found: Arrays = {
-        name: np.empty((count, extent.down_range.size), dtype=np.float32)
+        name: np.empty((count, bins), dtype=np.float32)
         for name in ("profile", *(["expected"] if recipe.expected else []))
     }
     found["error_bound"] = np.empty(count)
     for k, row in enumerate(drawn["row"].tolist()):
+        right, up = (drawn[name][k].item() for name in PLACE)
+        extent = range_extent(
+            image,
+            slant_range=slant_range,
+            ifov=radar.ifov,
+            bin_width=radar.bin_width,
+            window=radar.window,
+            shift=(right, up),
+        )
+        floor = (len(extent.fraction) + radar.target_free_ifovs) * noise_floor()
         pulse_width, cnr, frames, gain, shift = (drawn[name][k].item() for name in SIGNAL)
         signal: dict[str, Any] = {
             "pulse_width": pulse_width,

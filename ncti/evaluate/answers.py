@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it i
 VIEW = ("ship", "aspect")
 OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
 # Draws of noise, positions and orders, over which accuracies are means.
-DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
+DRAWS = ("replicate", "phase", "order", "draw")
 
 
 def formed(classified: xr.Dataset, shown: str) -> xr.Dataset:

@@ -5,6 +5,7 @@ from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, bin_centres, no_return, range_extent
 from ncti.ladar.frames import cumulative_average, frame_blocks, sample_frames
 from ncti.ladar.moments import banded_frame_moments, frame_moments
+from ncti.ladar.places import spread_place
 from ncti.ladar.pulse import noise_floor
 from ncti.ladar.tolerance import extent_within, lines_within
 
@@ -24,4 +25,5 @@ __all__ = [
     "power_ratio",
     "range_extent",
     "sample_frames",
+    "spread_place",
 ]

@@ -18,7 +18,7 @@ from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, re
 from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of
 
 # Dimensions of draws.
-DRAWS = ("replicate", "ifov_phase", "phase", "order", "draw")
+DRAWS = ("replicate", "phase", "order", "draw")
 HIDDEN = ("aspect_low", "learned", "known")  # coordinates that are no axes
 ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
 BESIDE = ("_spread", "_n", "_of")

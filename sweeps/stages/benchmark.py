@@ -301,7 +301,7 @@ def likelihood(moment_set: xr.Dataset, rng: np.random.Generator) -> Model:
     mean, ship = moment_set["mean"].values, moment_set.ship.values
     return GaussianTemplates(template_error=None).fit(
         *(mean, moment_set.covariance.values, ship),
-        floor=mean[:, :1],
+        floor=mean[..., :1],
         aspect=moment_set.aspect.values,
         rng=rng,
     )

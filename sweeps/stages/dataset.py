@@ -14,8 +14,7 @@ import numpy as np
 
 from ncti import ladar
 from ncti.data import dataset
-from ncti.data.rows import OF_RADAR as ONLY_RADAR
-from ncti.data.rows import ROWS, VARIABLES
+from ncti.data.rows import ONLY_RADAR, ROWS, VARIABLES
 from ncti.data.views import SENSORS
 from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
@@ -134,7 +133,7 @@ def profile_rows(hulls: tuple[Hull, ...], ship: tuple[str, ...], **given: Any) -
 
 
 @SILHOUETTES.stage(
-    *_parameters(name for name in ROWS if name not in (*ONLY_RADAR, "error_bound")),
+    *_parameters(name for name in ROWS if name not in ONLY_RADAR),
     Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
     reads=OF_IMAGER,
     gather=(Grid.ship, Grid.range, Grid.frame_count),

@@ -148,7 +148,7 @@ ANSWERS = classifier.ClassifierGroup.of(
     names_by_both,
     (
         *(*classifier.OF_PROFILES, "channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution"),
-        *("infrared_frame_count", "ifov_phase", "draw", "frame_count"),
+        *("infrared_frame_count", "place", "draw", "frame_count"),
     ),
     names={Infrared.frame_count: "infrared_frame_count"},
     answer=(*OF_DRAWS, *classifier.VIEW),

@@ -21,6 +21,7 @@ from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
 from ncti.infrared.detector_view import MOST_OFFSETS
 from ncti.labels import data_set
+from ncti.ladar import spread_place
 from ncti.render import LineImage, RangeImage
 from ncti.render.loops import MASK
 from sweeps.engine.display import Display, Figure
@@ -38,7 +39,6 @@ from sweeps.engine.stage import (
     stage,
 )
 from sweeps.stages import views
-from sweeps.stages.ladar import subpixel_offset
 from sweeps.stages.views import Arrays, Grid, looks, quantity
 
 if TYPE_CHECKING:
@@ -354,7 +354,7 @@ def template_log_polar(
     patches = views.restored(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
     targets = [
-        patches.covering(side, subpixel_offset(offset)).target(coverage_rule)
+        patches.covering(side, spread_place(offset)).target(coverage_rule)
         for offset in subpixel_offsets
     ]
     # Without noise every segmentation gives the same mask.

@@ -11,10 +11,12 @@ import numpy as np
 from ncti import ladar as library
 from ncti.features.profile import EDGE, estimated_floor, shortest_window
 from ncti.ladar import RangeExtent
+from ncti.ladar.places import Place
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.render import LineImage, RangeImage
-from sweeps.engine.settings import Choices, Setting, Settings, count, draws, number, word
+from sweeps.engine.keys import cell_rng
+from sweeps.engine.settings import Choices, Run, Setting, Settings, count, number, word
 from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.views import RANGE, STATUS, Arrays, Floats, Grid, Render, Sweep, looks, quantity
@@ -26,6 +28,7 @@ PROFILES = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
 FULL = "full_profile"
+ANYWHERE, CORNER = "random", "corner"  # places of the ship on the grid of IFOVs
 
 MODELS = ("projected_area", "lambertian")  # of reflection
 
@@ -64,12 +67,12 @@ class Ladar(Settings, key="ladar"):
         single="coordinate",
     )
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
-    subpixel_offsets = draws(
-        1,
-        label="position of the ship on the grid of IFOVs, by number",
-        help="for averaged profiles, with independent noise; expected profiles have the first, the "
-        "origin on a corner",
-        dimension="ifov_phase",
+    place = word(
+        ANYWHERE,
+        (ANYWHERE, CORNER),
+        label="place of the ship on the grid of IFOVs in averaged profiles",
+        help="random: another one for each view, range and draw of the noise; corner: the origin "
+        "on the corner of four IFOVs, as in the article and in expected profiles",
         single="coordinate",
     )
 
@@ -91,7 +94,7 @@ PROFILE = Group(
     PROFILES,
     looks(RANGE),
     (Grid, Ladar),
-    (*VIEW, "replicate", "ifov_phase", "frame_count", "range", "target_free_ifovs"),
+    (*VIEW, "replicate", "place", "frame_count", "range", "target_free_ifovs"),
     STATUS,
 )
 MOMENTS = replace(PROFILE, when=stores_moments)
@@ -126,23 +129,9 @@ EXTENT = (  # arrays of a packed `RangeExtent`
 )
 
 
-Shift = tuple[float, float]  # right and up [cell]
-
-# Steps of Roberts' R2, a sequence that fills the unit square evenly, however long it is.
-PLASTIC = (0.7548776662466927, 0.5698402909980532)
-
-
-def subpixel_offset(number: int) -> Shift:
-    """Return the position of the ship origin right and up from the corner of its cell [cell].
-
-    Those of the numbers 0, 1, ... are evenly spread; the first is the corner itself.
-    """
-    return number * PLASTIC[0] % 1, number * PLASTIC[1] % 1
-
-
 @plain()
-def shift() -> Shift:
-    """Return the position of the ship origin in training views: the corner of an IFOV."""
+def shift() -> Place:
+    """Return the place of the ship origin in expected profiles: the corner of an IFOV."""
     return 0.0, 0.0
 
 
@@ -154,10 +143,27 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
     )
 
 
-@plain(uses=(Grid, Ladar))
-def seen_shift(subpixel_offsets: int, aspect: float, drawn_aspect: float) -> Shift:
+@plain(uses=(Grid, Ladar, Run))
+def seen_shift(
+    ship: str,
+    aspect: float,
+    range: float,
+    replicate: int,
+    place: str,
+    seed: int,
+    drawn_aspect: float,
+) -> Place:
     """Return the place of the ship origin in averages, mirrored where the other side is drawn."""
-    right, up = subpixel_offset(subpixel_offsets)
+    if place == CORNER:
+        return 0.0, 0.0
+    view = {"ship": str(ship), "aspect": aspect, "range": range, "replicate": replicate}
+    right, up = cell_rng(seed, stage="place", **view).random(2).tolist()
+    return on_side((right, up), aspect, drawn_aspect)
+
+
+def on_side(place: Place, aspect: float, drawn_aspect: float) -> Place:
+    """Return a place, mirrored where the other side of the ship is drawn."""
+    right, up = place
     return (right if aspect == drawn_aspect else -right % 1), up
 
 
@@ -174,7 +180,7 @@ def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
     return drawn if aspect == drawn_aspect else drawn.mirrored()
 
 
-# Of the first offset these cells are those of the training views.
+# At the corner these cells are those of expected profiles.
 seen_extent = replace(extent, name="seen_extent", reads={**extent.reads, "shift": "seen_shift"})
 seen_ifovs = replace(ifovs, name="seen_ifovs", reads={"extent": "seen_extent"})
 
@@ -225,8 +231,7 @@ def above_floor(expected: views.Profiles) -> Arrays:
     stream=Stream(
         (Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
         PROFILES,
-        # A sweep without these settings draws the first value of each.
-        (Grid.replicate, Ladar.subpixel_offsets),
+        (Grid.replicate,),  # a sweep without it draws the first
     ),
 )
 def averaged(

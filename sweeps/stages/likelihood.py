@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -14,13 +14,15 @@ from ncti.classify.fusion import label_posterior
 from ncti.classify.misfit import log_fit
 from ncti.classify.track import aspect_prior
 from ncti.features.profile import estimated_floor
+from ncti.ladar import spread_place
+from ncti.ladar.places import TEMPLATE_PLACES, Place
 from ncti.ships import names
 from sweeps.engine.keys import cell_rng
-from sweeps.engine.settings import Choices, Run, Settings, number, switch
-from sweeps.engine.stage import Output, Stream, in_memory, plain, stage
+from sweeps.engine.settings import Choices, Run, Settings, draws, number, switch
+from sweeps.engine.stage import NOWHERE, Output, Stream, in_memory, plain, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Ships, Views
-from sweeps.stages.ladar import Ladar
+from sweeps.stages.ladar import Ladar, expected, extent, ifovs, on_side
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
 
 if TYPE_CHECKING:
@@ -68,6 +70,13 @@ class Likelihood(Settings, key="classifier"):
         label="variance of profiles between templates, relative to half their second difference",
         help="0: templates are exact; null: calibrated on aspects left out",
     )
+    template_places = draws(
+        TEMPLATE_PLACES,
+        64,
+        label="places of the ship on the grid of IFOVs that templates have",
+        help="used by likelihood and fusion, which average over them; 1 is the corner alone",
+        dimension="template_place",
+    )
     misfit_weight = number(
         *(0.01, 0, 100),
         label="power of the goodness of fit in the similarity of an answer",
@@ -93,9 +102,12 @@ prior = plain(uses=(Likelihood,), name="prior")(Prior)
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Moments of profiles by (ship, aspect), and which views exist and are in training."""
+    """Moments of profiles by (ship, aspect), and which views exist and are in training.
 
-    expected: Profiles
+    The means, `placed_profile`, are of (place, ship, aspect), and so is `valid`.
+    """
+
+    placed_profile: Profiles
     covariance: Profiles
     valid: Views
     training_views: Views
@@ -106,12 +118,12 @@ class Moments:
     @property
     def known(self) -> Views:
         """The (ship, aspect) mask of what is learned."""
-        return self.valid & self.training_views
+        return self.valid.all(axis=0) & self.training_views
 
     @property
     def alternative(self) -> Views:
         """The (ship, aspect) mask of templates that stand for no ship of those known."""
-        return self.valid & self.alternative_views
+        return self.valid.all(axis=0) & self.alternative_views
 
     def templates(
         self,
@@ -127,14 +139,16 @@ class Moments:
         # Imported here because scikit-learn takes a second.
         from ncti.classify.likelihood import GaussianTemplates
 
-        means = self.prior.levelled(self.expected[chosen])
+        places = range(len(self.placed_profile))
+        profiles = [self.placed_profile[place, chosen] for place in places]
+        means = self.prior.levelled(np.stack(profiles, axis=1))
         ship, column = chosen.nonzero()
         at = np.array(self.aspect)[column]
         return GaussianTemplates(
             diagonal_loading=self.prior.diagonal_loading,
             floor_sigma=self.prior.floor_sigma,
             template_error=template_error,
-        ).fit(means, self.covariance[chosen], ship, floor=means[:, :1], aspect=at, rng=rng)
+        ).fit(means, self.covariance[chosen], ship, floor=means[..., :1], aspect=at, rng=rng)
 
 
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)
@@ -151,10 +165,45 @@ def alternative_views(
     return ~classifier.training_ships(ship, alternative)[:, None] & learned
 
 
+@plain(uses=(Grid, Classifier, Likelihood))
+def template_shift(
+    template_places: int,
+    ship: str,
+    aspect: float,
+    drawn_aspect: float,
+    unknown: tuple[str, ...] | None,
+    alternative: tuple[str, ...] | None,
+    training_aspect: tuple[float, ...] | None,
+    template_spacing: float | None,
+    test_aspects: tuple[float, ...],
+) -> Place:
+    """Return the place of the ship origin in a template, mirrored where the other side is drawn.
+
+    Views that are no templates have the corner, so that their cells are those of expected profiles.
+    """
+    how = training_aspect, template_spacing, test_aspects
+    [of_aspect] = classifier.training_aspects((aspect,), *how)
+    absent = set(unknown or ()) - set(alternative or ())
+    number = template_places if of_aspect and ship not in absent else 0
+    return on_side(spread_place(number), aspect, drawn_aspect)
+
+
+# At the first place these cells are those of expected profiles.
+placed_extent = replace(
+    extent, name="placed_extent", reads={**extent.reads, "shift": "template_shift"}
+)
+placed_ifovs = replace(ifovs, name="placed_ifovs", reads={"extent": "placed_extent"})
+placed_profile = replace(
+    expected,
+    name="placed_profile",
+    group=NOWHERE,
+    reads={**expected.reads, "extent": "placed_ifovs"},
+)
+
 profile_moments = in_memory(
     uses=(Grid,),
-    reads=classifier.in_blocks("expected", "covariance"),
-    gather=GATHERED,
+    reads=classifier.in_blocks("placed_profile", "covariance"),
+    gather=(Likelihood.template_places, *GATHERED),
     name="profile_moments",
 )(Moments)
 

@@ -1,6 +1,7 @@
 """Rows of data sets: what they depend on, their mean and covariance, and the draws."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -67,8 +68,10 @@ def test_what_is_drawn_does_not_depend_on_other_parameters(whole):
     assert float(abs(noise - same).max()) <= 4 * FLOAT32 * float(whole.profile.max())
 
 
-def test_expected_profiles_are_those_of_a_simulation():
-    """At the same lines, and the far field where both allow it."""
+def test_expected_profiles_are_those_of_a_simulation(monkeypatch):
+    """At the same lines, the same place, and the far field where both allow it."""
+    corner = partial(range_extent, shift=(0.0, 0.0))
+    monkeypatch.setattr(ncti.data.views, "range_extent", lambda *a, shift, **k: corner(*a, **k))
     accuracy = 0.01  # which lines 0.25 m apart keep
     kept = rows_of(12, gain=1.0, floor=0.0, rows_per_view=1, far_field_error=SHARE * accuracy)
     for row in range(12):
@@ -91,7 +94,8 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
     """Their deviations from what is expected, whitened: chi-square tests of mean and covariance.
 
     Of the twenty directions of most variance; averages of at least 8 frames of a hundred IFOVs and
-    more are Gaussian to within 2 % of their kurtosis.
+    more are Gaussian to within 2 % of their kurtosis. Each row has the mean of its own place on the
+    IFOVs, of which the covariance hardly depends.
     """
     count, directions = 3000, 20
     how = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
@@ -106,15 +110,19 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
         roll=roll_at(40.0),
         slant_range=drawn_range(reach_of(mesh.vertices), 100e3),
     )
-    extent = range_extent(lines, slant_range=100e3)
     signal = {"pulse_width": 30e-9, "cnr": 10**3.2, "target_free_ifovs": 100}
-    mean, covariance = frame_moments(extent, **signal)
-    # What is expected: the target's part by the gain, and a shift in deviations of a frame.
-    floor = (len(extent.fraction) + 100) * ncti.ladar.noise_floor()
-    deviation = np.sqrt(np.diag(covariance).mean())
-    gain, shift = rows.gain.values[:, None], rows.floor.values[:, None]
-    expected = mean + (gain - 1) * (mean - floor) + shift * deviation
-    np.testing.assert_allclose(rows.expected, expected, rtol=4 * FLOAT32)
+    # The target's part by the gain, and a shift in deviations of a frame.
+    for k in range(0, count, 100):
+        place = float(rows.right[k]), float(rows.up[k])
+        extent = range_extent(lines, slant_range=100e3, shift=place)
+        mean, covariance = frame_moments(extent, **signal)
+        floor = (len(extent.fraction) + 100) * ncti.ladar.noise_floor()
+        deviation = np.sqrt(np.diag(covariance).mean())
+        expected = mean + float(rows.gain[k] - 1) * (mean - floor)
+        expected += float(rows.floor[k]) * deviation
+        np.testing.assert_allclose(rows.expected[k], expected, rtol=4 * FLOAT32)
+    for part in (rows.right, rows.up):
+        assert stats.kstest(part.values, "uniform").pvalue > LEVEL
     # Deviations of one frame, along eigenvectors of its covariance.
     variance, vectors = np.linalg.eigh(covariance)
     off = (rows.profile - rows.expected).values * np.sqrt(rows.frames.values)[:, None]

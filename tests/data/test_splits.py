@@ -20,6 +20,7 @@ from ncti.data.splits import (
     recipe,
     trained_as,
 )
+from ncti.ladar import range_extent, spread_place
 
 SHIPS = ("duncan", "texas")
 SEEDS = (0, 1, 12345)
@@ -144,14 +145,20 @@ def test_a_variant_is_named_as_its_ship(monkeypatch):
     assert all(name.startswith(("duncan@0.", "texas@0.")) for name in rows.variant.values)
 
 
-def test_the_moments_of_views_are_those_of_their_rows(small):
+@pytest.mark.parametrize("number", [0, 3])
+def test_the_moments_of_views_are_those_of_rows_at_the_same_place(number, monkeypatch):
     """Their mean to the rounding of float32."""
-    of_views = ncti.data.moments(small.train)
-    which = np.searchsorted(of_views.view.values, small.train.view.values)
-    means = of_views["mean"].values[which]
-    np.testing.assert_allclose(means, small.train.expected, rtol=2.0**-22)
-    np.testing.assert_array_equal(of_views.ship.values[which], small.train.ship.values)
-    np.testing.assert_array_equal(of_views.aspect.values[which], small.train.aspect.values)
+    place = spread_place(number)
+    monkeypatch.setattr(
+        ncti.data.views, "range_extent", lambda *a, shift, **k: range_extent(*a, shift=place, **k)
+    )
+    rows = ncti.data.splits.rows_of("few-frames", "train", seed=0, ships=SHIPS, count=24)
+    of_views = ncti.data.moments(rows, places=number + 1)
+    which = np.searchsorted(of_views.view.values, rows.view.values)
+    means = of_views["mean"].values[which, number]
+    np.testing.assert_allclose(means, rows.expected, rtol=2.0**-22)
+    np.testing.assert_array_equal(of_views.ship.values[which], rows.ship.values)
+    np.testing.assert_array_equal(of_views.aspect.values[which], rows.aspect.values)
 
 
 def test_the_card_describes_the_files(small, tmp_path):

@@ -98,7 +98,7 @@ def answers_of(*draws, seed=0):
     return xr.Dataset({"similarity": (dims, rng.random(shape)), "correct": (dims, right)})
 
 
-@pytest.mark.parametrize("draws", [("replicate",), ("phase", "order"), ("ifov_phase", "order")])
+@pytest.mark.parametrize("draws", [("replicate",), ("phase", "order"), ("replicate", "order")])
 def test_draws_count_as_they_differ(draws):
     """Where all are accepted, as in the accuracy of the same answers; a draw may have failed."""
     answers = answers_of(*draws)

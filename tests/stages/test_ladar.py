@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from range_channel import called, choose
+from scipy import stats
 
 from ncti.features.profile import EDGE
 from ncti.ladar import banded_frame_moments, expected_profile, noise_floor
@@ -54,17 +55,36 @@ def test_extinction_reaches_the_profile_in_its_units():
     assert hazy == pytest.approx(10**3 * 4)
 
 
-@pytest.mark.parametrize("phase", [0, 1, 5])
-def test_what_is_drawn_for_the_other_side_has_its_phase(image, phase):
-    """The place that is drawn is mirrored, so that the place seen is the phase's, but for whole
-    IFOVs; the first phase is what is learned."""
-    seen = ladar.seen_shift(phase, 300.0, 300.0)
-    drawn = ladar.seen_shift(phase, 300.0, 60.0)
-    assert (seen == drawn == ladar.shift()) if phase == 0 else seen != drawn
-    assert repr(ladar.seen_shift(0, 300.0, 60.0)) == repr(ladar.shift())  # one cell
+def place_of(drawn_aspect=300.0, **other):
+    """Place of the ship in an average, by name of what it depends on."""
+    view = {"ship": "duncan", "aspect": 300.0, "range": 100e3, "replicate": 0, "seed": 0}
+    return called(
+        ladar.seen_shift, **view | {"place": "random", "drawn_aspect": drawn_aspect} | other
+    )
+
+
+@pytest.mark.parametrize("place", ["corner", "random"])
+def test_the_place_of_a_ship_drawn_from_the_other_side_is_mirrored(image, place):
+    """So that the place seen is that of the view, but for whole IFOVs."""
+    seen, drawn = place_of(place=place), place_of(60.0, place=place)
+    assert (seen == drawn == ladar.shift()) if place == "corner" else seen != drawn
+    assert repr(place_of(60.0, place="corner")) == repr(ladar.shift())  # one cell
     found = ladar.ifovs(ladar.extent(image, slant_range=100e3, shift=drawn), 300.0, 60.0)
     gap = np.subtract(found.shift, seen)
     np.testing.assert_allclose(gap, np.rint(gap), atol=1e-12)
+
+
+def test_places_are_uniform_and_of_each_draw_alone():
+    """Kolmogorov's test of 300 places at 1e-3, and no two alike: each value keys its own."""
+    places = np.array(
+        [place_of(aspect=float(a), replicate=r) for a in range(100) for r in range(3)]
+    )
+    for part in places.T:
+        assert stats.kstest(part, "uniform").pvalue > 1e-3
+    other = {"ship": "texas", "aspect": 301.0, "range": 50e3, "replicate": 1, "seed": 1}
+    found = [place_of(), *(place_of(**{name: value}) for name, value in other.items())]
+    assert len(set(found)) == len(found)
+    assert np.abs(np.corrcoef(places.T)[0, 1]) < 3.3 / np.sqrt(len(places))
 
 
 def test_a_window_holds_every_ship_with_both_ends_free():

@@ -8,8 +8,8 @@ from infrared_channel import HITS, PATCHES, WAYS, view_from
 
 from ncti import features
 from ncti.infrared import coverage_of, pixel_sigma
+from ncti.ladar.places import PLASTIC
 from sweeps.stages.infrared import log_polar, silhouettes, template_log_polar
-from sweeps.stages.ladar import PLASTIC
 
 HEAD_ON = (0.0, 0.0)  # aspect, and that of what is drawn
 

@@ -1,0 +1,94 @@
+"""The place of a ship on the grid of IFOVs: the corner, or another one for each draw."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import FAST, chosen, groups_of, swept
+from trimesh.creation import box
+
+from ncti.ladar import spread_place
+from ncti.render import line_image
+from sweeps.engine.index import CellIndex
+from sweeps.engine.places import Objects
+from sweeps.engine.plan import Plan
+from sweeps.engine.schedule import Schedule
+from sweeps.experiment import EXPERIMENT
+from sweeps.stages import ladar, likelihood
+
+GIVEN = (
+    *(*FAST, "grid.ship=[duncan,spruance]", "grid.aspect=[0,60]", "grid.frame_count=[2,16]"),
+    *("classifier=all", "classifier.mnn.epochs=5"),
+)
+PLACES = "ladar.place=[random,corner]"
+
+# Whatever does not depend on where the ship is when it is tested.
+LEARNED = (
+    *("expected", "covariance", "training_category", "training_confused", "training_correct"),
+    *("passes", "presentations", "hidden", "loss"),
+)
+
+
+@cache
+def plan_of(*overrides):
+    return Plan(EXPERIMENT, chosen(*GIVEN, *overrides))
+
+
+def to_make(*overrides):
+    """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
+    schedule = Schedule(plan_of(*overrides))
+    schedule.resolve(CellIndex(Objects(Path("none")), print))
+    extents = {"extent", "seen_extent", "placed_extent"}
+    return sum(cells for bound, cells, _ in schedule.missing_cells() if bound.name in extents)
+
+
+def keys(stage, *overrides):
+    plan = plan_of(*overrides)
+    return {plan.key(plan.bound[stage], place) for place in plan.cells(plan.bound[stage])}
+
+
+def test_the_corner_beside_random_places_is_what_a_sweep_of_the_corner_has(folder, results):
+    """Bit for bit; what is learned has no place of tests."""
+    swept(folder / "all.zarr", results, *GIVEN, PLACES)
+    swept(folder / "one.zarr", folder / "own", *GIVEN, "ladar.place=corner")
+    every, one = groups_of(folder / "all.zarr"), groups_of(folder / "one.zarr")
+    assert set(every) == set(one)
+    for name, group in one.items():
+        for variable, plain in group.data_vars.items():
+            found = every[name][variable]
+            moved = found.dims != plain.dims
+            assert not (moved and variable in LEARNED), (name, variable)
+            first = found.sel(place="corner") if moved else found
+            same = np.array_equal(first, plain, equal_nan=plain.dtype.kind == "f")
+            assert same and first.dtype == plain.dtype, (name, variable)
+
+
+def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
+    """Templates have eight places, of which the corner is one; a draw has one of its own."""
+    views, corner = 4, "ladar.place=corner"
+    assert to_make(corner, "classifier.template_places=1") == views
+    assert to_make(corner) == 8 * views
+    assert to_make() == (8 + 1) * views
+    assert to_make("grid.replicate=3") == (8 + 3) * views
+    assert keys("seen_extent", corner) == keys("extent") == keys("extent", "grid.replicate=3")
+    assert keys("expected") < keys("placed_profile")
+    assert keys("expected") == keys("placed_profile", "classifier.template_places=1")
+    # Views that are not learned are no templates.
+    one = "classifier.training_aspect=[60]"
+    assert to_make(one) == (1 + 1) * 2 + (8 + 1) * 2
+    unknown = ("classifier.unknown=[spruance]", one)
+    assert to_make(*unknown) == (1 + 1) * 3 + (8 + 1)
+
+
+@pytest.mark.parametrize("number", [0, 1, 5])
+def test_the_place_of_a_template_drawn_from_the_other_side_is_mirrored(number):
+    seen, drawn = (
+        likelihood.template_shift(number, "duncan", 300.0, side, None, None, None, None, ())
+        for side in (300.0, 60.0)
+    )
+    assert seen == spread_place(number)
+    image = line_image(box((60.0, 10.0, 8.0)), aspect=60, depression=3.84, spacing=0.5)
+    found = ladar.ifovs(ladar.extent(image, slant_range=100e3, shift=drawn), 300.0, 60.0)
+    gap = np.subtract(found.shift, seen)
+    np.testing.assert_allclose(gap, np.rint(gap), atol=1e-12)
