@@ -30,6 +30,7 @@ from benchmarks import (
     invariance,
     lines,
     memory,
+    mismatch,
     operate,
     pages,
     paper,
@@ -59,6 +60,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "calibration": lambda asked: calibration.measure(),
     "bounds": lambda asked: bounds.measure(),
     "budget": lambda asked: budget.measure(),
+    "mismatch": lambda asked: mismatch.measure(),
     "skips": lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
     "invariance": lambda asked: invariance.measure(repeats=asked.repeats),
     "synthesis": lambda asked: synthesis.measure(
@@ -116,6 +118,7 @@ MEANINGS = {
     "calibration": "constants of the bound on errors of lines, fitted to true errors",
     "bounds": "percent correct of the likelihood classifier, by what it takes as known",
     "budget": "what each approximation does to profiles and identification",
+    "mismatch": "percent correct where tests differ from what is learned",
     "skips": "time saved by skipped work",
     "invariance": "change of a silhouette's map by shift, scale and rotation",
     "synthesis": "frames and images over their normals, covariances of frames",
