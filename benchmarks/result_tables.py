@@ -11,7 +11,7 @@ import xarray as xr
 
 from benchmarks.repeated import at, bins_of, multiples, over_seeds, percent_of
 from benchmarks.reports import Column, Report
-from ncti.evaluate import open_set_scores
+from ncti.evaluate import Scores, open_set_scores, score
 from sweeps.stages.classifier import LARGEST
 
 RANGES, SPACINGS, STEP = (25, 50, 100), (1.5, 3, 6), 1.5
@@ -256,6 +256,56 @@ def prior_knowledge(found: Answers) -> dict[str, Report]:
     title = f"percent correct at 100 km, mean of {len(found)} seeds [95 % interval]"
     columns = (Column("what", title), *(Column(name, name) for name in names))
     return {"known": Report("Known gain and floor", columns, rows)}
+
+
+KNOWLEDGE = {
+    "gain and floor unknown": {"gain_sigma": 1, "floor_sigma": 1},
+    "floor known": {"gain_sigma": 1, "floor_sigma": 0},
+    "gain known": {"gain_sigma": 0, "floor_sigma": 1},
+    "gain and floor known": {"gain_sigma": 0, "floor_sigma": 0},
+}
+"""Prior standard deviations by what is known of a profile."""
+
+
+def places(found: Mapping[str, Answers]) -> dict[str, Report]:
+    """Return percent correct, log loss and calibration error by the places of templates."""
+    group, rows = "classification/likelihood", []
+    for known, where in KNOWLEDGE.items():
+        for name, text in (
+            ("percent correct", lambda one: text_of([100 * part.accuracy for part in one])),
+            ("log loss", lambda one: over_seeds([part.log_loss for part in one]).text(2)),
+            ("calibration error", lambda one: over_seeds([part.ece for part in one]).text(2)),
+        ):
+            row = {"what": f"{known}: {name}"}
+            for label, answers in found.items():
+                row[label] = text([confidence(one[group], where) for one in answers])
+            rows.append(row)
+    title = f"100 km, mean of {len(next(iter(found.values())))} seeds [95 % interval]"
+    columns = (Column("what", title), *(Column(label, label) for label in found))
+    return {"places": Report("Places of the ship that templates know", columns, rows)}
+
+
+def confidence(answers: xr.Dataset, where: Mapping[str, object]) -> Scores:
+    """Return all scores of one seed's answers at new aspects, among as many ships as there are."""
+    new = answers.isel(aspect=~multiples(answers.aspect.values, STEP))
+    named, true, similarity = (
+        at(new[name], **where).transpose("ship", "aspect", ...).values.reshape(-1)
+        for name in ("predicted", "probability", "similarity")
+    )
+    ships = new.ship.values
+    ship, aspect = np.indices((len(ships), new.sizes["aspect"])).reshape(2, -1)
+    # The others share the rest: their parts matter to no score here.
+    rest = (1 - similarity - np.where(named == ship, 0, true)) / max(len(ships) - 2, 1)
+    likely = np.repeat(rest[:, None], len(ships), axis=1)
+    likely[np.arange(len(ship)), ship] = true
+    likely[np.arange(len(ship)), named] = similarity
+    likely /= likely.sum(axis=1, keepdims=True)
+    return score(
+        *(ships[ship], np.maximum(likely, 0)),
+        classes=ships.tolist(),
+        aspect=new.aspect.values[aspect],
+        groups=np.arange(len(ship)),
+    )
 
 
 TRACKS = (10, 5, 2, 0)  # standard deviations of a tracker's aspect [deg]

@@ -38,6 +38,7 @@ from benchmarks.result_tables import (
     fusion,
     left_out,
     new_aspects,
+    places,
     prior_knowledge,
     protocol,
     sensors,
@@ -58,6 +59,7 @@ LEARNED = tuple(np.arange(0.0, 90.1, STEP).tolist())
 FINEST = tuple(np.arange(0.0, 90.1, DENSE[0]).tolist())
 FRESH = 10
 SOURCE_STEP = 3
+LINES = "render.engine=lines"
 BOTH = ("sensor=both", "grid.frame_count=16", "infrared.frame_count=16", "infrared.vigilance=0.87")
 NEW = (
     *(*BOTH, "grid.range=[25,50,100]", "infrared.range=[25,50,100]"),
@@ -69,9 +71,11 @@ SHIFTED = (
     *("classifier.template_spacing=[1.5,3,6]", "classifier.name=fusion"),
 )
 KNOWN = (
-    *("grid.frame_count=16", "classifier.name=likelihood"),
+    *("grid.frame_count=16", "classifier.name=likelihood", "classifier.misfit_weight=0"),
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
 )
+PLACES = (1, 2, 4, 8, 16, 32)  # of templates
+CORNER = ("ladar.place=corner", "classifier.template_places=1")
 ABEAM = (
     *(*BOTH, "grid.range=25", "infrared.range=25", "infrared.super_resolution=none"),
     *("classifier.template_spacing=6", "classifier.name=fusion"),
@@ -239,7 +243,7 @@ class Sizes:
     def each(self, overrides: Sequence[str], groups: Sequence[str], label: str) -> Answers:
         """Return groups of a sweep with the random aspects of all seeds."""
         return swept_by_seed(
-            *([*overrides, *self.more], groups),
+            *([*overrides, LINES, *self.more], groups),
             seeds=self.seeds,
             learned=self.learned,
             fresh=self.fresh,
@@ -252,7 +256,7 @@ class Sizes:
     ) -> Answers:
         """Return answers of some classifiers, of several draws, to ships that may be unknown."""
         return swept_by_seed(
-            [*overrides, *self.more],
+            [*overrides, LINES, *self.more],
             in_group("classification/", *names),
             seeds=self.draws,
             learned=[aspect for aspect in self.finest if aspect % step == 0],
@@ -293,6 +297,22 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "known" in parts:
         groups = in_group("classification/", "likelihood")
         made |= prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
+        made |= places(
+            {
+                f"{count} templates": sizes.rejecting(
+                    [*KNOWN, f"classifier.template_places={count}"],
+                    CLASSIFIERS[2:],
+                    f"templates at {count} places",
+                    STEP,
+                )
+                for count in PLACES
+            }
+            | {
+                "at the corner": sizes.rejecting(
+                    [*KNOWN, *CORNER], CLASSIFIERS[2:], "templates and tests at the corner", STEP
+                )
+            }
+        )
     if "track" in parts:
         tracks = f"classifier.aspect_sigma={listed(TRACKS)}"
         groups = in_group("classification/", "likelihood")
@@ -303,7 +323,7 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "sensors" in parts:
         near, far = (
             swept_by_seed(
-                [*overrides, *sizes.more],
+                [*overrides, LINES, *sizes.more],
                 in_group("classification/", "fusion"),
                 seeds=sizes.draws,
                 learned=sizes.learned,
@@ -319,7 +339,7 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "learners" in parts:
         made |= learners(
             swept_anew(
-                [*LEARNERS, *sizes.more],
+                [*LEARNERS, LINES, *sizes.more],
                 ["range_profile", "classification/mnn"],
                 seeds=sizes.draws,
                 learned=sizes.learned,

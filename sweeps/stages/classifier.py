@@ -151,6 +151,12 @@ def names_by(name: str, sensor: str) -> Condition:
     return lambda choices: name in choices[Classifier.name] and views.looks(sensor)(choices)
 
 
+def tested_ships(ship: Sequence[str]) -> Views:
+    """Return the (ship,) mask of ships that are tested: all but those that are generated."""
+    variants = [Variant.read(str(name)) for name in ship]
+    return np.array([variant is None or variant.seed != UNSEEN for variant in variants])
+
+
 # Training views
 
 
@@ -321,11 +327,15 @@ def in_blocks(*names: str) -> dict[str, At]:
 # Answers
 
 
-def judged(named: Ships, valid: Views) -> Arrays:
-    """Return the arrays of answers: (..., ship, aspect) ships predicted for existing views."""
-    predicted = np.where(valid, named, NONE)
+def judged(named: Ships, valid: Views, tested: Views | None = None) -> Arrays:
+    """Return the arrays of answers: (..., ship, aspect) ships predicted for existing views.
+
+    Of views that are not `tested` there is none.
+    """
+    asked = valid if tested is None else valid & tested
+    predicted = np.where(asked, named, NONE)
     right = predicted == np.arange(len(valid))[:, None]
-    correct = np.where(valid, right, np.int8(NONE))
+    correct = np.where(asked, right, np.int8(NONE))
     return {"predicted": predicted, "correct": correct, "cell": state(correct, valid)}
 
 

@@ -338,6 +338,7 @@ def likelihood(
     prior: Prior,
     track: Track,
     *,
+    ship: tuple[str, ...],
     gain_sigma: tuple[float, ...],
     misfit_weight: float,
     frame_count: tuple[int, ...],
@@ -349,18 +350,19 @@ def likelihood(
     it reach as far as it. Ships known to be unknown are together one more, which is never named:
     what accepts an answer is its density over theirs, as by Neyman and Pearson no other test keeps
     more of the right answers at a share of the unknown ships that is rejected. `gain_sigma` are
-    prior standard deviations of the gain. Log densities are held of some views at a time, those of
-    an aspect together.
+    prior standard deviations of the gain. Ships that are generated are not tested. Log densities
+    are held of some views at a time, those of an aspect together.
     """
     templates, known = profile_templates
     classifier.require_another_aspect(known, any(left_out))
     unknown, of_unknown = alternative_templates
-    of_view, true = np.nonzero(valid.T)
+    tested = classifier.tested_ships(ship)[:, None]
+    of_view, true = np.nonzero((valid & tested).T)
     views = true * valid.shape[1] + of_view
     of_ship, of_template = np.nonzero(known)
     others_ship, others_column = np.nonzero(of_unknown)
     label = np.concatenate([of_ship, np.full(others_ship.size, NONE)])
-    ship, column = np.append(of_ship, others_ship), np.append(of_template, others_column)
+    template, column = np.append(of_ship, others_ship), np.append(of_template, others_column)
     flat = averaged.reshape(len(frame_count), -1, averaged.shape[-1])
     whole = (len(left_out), len(gain_sigma), len(frame_count), *valid.shape)
     named = np.full(whole, NONE, dtype=np.int16)
@@ -373,7 +375,7 @@ def likelihood(
             others = np.empty((len(gain_sigma), len(seen), 0))
             if unknown is not None:
                 others = unknown.log_likelihood(seen, count, gain_sigma=gain_sigma)
-            log_prior = track.log_prior(views[rows], ship, column)
+            log_prior = track.log_prior(views[rows], template, column)
             for n, leave in enumerate(left_out):
                 found = plain
                 if leave and templates.template_error_:
@@ -399,7 +401,7 @@ def likelihood(
                     if unknown is not None:  # the other ships known say nothing of it
                         likely = likely / (likely + chance[:, ships == NONE].sum(axis=1))
                     similarity[place] = likely * np.exp(misfit_weight * worse)
-    return classifier.judged(named, valid) | {
+    return classifier.judged(named, valid, tested) | {
         "probability": probability,
         "similarity": similarity,
         "fit": fit,

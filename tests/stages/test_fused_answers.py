@@ -50,8 +50,8 @@ def answered(cell, templates, seen, valid=None, **training_views):
     """Answers (gain, count, look, channel, draw, ship, aspect); scores of profiles; constants."""
     valid = np.ones((PHASES, *GRID), dtype=bool) if valid is None else valid
     known = learned(**training_views)
-    views = cell.valid, known, np.zeros_like(known), ASPECTS
-    moments = profile_moments(cell.expected, bands(cell, VARIANCE), *views, PRIOR)
+    views = cell.valid[None], known, np.zeros_like(known), ASPECTS
+    moments = profile_moments(cell.expected[None], bands(cell, VARIANCE), *views, PRIOR)
     of_profiles = profile_templates(moments, np.array(0.0))  # exact, as by hand
     constants = fusion.silhouette_constants(templates, seen, valid, known)
     averaged = cell.averaged.swapaxes(0, 1)

@@ -35,7 +35,7 @@ def templates_of(
     prior = likelihood.Prior(diagonal_loading, floor_sigma, floor_estimated=False)
     alternative = learned(**training_views)[: len(cell.valid)] & False
     moments = likelihood.profile_moments(
-        cell.expected, covariance, cell.valid, known, alternative, ASPECTS, prior
+        cell.expected[None], covariance, cell.valid[None], known, alternative, ASPECTS, prior
     )
     rng = np.random.default_rng(0)
     calibrated = likelihood.calibrated_error(moments, template_error=error, rng=rng)
@@ -75,6 +75,7 @@ def answered(
     others = alternative or (None, np.zeros_like(cell.valid))
     return likelihood.likelihood(
         *(templates, others, *given, prior, track),
+        ship=NAMED,
         misfit_weight=weight,
         gain_sigma=gains,
         frame_count=frames,
@@ -152,7 +153,8 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
         here = cell.changed(expected=cell.expected + down, averaged=cell.averaged + up)
         for estimated in BOTH:
             prior = likelihood.Prior(1e-3, 0.0, estimated)
-            given = here.expected, covariance, here.valid, learned(), ~learned(), ASPECTS, prior
+            views = here.valid[None], learned(), ~learned()
+            given = here.expected[None], covariance, *views, ASPECTS, prior
             moments = likelihood.profile_moments(*given)
             templates = likelihood.profile_templates(moments, np.array(0.0))
             found[name, estimated] = scores(templates, here.averaged[0], 0.0, prior)
@@ -184,6 +186,7 @@ def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
         prior, others = likelihood.Prior(1e-3, 1.0, False), (None, known & False)
         track = likelihood.Track(tuple(range(aspects)), None, np.zeros(known.shape))
         how = {"misfit_weight": 0.01, "gain_sigma": (1.0,), "frame_count": (4,), "left_out": BOTH}
+        how["ship"] = NAMED[: len(known)]
         given = templates, others, averaged[None], known | True, prior, track
         return peak_memory(lambda: likelihood.likelihood(*given, **how))
 
@@ -237,7 +240,7 @@ def test_ships_known_to_be_unknown_take_their_share():
     prior = likelihood.Prior(1e-3, 1.0, floor_estimated=False)
     views = learned(**only), ~learned(**only) & learned()
     moments = likelihood.profile_moments(
-        cell.expected, covariance, cell.valid, *views, ASPECTS, prior
+        cell.expected[None], covariance, cell.valid[None], *views, ASPECTS, prior
     )
     alternative = likelihood.alternative_templates(moments, np.array(0.0))
     with_it = answered(cell, covariance=covariance, alternative=alternative, **only)
@@ -277,6 +280,7 @@ def test_answers_are_accepted_by_their_density_over_that_of_the_alternative():
         *(seen[None], known | True, likelihood.Prior(0.0, 0.0, False)),
         likelihood.Track(tuple(range(tests)), None, np.zeros(known.shape)),
         **{"misfit_weight": 0.0, "gain_sigma": (0.0,), "frame_count": (1,), "left_out": (False,)},
+        ship=NAMED[:SHIPS],
     )
     logs = norm.logpdf(seen[..., 8, None], at)
     likely = logs[..., :2].max(axis=-1)
