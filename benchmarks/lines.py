@@ -257,7 +257,7 @@ def _tasks(ships: Sequence[str], aspects: Sequence[float], replicates: int) -> d
                 "strands": np.zeros((0, 0)),
             }
             seen[EXACT] = replace(seen["lines"], **area)
-            for way, extent in zip(seen, alike(list(seen.values())), strict=True):
+            for way, extent in seen.items():
                 frames = sample_frames(
                     extent,
                     frame_count=FRAMES * replicates,
@@ -265,8 +265,8 @@ def _tasks(ships: Sequence[str], aspects: Sequence[float], replicates: int) -> d
                     **SIGNAL,
                 ).reshape(replicates, FRAMES, -1)
                 averages = [cumulative_average(run, [FRAMES])[0] for run in frames]
-                band = banded_frame_moments(seen[way], **SIGNAL)[1]
-                made[way].append((expected_profile(seen[way], **SIGNAL), band, averages))
+                band = banded_frame_moments(extent, **SIGNAL)[1]
+                made[way].append((expected_profile(extent, **SIGNAL), band, averages))
     labels, group = aspect_bins(np.array(aspects, dtype=np.float64))
     found: dict[str, Task] = {}
     for way, views in made.items():
@@ -283,21 +283,6 @@ def _tasks(ships: Sequence[str], aspects: Sequence[float], replicates: int) -> d
             group=np.tile(group, len(ships)),
             groups=len(labels),
         )
-    return found
-
-
-def alike(extents: Sequence[RangeExtent]) -> list[RangeExtent]:
-    """Return extents with the same IFOVs, and so little in every bin that it changes no number.
-
-    Frames of them are made of the same normals in the same places.
-    """
-    cells = sorted({tuple(cell) for extent in extents for cell in extent.cell.tolist()})
-    row = {cell: k for k, cell in enumerate(cells)}
-    found = []
-    for extent in extents:
-        fraction = np.full((len(cells), extent.down_range.size), 1e-60)
-        fraction[[row[tuple(cell)] for cell in extent.cell.tolist()]] += extent.fraction
-        found.append(replace(extent, fraction=fraction, cell=np.array(cells)))
     return found
 
 

@@ -1,94 +1,118 @@
-"""Standard normals of a numpy generator, drawn four times faster."""
+"""Standard normals by their place in a stream: each is the same whatever is drawn beside it."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.compiled import compiled
 
-LOW_WORD = 2**64 - 1
+Words = NDArray[np.uint64]
+Singles = NDArray[np.float32]
+
+# Constants of the loops as unsigned integers: with plain ones numba would compute in float64.
+U1, U8, U9, U27, U30, U31, U32 = (np.uint64(n) for n in (1, 8, 9, 27, 30, 31, 32))
+HALF, SIGNED_LAYER = np.uint64(2**32 - 1), np.uint64(0x1FF)
+# SplitMix64: the step of its counter, 2**64 over the golden section, and the factors of its mixing.
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+FACTOR_A, FACTOR_B = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+TAIL = 3.6541528853610088  # start of the lowest layer's tail
 
 
-def draw_normals(rng: np.random.Generator, out: NDArray[np.float32]) -> None:
-    """Fill an array with the numbers that `rng.standard_normal` would fill it with.
+def draw_key(rng: np.random.Generator) -> Words:
+    """Draw the key of streams: the word that they begin at, and the odd step between their words.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the numbers; it is left in the state in which numpy would leave it, so that the
-        two ways can alternate.
-    out : (...) float32 ndarray
-        Contiguous array, filled in the order of its elements.
+        Source of both.
 
-    Raises
-    ------
-    ValueError
-        If the array is not contiguous or not of float32.
-
-    See Also
-    --------
-    numpy.random.Generator.standard_normal : The reference, number for number.
-
-    Notes
-    -----
-    numpy's ziggurat of 256 layers [1]_ on the halves of the words of PCG64 [2]_, in one compiled
-    loop, where numpy calls a function of the bit generator for each half. For other bit generators
-    numpy itself draws.
-
-    References
-    ----------
-    .. [1] G. Marsaglia and W. W. Tsang, "The ziggurat method for generating random variables",
-       J. Stat. Softw. 5 (2000), doi:10.18637/jss.v005.i08.
-    .. [2] M. E. O'Neill, "PCG: A family of simple fast space-efficient statistically good
-       algorithms for random number generation", Harvey Mudd College, HMC-CS-2014-0905 (2014).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> found = np.empty(1000, dtype=np.float32)
-    >>> draw_normals(np.random.default_rng(0), found)
-    >>> expected = np.random.default_rng(0).standard_normal(1000, dtype=np.float32)
-    >>> bool((found == expected).all())
-    True
+    Returns
+    -------
+    (2,) uint64 ndarray
+        Start and step.
     """
-    if out.dtype != np.float32 or not out.flags.c_contiguous:
-        raise ValueError(f"out has type {out.dtype}, but must be a contiguous array of float32")
-    bits: Any = rng.bit_generator
-    if type(rng) is not np.random.Generator or type(bits) is not np.random.PCG64:
-        rng.standard_normal(out=out, dtype=np.float32)
-        return
-    with bits.lock:
-        # The state as 64-bit words, which the compiled loop advances, and back.
-        state = bits.state
-        words = [
-            half
-            for number in (state["state"]["state"], state["state"]["inc"])
-            for half in (number >> 64, number & LOW_WORD)
-        ]
-        left = np.array([*words, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
-        _fill(out.reshape(-1), left)
-        high, low, _, _, kept, half = left.tolist()
-        state["state"]["state"] = high << 64 | low
-        bits.state = state | {"has_uint32": kept, "uinteger": half}
+    return rng.integers(2**64, size=2, dtype=np.uint64) | np.array([0, 1], dtype=np.uint64)
 
 
-# Constants of `_fill` as unsigned integers: with plain ones numba would compute in float64.
-U1, U8, U9, U32, U58, U63, U64 = (np.uint64(n) for n in (1, 8, 9, 32, 58, 63, 64))
-LAYER, MANTISSA, HALF = np.uint64(0xFF), np.uint64(0x7FFFFF), np.uint64(2**32 - 1)
-# Halves of PCG's multiplier, 0x2360ED051FC65DA44385DF649FCCF645.
-FACTOR_HIGH, FACTOR_LOW = np.uint64(0x2360ED051FC65DA4), np.uint64(0x4385DF649FCCF645)
-TAIL = 3.6541528853610088  # start of the lowest layer's tail
+@compiled
+def put_streams(key: Words, first: int, cell: NDArray[np.int64], out: Words) -> None:
+    """Write the stream of each frame and cell to `out`.
+
+    Parameters
+    ----------
+    key : (2,) uint64 ndarray
+        As of `draw_key`.
+    first : int
+        Number of the first frame.
+    cell : (cell, 2) int64 ndarray
+        Column and row of each cell, which name its stream.
+    out : (frame, cell) uint64 ndarray
+        Output.
+    """
+    step = key[1]
+    for frame in range(out.shape[0]):
+        of_frame = _word(key[0], step, first + frame)
+        for i in range(out.shape[1]):
+            out[frame, i] = _word(_word(of_frame, step, cell[i, 0]), step, cell[i, 1])
 
 
-def _layers() -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
-    """Return the ziggurat: widths, what lies inside the next layer, and heights, (256,) each.
+@compiled
+def draw_run(key: Words, streams: Words, begin: int, out: Singles) -> None:
+    """Write successive pairs of normals of each stream to `out`.
 
-    All layers have the area of the lowest, tail included. Widths are per step of a 23-bit mantissa,
-    and what lies inside is in such steps.
+    Parameters
+    ----------
+    key : (2,) uint64 ndarray
+        As of `draw_key`.
+    streams : (frame, cell) uint64 ndarray
+        As of `put_streams`.
+    begin : int
+        Number of the first pair in its stream.
+    out : (frame, 2 cell, pair) float32 ndarray
+        Output: the first normals of a cell's pairs in one row, the others in the next.
+    """
+    for frame in range(streams.shape[0]):
+        for i in range(streams.shape[1]):
+            one, other = out[frame, 2 * i], out[frame, 2 * i + 1]
+            for k in range(out.shape[2]):
+                one[k], other[k] = _pair(streams[frame, i], key[1], begin + k)
+
+
+@compiled
+def draw_places(
+    key: Words, streams: Words, first: NDArray[np.int64], number: NDArray[np.int64], out: Singles
+) -> None:
+    """Write the pairs of normals at some places of each stream to `out`.
+
+    Parameters
+    ----------
+    key : (2,) uint64 ndarray
+        As of `draw_key`.
+    streams : (frame, cell) uint64 ndarray
+        As of `put_streams`.
+    first : (cell + 1,) int64 ndarray
+        Start of each cell in `number`.
+    number : (place,) int64 ndarray
+        Number of each pair in its stream.
+    out : (frame, 2, place) float32 ndarray
+        Output, of the places from ``first[0]`` on.
+    """
+    for frame in range(streams.shape[0]):
+        one, other = out[frame, 0], out[frame, 1]
+        for i in range(streams.shape[1]):
+            for place in range(first[i], first[i + 1]):
+                at = place - first[0]
+                one[at], other[at] = _pair(streams[frame, i], key[1], number[place])
+
+
+def _layers() -> tuple[Singles, NDArray[np.uint32], Singles]:
+    """Return the ziggurat: widths, what lies inside the next layer, and heights.
+
+    All 256 layers have the area of the lowest, tail included. Widths are per step of a 23-bit
+    mantissa, and what lies inside is in such steps; (512,) both, the second half negative.
     """
     area = TAIL * math.exp(-(TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(TAIL / math.sqrt(2))
     edge = [TAIL]
@@ -100,9 +124,10 @@ def _layers() -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float
     height[0] = 1.0
     inside = np.array([TAIL, 0.0, *x[1:-1]]) / x
     steps = 2.0**23
+    width = (x / steps).astype(np.float32)
     return (
-        (x / steps).astype(np.float32),
-        np.rint(inside * steps).astype(np.uint32),
+        np.concatenate([width, -width]),
+        np.tile(np.rint(inside * steps).astype(np.uint32), 2),
         height.astype(np.float32),
     )
 
@@ -113,70 +138,66 @@ STEP = np.float32(1.0 / 2**24)  # of uniform float32 numbers
 
 
 @compiled
-def _fill(out: NDArray[np.float32], left: NDArray[np.uint64]) -> None:
-    """Fill an array; `left` has the words of state and increment, and the half word left over."""
-    state = left[0], left[1], left[4], left[5]
-    add = left[2], left[3]
-    for i in range(out.size):
-        while True:
-            # 32 bits give the layer (8), the sign (1) and the place in the layer (23).
-            state, half = _next_half(state, add)
-            layer = np.int64(half & LAYER)
-            whole = half >> U9 & MANTISSA
-            x = np.float32(np.int32(whole)) * WIDTH[layer]
-            if half >> U8 & U1:
-                x = -x
-            # Inside the next layer, too: accepted without evaluating the density (99 % of draws).
-            if whole < INSIDE[layer]:
-                break
-            # The lowest layer's tail, by Marsaglia's method.
-            if layer == 0:
-                while True:
-                    state, first = _next_half(state, add)
-                    state, second = _next_half(state, add)
-                    beyond = -OVER_TAIL * _log1p(first)
-                    height = -_log1p(second)
-                    if height + height > beyond * beyond:
-                        break
-                x = -(TAIL_BEGINS + beyond) if whole >> U8 & U1 else TAIL_BEGINS + beyond
-                break
-            # Between this layer and the next: accepted below the density.
-            state, half = _next_half(state, add)
-            drawn = np.float32(np.int32(half >> U8)) * STEP
-            above = (HEIGHT[layer - 1] - HEIGHT[layer]) * drawn + HEIGHT[layer]
-            if above < math.exp(-0.5 * np.float64(x) * np.float64(x)):
-                break
-        out[i] = x
-    left[0], left[1], left[4], left[5] = state
-
-
-Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
+def _mixed(word: np.uint64) -> np.uint64:
+    """Return the bits of a word mixed, one to one."""
+    word = (word ^ word >> U30) * FACTOR_A
+    word = (word ^ word >> U27) * FACTOR_B
+    return word ^ word >> U31
 
 
 @compiled
-def _next_half(state: Words, add: tuple[np.uint64, np.uint64]) -> tuple[Words, np.uint64]:
-    """Return the next state (high, low, whether a half word is left, that half) and 32 bits."""
-    high, low, kept, half = state
-    if kept:
-        return (high, low, np.uint64(0), half), half
-    # Advance the 128-bit state: times the multiplier, plus the increment.
-    high = high * FACTOR_LOW + low * FACTOR_HIGH + _high_product(low, FACTOR_LOW) + add[0]
-    low = low * FACTOR_LOW + add[1]
-    if low < add[1]:
-        high += U1
-    # Output function: exclusive or of both halves, rotated by the highest bits.
-    turn, mixed = high >> U58, high ^ low
-    word = mixed >> turn | mixed << ((U64 - turn) & U63)
-    return (high, low, U1, word >> U32), word & HALF
+def _word(stream: np.uint64, step: np.uint64, number: int) -> np.uint64:
+    """Return a word of a stream by its number, negative ones included."""
+    return _mixed(stream + (np.uint64(number) + U1) * step)
 
 
 @compiled
-def _high_product(a: np.uint64, b: np.uint64) -> np.uint64:
-    """Return the upper 64 bits of a product."""
-    low, cross = (a & HALF) * (b & HALF), (a & HALF) * (b >> U32)
-    across = (a >> U32) * (b & HALF)
-    carried = (low >> U32) + (cross & HALF) + (across & HALF)
-    return (a >> U32) * (b >> U32) + (cross >> U32) + (across >> U32) + (carried >> U32)
+def _pair(stream: np.uint64, step: np.uint64, number: int) -> tuple[np.float32, np.float32]:
+    """Return the pair of normals that the halves of a word give."""
+    word = _word(stream, step, number)
+    low, high = word & HALF, word >> U32
+    one, other = _normal(low), _normal(high)
+    # 99 % of the halves lie inside the next layer of the ziggurat; the others take further words.
+    if low >> U9 >= INSIDE[np.int64(low & SIGNED_LAYER)]:
+        one = _further(low, word)
+    if high >> U9 >= INSIDE[np.int64(high & SIGNED_LAYER)]:
+        other = _further(high, ~word)
+    return one, other
+
+
+@compiled
+def _normal(half: np.uint64) -> np.float32:
+    """Return the place in its layer that 32 bits give: of layer (8), sign (1) and mantissa (23)."""
+    return np.float32(np.int32(half >> U9)) * WIDTH[np.int64(half & SIGNED_LAYER)]
+
+
+@compiled
+def _further(half: np.uint64, state: np.uint64) -> np.float32:
+    """Return the normal of 32 bits, and of words of their own where these are not enough."""
+    while True:
+        layer, whole, x = np.int64(half & SIGNED_LAYER), half >> U9, _normal(half)
+        # Inside the next layer, too: accepted without evaluating the density.
+        if whole < INSIDE[layer]:
+            return x
+        layer &= 255
+        # The lowest layer's tail, by Marsaglia's method.
+        if layer == 0:
+            while True:
+                state += GOLDEN
+                beyond = -OVER_TAIL * _log1p(_mixed(state) >> U32)
+                state += GOLDEN
+                height = -_log1p(_mixed(state) >> U32)
+                if height + height > beyond * beyond:
+                    break
+            return -(TAIL_BEGINS + beyond) if whole >> U8 & U1 else TAIL_BEGINS + beyond
+        # Between this layer and the next: accepted below the density, or drawn again.
+        state += GOLDEN
+        drawn = np.float32(np.int32(_mixed(state) >> U32 >> U8)) * STEP
+        above = (HEIGHT[layer - 1] - HEIGHT[layer]) * drawn + HEIGHT[layer]
+        if above < math.exp(-0.5 * np.float64(x) * np.float64(x)):
+            return x
+        state += GOLDEN
+        half = _mixed(state) >> U32
 
 
 @compiled

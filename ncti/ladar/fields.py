@@ -79,13 +79,6 @@ class Noise(NamedTuple):
     bins: int
     even: NDArray[np.float32]  # (rank, half) lower half of the rows, a middle bin included
     odd: NDArray[np.float32]
-    of_even: tuple[int, int]  # first normal of a quadrature for an even row, and step to the next
-    of_odd: tuple[int, int]
-
-    @property
-    def rank(self) -> int:
-        """Number of normals of one quadrature."""
-        return len(self.even) + len(self.odd)
 
     @classmethod
     @lru_cache(maxsize=32)
@@ -96,7 +89,6 @@ class Noise(NamedTuple):
         factor = noise_factor(**pulse, bin_count=bin_count)
         # Eigenvalues ascend: the last row belongs to the largest one and is even.
         last = len(factor) - 1
-        of_even, of_odd = (last % 2, 2), (1 - last % 2, 2)
         even, odd = factor[last % 2 :: 2], factor[1 - last % 2 :: 2]
         mixed = max(
             np.abs(even - even[:, ::-1]).max(initial=0.0),
@@ -109,58 +101,61 @@ class Noise(NamedTuple):
             direct, across = covariance[:half, :half], covariance[:half, ::-1][:, :half]
             even = low_rank_factor((direct + across) / 2, tolerance=1e-6)
             odd = low_rank_factor((direct - across) / 2, tolerance=1e-6)
-            of_even, of_odd = (0, 1), (len(even), 1)
         even, odd = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
-        return cls(bin_count, even, odd, of_even, of_odd)
+        return cls(bin_count, even, odd)
 
 
 class Waveforms:
-    """Detector outputs |l| of IFOVs from normals, computed in memory that is reused.
+    """Detector outputs |l| of IFOVs, computed in memory that is reused.
 
-    The normals of a frame are ordered by IFOV, by quadrature, and within that the normals of the
-    occupied bins come before those of the noise.
+    The normals of an IFOV in a frame are a stream of its own, named by its cell. They come in
+    pairs, one for each quadrature: that of the speckle of a bin stands at the number of the bin,
+    those of the noise follow.
     """
 
-    def __init__(self, noise: Noise, speckle: Speckle, *, begin: int, frames: int) -> None:
-        self.noise, self.speckle = noise, speckle
-        occupied = np.repeat(np.diff(speckle.first), 2)
-        ends = begin + np.cumsum(occupied + noise.rank)
-        # For each quadrature: first normal of its speckle, first of its noise, and end of both.
-        self.parts = np.stack([ends - noise.rank - occupied, ends - noise.rank, ends])
-        most = min(IFOVS_AT_ONCE, len(speckle.first) - 1)
+    def __init__(
+        self, noise: Noise, speckle: Speckle, *, key: NDArray[np.uint64], cell: NDArray[np.int64]
+    ) -> None:
+        self.noise, self.speckle, self.key, self.cell = noise, speckle, key, cell
+        most = min(IFOVS_AT_ONCE, len(cell))
         half = noise.even.shape[1]
         self.sizes = len(noise.even), len(noise.odd), half, half
-        rows = min(frames, ROWS_AT_ONCE)
-        self.halves = [np.empty(rows * 2 * most * size, dtype=np.float32) for size in self.sizes]
-        self.magnitude = np.empty(rows * most * noise.bins, dtype=np.float32)
+        rows = 2 * most * ROWS_AT_ONCE
+        self.halves = [np.empty(rows * size, dtype=np.float32) for size in self.sizes]
+        self.magnitude = np.empty(most * ROWS_AT_ONCE * noise.bins, dtype=np.float32)
 
-    def of(self, normals: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+    def of(self, first: int, frames: int) -> Iterator[NDArray[np.float32]]:
         """Yield (frame, ifov, bin) magnitudes, some IFOVs at a time; up to ROWS_AT_ONCE frames."""
         # Imported here because numba is slow to import.
-        from ncti.ladar.waveforms import part_noise, put_magnitudes
+        from ncti.ladar.waveforms import put_magnitudes
+        from ncti.normals import draw_places, draw_run, put_streams
 
-        noise, target = self.noise, self.speckle
-        ifovs = len(target.first) - 1
+        noise, target, key = self.noise, self.speckle, self.key
+        ifovs = len(self.cell)
         for start in range(0, ifovs, IFOVS_AT_ONCE):
             stop = min(start + IFOVS_AT_ONCE, ifovs)
-            speckle, begin, end = self.parts[:, 2 * start : 2 * stop]
+            quadratures = 2 * (stop - start)
             # Arrays are contiguous for the last IFOVs too: the loops are compiled for those alone.
-            rows, quadratures = len(normals), 2 * (stop - start)
             even_normals, odd_normals, even, odd = (
-                part[: rows * quadratures * size].reshape(rows, quadratures, size)
+                part[: frames * quadratures * size].reshape(frames, quadratures, size)
                 for part, size in zip(self.halves, self.sizes, strict=True)
             )
-            part_noise(normals, begin, end, noise.of_even, noise.of_odd, even_normals, odd_normals)
+            streams = np.empty((frames, stop - start), dtype=np.uint64)
+            put_streams(key, first, self.cell[start:stop], streams)
+            draw_run(key, streams, noise.bins, even_normals)
+            draw_run(key, streams, noise.bins + len(noise.even), odd_normals)
+            begin = target.first[start : stop + 1]
+            scattered = np.empty((frames, 2, begin[-1] - begin[0]), dtype=np.float32)
+            draw_places(key, streams, begin, target.occupied, scattered)
             # One product per frame, so that no frame depends on the number of frames.
             np.matmul(even_normals, noise.even, out=even)
             np.matmul(odd_normals, noise.odd, out=odd)
-            magnitude = self.magnitude[: rows * (stop - start) * noise.bins]
-            magnitude = magnitude.reshape(rows, stop - start, noise.bins)
+            magnitude = self.magnitude[: frames * (stop - start) * noise.bins]
+            magnitude = magnitude.reshape(frames, stop - start, noise.bins)
             put_magnitudes(
                 (even, odd),
-                normals,
-                speckle,
-                target.first[start : stop + 1],
+                scattered,
+                begin,
                 (target.occupied, target.amplitude, target.reach),
                 target.response,
                 magnitude,

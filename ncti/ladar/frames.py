@@ -22,8 +22,8 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
 FRAMES_AT_ONCE = 32
-MOST_DRAWN = 2**17  # target-free IFOVs drawn one by one; the normals of one frame then take 0.2 GB
-NORMALS_AT_ONCE = 4_000_000  # 16 MB; with many IFOVs fewer frames are drawn at once
+MOST_DRAWN = 2**17  # target-free IFOVs drawn one by one; a frame of 250 bins then takes seconds
+ELSEWHERE = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
 def sample_frames(
@@ -89,9 +89,10 @@ def sample_frames(
     of the window (see `ncti.ladar.fields.Noise`), which halves the products, and the target is
     added only within the reach of the pulse.
 
-    Fewer frames from an equal generator are the first of more, bit for bit: normals are drawn
-    frame by frame, and the number of rows of a matrix product does not depend on the number of
-    frames.
+    A normal is named by its frame, the cell of its IFOV and its range bin (`ncti.normals`), so
+    views that nearly agree have nearly equal frames, whichever bins and IFOVs the ship occupies in
+    one of them alone. Fewer frames from an equal generator are the first of more, bit for bit: the
+    number of rows of a matrix product does not depend on the number of frames.
 
     References
     ----------
@@ -112,12 +113,12 @@ def sample_frames(
     >>> lines = line_image(plate, aspect=0, depression=0, spacing=0.5)
     >>> extent = range_extent(lines, slant_range=100e3)
     >>> laser = {"pulse_width": 30e-9, "cnr": 10**3.2}
-    >>> frames = sample_frames(extent, **laser, frame_count=1024, rng=np.random.default_rng(0))
+    >>> frames = sample_frames(extent, **laser, frame_count=1024, rng=np.random.default_rng(2))
     >>> peak = expected_profile(extent, **laser).argmax()
     >>> print(f"{frames[:, peak].std() / frames[:, peak].mean():.2f}")
     0.26
     >>> print(f"{frames[:, peak].mean() / expected_profile(extent, **laser)[peak]:.2f}")
-    1.01
+    1.00
     """
     blocks = frame_blocks(
         extent,
@@ -205,7 +206,7 @@ def frame_blocks(
         )
     # Imported here because numba is slow to import.
     from ncti.ladar.waveforms import add_in_turn
-    from ncti.normals import draw_normals
+    from ncti.normals import draw_key, draw_run, put_streams
 
     noise = Noise.of(**pulse, bin_count=bins)
     floor = np.zeros((0, bins), dtype=np.float32)
@@ -216,29 +217,29 @@ def frame_blocks(
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
     detected(floor)  # checks its parameters
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
-    per_frame = len(floor) + 2 * (int(speckle.first[-1]) + (len(speckle.first) - 1) * noise.rank)
-    at_once = min(FRAMES_AT_ONCE, frame_count, max(1, NORMALS_AT_ONCE // max(1, per_frame)))
+    key = draw_key(rng)
+    elsewhere = np.stack([np.arange(max(alone, 1)), np.full(max(alone, 1), ELSEWHERE)], axis=1)
+    cell = np.concatenate([extent.cell, elsewhere[:alone]])
 
     def blocks() -> Iterator[NDArray[np.float64]]:
         """Yield the blocks, from normals and waveforms in memory that is reused."""
-        rows = -(-at_once // ROWS_AT_ONCE) * ROWS_AT_ONCE
-        normals = np.zeros((rows, per_frame), dtype=np.float32)
-        waveforms = Waveforms(noise, speckle, begin=len(floor), frames=at_once)
-        for first in range(0, frame_count, at_once):
-            count = min(at_once, frame_count - first)
-            draw_normals(rng, normals[:count])
-            # The target-free IFOVs, as one Gaussian process.
-            block = np.full((count, bins), level)
-            if as_sum:
-                # Rows that are not drawn keep old values, which do not affect the other rows.
-                padded = normals[: -(-count // ROWS_AT_ONCE) * ROWS_AT_ONCE, : len(floor)]
-                sums = padded.reshape(-1, ROWS_AT_ONCE, len(floor)) @ floor
-                block += math.sqrt(target_free_ifovs) * sums.reshape(-1, bins)[:count]
-            # The other IFOVs, one by one: waveform, receiver, sum.
-            for part in range(0, count, ROWS_AT_ONCE):
-                some = slice(part, min(part + ROWS_AT_ONCE, count))
-                for amplitude in waveforms.of(normals[some]):
-                    add_in_turn(detected(amplitude), block[some])
+        waveforms = Waveforms(noise, speckle, key=key, cell=cell)
+        normals = np.zeros((ROWS_AT_ONCE, 2, -(-len(floor) // 2)), dtype=np.float32)
+        streams = np.empty((ROWS_AT_ONCE, 1), dtype=np.uint64)
+        for first in range(0, frame_count, FRAMES_AT_ONCE):
+            block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
+            for part in range(0, len(block), ROWS_AT_ONCE):
+                some = block[part : part + ROWS_AT_ONCE]
+                # The target-free IFOVs, as one Gaussian process.
+                if as_sum:
+                    put_streams(key, first + part, elsewhere, streams[: len(some)])
+                    # Rows that are not drawn keep old values, which do not affect the others.
+                    draw_run(key, streams[: len(some)], 0, normals)
+                    sums = normals.reshape(ROWS_AT_ONCE, -1)[:, : len(floor)] @ floor
+                    some += math.sqrt(target_free_ifovs) * sums[: len(some)]
+                # The other IFOVs, one by one: waveform, receiver, sum.
+                for amplitude in waveforms.of(first + part, len(some)):
+                    add_in_turn(detected(amplitude), some)
             yield block
 
     return blocks()

@@ -26,8 +26,8 @@ def _sample() -> None:
 FRAMES = Loops(
     "sampled frames",
     (
-        "normals._fill",
-        *("ladar.waveforms.part_noise", "ladar.waveforms.put_magnitudes"),
+        *("normals.put_streams", "normals.draw_run", "normals.draw_places"),
+        "ladar.waveforms.put_magnitudes",
         "ladar.waveforms.add_in_turn",
     ),
     _sample,

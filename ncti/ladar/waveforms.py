@@ -12,42 +12,9 @@ Places = NDArray[np.int64]
 
 
 @compiled
-def part_noise(
-    normals: Singles,
-    begin: Places,
-    end: Places,
-    of_even: tuple[int, int],
-    of_odd: tuple[int, int],
-    even: Singles,
-    odd: Singles,
-) -> None:
-    """Sort the normals of the noise into those of even and of odd rows of its factor.
-
-    Parameters
-    ----------
-    normals : (frame, normal) float32 ndarray
-        Standard normals of each frame.
-    begin, end : (quadrature,) int64 ndarray
-        First normal of the noise of each quadrature of each IFOV, and one past the last.
-    of_even, of_odd : (int, int)
-        First normal of a quadrature that belongs to an even or odd row, and step to the next.
-    even, odd : (frame, quadrature, row) float32 ndarray
-        Output.
-    """
-    for frame in range(even.shape[0]):
-        for quadrature in range(even.shape[1]):
-            drawn = normals[frame, begin[quadrature] : end[quadrature]]
-            for half, (first, step) in ((even, of_even), (odd, of_odd)):
-                row = half[frame, quadrature]
-                for k in range(row.size):
-                    row[k] = drawn[first + k * step]
-
-
-@compiled
 def put_magnitudes(
     noise: tuple[Singles, Singles],
     normals: Singles,
-    speckle: Places,
     first: Places,
     target: tuple[Places, Singles, Places],
     response: Singles,
@@ -60,10 +27,8 @@ def put_magnitudes(
     noise : two (frame, quadrature, half) float32 ndarrays
         Even and odd part of the noise in the lower half of the window, a middle bin included;
         two quadratures per IFOV.
-    normals : (frame, normal) float32 ndarray
-        Standard normals of each frame.
-    speckle : (quadrature,) int64 ndarray
-        First normal of the speckle of each quadrature.
+    normals : (frame, 2, place) float32 ndarray
+        Standard normals of the speckle of each occupied bin, from ``first[0]`` on, two quadratures.
     first : (ifov + 1,) int64 ndarray
         Start of the occupied bins of each IFOV in the arrays of `target`.
     target : three (place,) ndarrays
@@ -90,8 +55,8 @@ def put_magnitudes(
                 for n in range(half):
                     lower[n] = same[n] + turned[n]
             start, stop = first[ifov], first[ifov + 1]
-            drawn = normals[frame, speckle[2 * ifov] :]
-            drawn_other = normals[frame, speckle[2 * ifov + 1] :]
+            drawn = normals[frame, 0, start - first[0] :]
+            drawn_other = normals[frame, 1, start - first[0] :]
             # Speckle: every occupied bin adds the response of the pulse, as far as it reaches. Bins
             # are taken in pairs, which halves the loads and stores of the field. The last of an
             # odd number is paired with itself at amplitude zero.

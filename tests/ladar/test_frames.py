@@ -1,5 +1,8 @@
 """Frames do not depend on how many are drawn with them, and are those of the plain computation."""
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -8,6 +11,7 @@ from scipy import stats
 
 from ncti import ladar
 from ncti.ladar.pulse import noise_covariance, noise_factor, target_kernel
+from ncti.normals import draw_key, draw_places, put_streams
 
 COUNTS = st.integers(1, 100)
 
@@ -88,21 +92,59 @@ def test_averages_that_cannot_be_are_refused(counts, message):
         ladar.cumulative_average(blocks_of(40), counts)
 
 
+def assert_equal_but_for_rounding(found, wanted):
+    """A field is a sum of some hundred terms: some ten units in the last place of the largest."""
+    assert np.abs(found - wanted).max() < 16 * np.finfo(np.float32).eps * wanted.max()
+
+
+@pytest.mark.parametrize("target_free_ifovs", [0, 3, 4000])
+def test_a_bin_more_leaves_all_normals_where_they_were(target_free_ifovs):
+    seen = extent(bins=64, ifovs=2)
+    whole = drawn(seen, 9, target_free_ifovs=target_free_ifovs)
+    for bin_ in np.flatnonzero(seen.fraction[0] == 0)[[0, -1]]:
+        fraction = seen.fraction.copy()
+        fraction[0, bin_] = 1e-30
+        more = drawn(replace(seen, fraction=fraction), 9, target_free_ifovs=target_free_ifovs)
+        assert_equal_but_for_rounding(more, whole)
+
+
+@pytest.mark.parametrize("receiver", ["full_profile", "first_pulse", "peak_pulse"])
+def test_an_ifov_more_adds_its_own_waveform_alone(receiver):
+    seen = extent(bins=64, ifovs=40)
+    whole, alone, without = (
+        drawn(
+            replace(seen, fraction=seen.fraction[part], cell=seen.cell[part]), 9, receiver=receiver
+        )
+        for part in (slice(None), slice(17, 18), np.arange(40) != 17)
+    )
+    assert_equal_but_for_rounding(without + alone, whole)
+
+
+def normals(key, frame, cell, numbers):
+    """The normals of two quadratures at some numbers of one stream."""
+    stream, out = np.empty((1, 1), dtype=np.uint64), np.empty((1, 2, len(numbers)), np.float32)
+    put_streams(key, frame, np.array([cell]), stream)
+    draw_places(key, stream, np.array([0, len(numbers)]), numbers, out)
+    return out[0]
+
+
 def plain_frames(seen, count, *, pulse_width, cnr, target_free_ifovs, rng):
     """Equations A and B in float64: every bin of every IFOV, by one product with whole factors."""
     bins = seen.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": seen.bin_width, "bin_count": bins}
-    noise = noise_factor(**pulse).astype(float)
-    factors = [noise] * target_free_ifovs
-    for beta in seen.density[::-1]:
-        occupied = beta > 0
-        speckle = np.sqrt(cnr * beta[occupied])[:, None] * target_kernel(**pulse)[occupied]
-        factors.insert(0, np.concatenate([speckle, noise]))
+    rows = noise_factor(**pulse).astype(float)[::-1]  # even ones are the first and every second
+    noise = np.concatenate([rows[0::2][::-1], rows[1::2][::-1]])
+    key = draw_key(rng)
+    ifovs = list(zip(seen.density, seen.cell, strict=True))
+    nothing = np.zeros(bins)
+    ifovs += [(nothing, (n, ladar.frames.ELSEWHERE)) for n in range(target_free_ifovs)]
     drawn = np.zeros((count, bins))
-    for frame in drawn:
-        for factor in factors:
-            quadratures = rng.standard_normal((2, len(factor)), dtype=np.float32) @ factor
-            frame += np.hypot(*quadratures)
+    for frame, (beta, cell) in product(range(count), ifovs):
+        (occupied,) = np.nonzero(beta)
+        speckle = np.sqrt(cnr * beta[occupied])[:, None] * target_kernel(**pulse)[occupied]
+        numbers = np.concatenate([occupied, bins + np.arange(len(noise))])
+        quadratures = normals(key, frame, cell, numbers) @ np.concatenate([speckle, noise])
+        drawn[frame] += np.hypot(*quadratures)
     return drawn
 
 
@@ -110,15 +152,12 @@ def plain_frames(seen, count, *, pulse_width, cnr, target_free_ifovs, rng):
 @pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
 @pytest.mark.parametrize("cnr", [0.0, 1e3, 1e10])
 def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
-    """Of equal normals: the plain computation, but for the rounding of float32.
-
-    A field is a sum of some hundred terms: some ten units in the last place of the largest.
-    """
+    """Of equal normals: the plain computation, but for the rounding of float32."""
     seen = extent(bins=bins, ifovs=3)
     parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": 2}
     ours = ladar.sample_frames(seen, frame_count=5, rng=np.random.default_rng(8), **parameters)
     plain = plain_frames(seen, 5, rng=np.random.default_rng(8), **parameters)
-    assert np.abs(ours - plain).max() < 16 * np.finfo(np.float32).eps * plain.max()
+    assert_equal_but_for_rounding(ours, plain)
 
 
 @pytest.mark.parametrize("pulse_width", [1e-9, 1.8e-9, 30e-9, 1e-6])

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
+
 import numpy as np
 import pytest
 from commands import opened, swept
 
 import ncti.ships
-from ncti.ladar import RangeExtent
-from ncti.ladar.pulse import target_response
+from ncti.ladar import RangeExtent, sample_frames
+from ncti.ladar.pulse import target_kernel, target_response
 from ncti.ladar.reference import reference_range_extent
 from ncti.render import Sampling
 from ncti.render.view import ROLL
 from sweeps.stages import ladar, views
 from sweeps.stages.ships import ship_name
 
+View = namedtuple("View", ("ship", "aspect", "depression"))
 ASPECT, DEPRESSION = 20.3, 3.84  # a view in which the far field errs most
+TEXAS = View("texas", ASPECT, DEPRESSION)
 RANGES = (1.0, 25.0)  # [km]
 TOLERANCE = 1e-3
 PULSE = 30.0  # [ns]
@@ -23,13 +27,16 @@ PIXEL = 0.14  # of lines that start; an IFOV at 1 km is 0.15 m wide
 EDGES = np.arange(-125.0, 126.0)
 
 
-def drawn_in_sweeps(slant_range: float, tolerance: float = TOLERANCE) -> RangeExtent:
-    """Range extent of the texas at a range [km], by the stages of a sweep."""
-    hull = views.hull(ship_name("texas"))
-    drawn = views.drawn_range(hull, slant_range * 1e3, tolerance, "all")
+def drawn_in_sweeps(
+    slant_range: float, tolerance: float = TOLERANCE, *, view: View = TEXAS, skip: str = "all"
+) -> RangeExtent:
+    """Range extent of a ship at a range [km], by the stages of a sweep."""
+    hull = views.hull(ship_name(view.ship))
+    drawn = views.drawn_range(hull, slant_range * 1e3, tolerance, skip)
     how = (drawn, Sampling(views.LINES, PIXEL, 0, ROLL), (tolerance, PULSE * 1e-9, 1.0))
-    image = views.image(views.mesh(hull), ASPECT, DEPRESSION, *how)
-    return ladar.ifovs(ladar.extent(image, slant_range=slant_range * 1e3), ASPECT, ASPECT)
+    image = views.image(views.mesh(hull), view.aspect, view.depression, *how)
+    extent = ladar.extent(image, slant_range=slant_range * 1e3)
+    return ladar.ifovs(extent, view.aspect, view.aspect)
 
 
 def after_pulse(extent: np.ndarray) -> np.ndarray:
@@ -72,3 +79,22 @@ def test_the_error_that_a_sweep_states_covers_the_truth_at_any_range(stored, sla
     assert float(view.profile_error) == pytest.approx(extent.error_after(PULSE * 1e-9), rel=1e-6)
     assert truth <= float(view.profile_error) <= TOLERANCE
     assert int(view.within_tolerance) == 1
+
+
+@pytest.mark.parametrize("aspect", [17.3, 342.7])
+def test_noise_does_not_know_which_bins_a_drawing_occupies(aspect):
+    """Frames of the horne at 900 km, shared far field and drawn there, differ as their fields do.
+
+    A waveform moves by no more than its field. That is normal in each quadrature, and more than
+    six sigma in one of 32 frames, 250 bins and two IFOVs has probability 16,000 exp(-18).
+    """
+    horne, cnr = View("horne", aspect, 0.0), 20.0
+    far, near = (drawn_in_sweeps(900.0, 1e-2, view=horne, skip=skip) for skip in ("all", "none"))
+    assert np.count_nonzero(far.fraction) != np.count_nonzero(near.fraction)
+    signal = {"pulse_width": PULSE * 1e-9, "cnr": cnr, "frame_count": 32, "target_free_ifovs": 4000}
+    found, wanted = (sample_frames(e, rng=np.random.default_rng(1), **signal) for e in (far, near))
+    kernel = target_kernel(pulse_width=PULSE * 1e-9, bin_width=1.0, bin_count=250)
+    moved = np.sqrt(cnr) * (np.sqrt(far.density) - np.sqrt(near.density))
+    sigma = np.sqrt(moved**2 @ kernel**2).max(axis=1).sum()
+    assert sigma < 1e-3
+    assert np.abs(found - wanted).max() < 6 * sigma
