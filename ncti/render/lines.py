@@ -22,9 +22,6 @@ Floats = NDArray[np.float64]
 STRANDS = 16
 """Strands of a view, each of every sixteenth line, that its error is estimated from."""
 
-CHORD = 1e-4
-"""Share of a range bin within which the chords of a bent wavefront stay."""
-
 
 @dataclass(frozen=True, eq=False)
 class LineImage:
@@ -186,8 +183,9 @@ class LineImage:
 
         Notes
         -----
-        Exact along lines: a piece is cut at the borders of cells, and covers the ranges between
-        its ends evenly. Where wavefront or perspective bend it, chords stay within 1e-4 of a bin.
+        Exact along lines: a piece is cut at the borders of cells, and where it passes from a bin
+        to the next. Plane waves cut it evenly; spheres about the sensor, where a wavefront bends,
+        at the roots of a quadratic equation.
         """
         from ncti.render.pieces import Depths, Grid, Parts, bin_pieces  # numba takes long to import
 
@@ -200,7 +198,6 @@ class LineImage:
         depths = Depths(
             self.curvature,
             1.0 / reach if reach and curved else 0.0,
-            np.sqrt(1 / (8 * CHORD * reach * bin_width)) if reach and curved else 0.0,
             float(near),
             float(bin_width),
             int(bin_count),

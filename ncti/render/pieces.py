@@ -69,9 +69,6 @@ class Depths(NamedTuple):
         1 / slant range of the view [1/m], 0 in the far field: w = 1 / (1 - curvature q).
     wavefront : float
         1 / slant range to which down-range is reckoned, 0 for plane waves.
-    per_chord : float
-        1 / the length of a piece, along the line or down-range, over which its range counts as
-        linear [1/m].
     edge : float
         Down-range of the first bin's edge [m].
     bin_width : float
@@ -82,7 +79,6 @@ class Depths(NamedTuple):
 
     curvature: float
     wavefront: float
-    per_chord: float
     edge: float
     bin_width: float
     bins: int
@@ -108,6 +104,17 @@ def down_range(q: Any, x: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
         w = 1.0 + curvature * r
         r += sagitta(r, (x * x + y * y) * w * w, wavefront)
     return r
+
+
+@inlined
+def nearest_place(q: Any, slope: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
+    """Return where on a line through q at x = 0 a surface is nearest; nowhere for plane waves."""
+    if wavefront == 0.0:
+        return np.inf
+    if curvature > 0.0:
+        square = y * y * wavefront * wavefront
+        return -slope * (1.0 + square) / (wavefront * (1.0 - curvature * q))
+    return -slope * (1.0 + wavefront * q) / (wavefront * (1.0 + slope * slope))
 
 
 @compiled
@@ -251,6 +258,51 @@ def spread_over(
         strands[strand, n] += last_part
 
 
+@inlined
+def spread_along(
+    area: Floats,
+    into: Any,
+    strands: Floats,
+    strand: Any,
+    weight: float,
+    high: float,
+    before: float,
+    after: float,
+    start: tuple[float, float, float, float],
+    depths: Depths,
+) -> None:
+    """Add a part of a line to the bins between two ranges [bin]; range turns nowhere between.
+
+    `start` is where it begins: the place, r and q there, and the slope of q along the line. Range
+    is e at X beyond it where p X^2 + 2 h X + c = 0, the equation of a sphere about the sensor.
+    """
+    curvature, wavefront, edge, bin_width, _ = depths
+    low, r, q, slope = start
+    m, n = int(before), int(after)
+    done, length = 0.0, high - low
+    towards, side = (1, 1) if n > m else (-1, 0)
+    while m != n:
+        e = edge - ON_EDGE + (m + side) * bin_width
+        c = (r - e) * (2.0 + wavefront * (r + e))
+        if curvature > 0.0:
+            w, grown = 1.0 - curvature * q, (1.0 + curvature * e) ** 2 * slope
+            c *= w * w
+            p, h = wavefront * (1.0 - grown * slope), wavefront * low + grown * w
+        else:
+            p = wavefront * (1.0 + slope * slope)
+            h = wavefront * low + slope * (1.0 + wavefront * q)
+        root = np.sqrt(max(h * h - p * c, 0.0))
+        to = min(-c / (h + towards * root), length)
+        if not to > done:  # rounding, or 0 / 0 where it begins on the edge
+            to = done
+        area[into, m] += weight * (to - done)
+        strands[strand, m] += weight * (to - done)
+        done = to
+        m += towards
+    area[into, m] += weight * (length - done)
+    strands[strand, m] += weight * (length - done)
+
+
 @compiled
 def bin_pieces(
     line: NDArray[np.int32],
@@ -279,7 +331,7 @@ def bin_pieces(
     cell, area, strands, reach
         As of `Parts`. What lies beyond the bins is in the first and the last.
     """
-    curvature, wavefront, per_chord, edge, bin_width, bins = depths
+    curvature, wavefront, edge, bin_width, bins = depths
     per_bin, last_bin = 1.0 / bin_width, bins - 1e-9
     edge -= ON_EDGE
     cos, sin = grid.turn[0] / grid.side, grid.turn[1] / grid.side
@@ -303,37 +355,41 @@ def bin_pieces(
         slope = (piece[p, 3] - piece[p, 2]) / (end - begin)
         low = begin
         if not (begin == x and piece[p, 2] == q and y == y_before):
-            r = down_range(piece[p, 2], low, y, curvature, wavefront)
+            q = piece[p, 2]
+            r = down_range(q, low, y, curvature, wavefront)
             reach = max(reach, abs(r))
             before = min(max((r - edge) * per_bin, 0.0), last_bin)
         y_before = y
+        nearest = nearest_place(piece[p, 2] - slope * begin, slope, y, curvature, wavefront)
         while True:
             high, onward = end, goal
             if at != goal:
                 high, onward = border(at, goal, columns, y, (cos, sin), (from_left, from_bottom))
                 high = min(max(high, low), end)
             into = number[at]
-            # A bent wavefront in pieces short enough to be straight.
-            # Seen from near by, range is no linear function along a line either: a level deck of
-            # which a line crosses a metre may be a hundred metres deep.
-            parts, step = 1, high - low
-            if per_chord > 0.0:
-                stretch = max(1.0, abs(slope)) if curvature > 0.0 else 1.0
-                if stretch * step * per_chord >= 1.0:
-                    parts += int(stretch * step * per_chord)
-                    step /= parts
-            share = step * weight[p]
-            for s in range(1, parts + 1):
-                x = low + s * step
+            # Range falls along a line up to its nearest place, and grows from there on.
+            x = nearest if low < nearest < high else high
+            while True:
+                start = (low, r, q, slope)
                 q = piece[p, 3] if x >= end else piece[p, 2] + slope * (x - begin)
                 r = down_range(q, x, y, curvature, wavefront)
                 reach = max(reach, abs(r))
-                r = min(max((r - edge) * per_bin, 0.0), last_bin)
-                spread_over(area, into, strands, strand, share, min(before, r), max(before, r))
-                before = r
+                after = min(max((r - edge) * per_bin, 0.0), last_bin)
+                if wavefront > 0.0:
+                    spread_along(
+                        area, into, strands, strand, weight[p], x, before, after, start, depths
+                    )
+                else:
+                    share = (x - low) * weight[p]
+                    near, far = min(before, after), max(before, after)
+                    spread_over(area, into, strands, strand, share, near, far)
+                before, low = after, x
+                if x == high:
+                    break
+                x = high
             if at == goal:
                 break
-            at, low = onward, high
+            at = onward
     # Without what rounding alone puts into a cell.
     cell, kept = cells_seen(number, area, (left, bottom), columns, NOTHING * spacing**2)
     return cell, kept, strands, reach

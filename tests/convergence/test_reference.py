@@ -94,6 +94,20 @@ def test_outline_of_a_box_at_a_finite_range(aspect, depression, slant_range):
     assert found.area.sum() == pytest.approx(ConvexHull(corners).volume, abs=GRID_AREA)
 
 
+@pytest.mark.parametrize(("slant_range", "width"), [(31e3, 0.003), (1e3, 0.05)])
+def test_plate_across_the_line_of_sight_is_cut_along_circles(slant_range, width):
+    """The range of a corner at s is that of the middle and s^2 / 2R: bins are rings."""
+    plate = rectangle(-30.0, 30.0, -30.0, 30.0, 0.0, **VIEW)
+    edges = width * (np.arange(30) - 0.37)
+    radius = np.sqrt(np.maximum((slant_range + edges) ** 2 - slant_range**2, 0.0))
+    disc = np.pi * radius**2
+    edges, disc = edges[radius < 30.0], disc[radius < 30.0]
+    bins = np.append(edges, 2.0)
+    found = reference_range_extent(plate, **VIEW, bin_edges=bins, slant_range=slant_range).area[0]
+    expected = np.diff(disc, append=3600.0)
+    assert np.abs(found - expected).sum() <= 1e-5 * 3600.0
+
+
 def boxes_at_odds() -> list[trimesh.Trimesh]:
     rng = np.random.default_rng(5)
     solids = []
