@@ -60,6 +60,15 @@ def test_the_source_s_own_experiments_are_asked_for():
     assert values_of(chosen("+experiment=table5"), "grid.vigilance") == (SILHOUETTES["vigilance"],)
 
 
+@pytest.mark.parametrize("name", ["paper", "draws", "table2", "table4"])
+def test_the_article_s_protocol_learns_and_tests_ships_at_the_corner_of_an_ifov(name):
+    choices = chosen(f"+experiment={name}")
+    assert values_of(choices, "ladar.place") == ("corner",)
+    if "likelihood" in values_of(choices, "classifier.name"):
+        assert values_of(choices, "classifier.template_places") == (0,)  # by number
+    assert values_of(chosen("+experiment=fresh"), "ladar.place") == ("random",)
+
+
 def test_the_library_s_own_defaults_are_the_same():
     def default(function, name):
         return inspect.signature(function).parameters[name].default
