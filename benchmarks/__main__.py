@@ -18,6 +18,7 @@ from benchmarks import (
     classification,
     classifiers,
     convergence,
+    coverage,
     dataset,
     design,
     engine,
@@ -97,6 +98,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "design": lambda asked: design.measure(),
     "operate": lambda asked: operate.measure(),
     "results": lambda asked: results.measure(results.Sizes(asked.seeds, parts=tuple(asked.part))),
+    "coverage": lambda asked: coverage.measure(),
     "benchmark": lambda asked: splits.measure(),
     "history": lambda asked: history.record(repeats=asked.repeats),
 }
@@ -156,6 +158,7 @@ MEANINGS = {
     "fits": "the eight of docs/reproduction.md together",
     "operate": "what sensor suffices: shortcuts, what is left open, and Sobol indices",
     "results": "every figure of README.md and docs/results.md, as means over --seeds",
+    "coverage": "coverage of the intervals of these means, by repeats of the procedure",
     "benchmark": "classifiers on splits, as means over ten seeds, and the ranking by three others",
     "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
     "all": "everything but history, which takes long",

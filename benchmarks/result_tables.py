@@ -12,7 +12,6 @@ import xarray as xr
 from benchmarks.repeated import at, bins_of, multiples, over_seeds, percent_of
 from benchmarks.reports import Column, Report
 from ncti.evaluate import Scores, open_set_scores, score
-from sweeps.stages.classifier import LARGEST
 
 RANGES, SPACINGS, STEP = (25, 50, 100), (1.5, 3, 6), 1.5
 
@@ -514,28 +513,43 @@ def unknown(
     return {"unknown": Report("Unknown ships", columns, rows)}
 
 
-def left_out(answers: Mapping[str, Mapping[float | None, Answers]]) -> dict[str, Report]:
-    """Return what is kept of three ships where the fourth is unknown, at 100 km.
+def pairs(answers: Mapping[tuple[str, str], Mapping[int, Answers]]) -> dict[str, Report]:
+    """Return what is kept of four ships where the other two of six are unknown, at 100 km.
 
-    Of answers by the ship left out and the smallest size of the ships that are generated, None
-    without them.
+    By the pair that is unknown and the number of ships generated of each one learned.
     """
-    rows = []
-    for least in next(iter(answers.values())):
-        kept = {
-            ship: [
-                open_set(one["classification/likelihood"], (ship,))["kept"]
-                for one in of_ship[least]
+    numbers = list(next(iter(answers.values())))
+    kept = {
+        number: np.array(
+            [
+                [open_set(one["classification/likelihood"], pair)["kept"] for one in found[number]]
+                for pair, found in answers.items()
             ]
-            for ship, of_ship in answers.items()
-        }
-        sizes = "none" if least is None else f"sizes {least:.2g} to {LARGEST:g}"
-        row = {"what": sizes, "mean": text_of(np.mean(list(kept.values()), axis=0))}
-        rows.append(row | {ship: text_of(values) for ship, values in kept.items()})
-    seeds = len(next(iter(next(iter(answers.values())).values())))
-    columns = (
-        Column("what", f"ships generated, mean of {seeds} seeds [95 % interval]"),
-        *(Column(ship, f"{ship.title()} unknown") for ship in answers),
-        Column("mean", "mean of the four"),
+        )
+        for number in numbers
+    }
+    rows = [
+        {"what": " and ".join(name.title() for name in pair)}
+        | {str(number): text_of(kept[number][k]) for number in numbers}
+        for k, pair in enumerate(answers)
+    ]
+    rows.append(
+        {"what": "mean of all pairs"}
+        | {str(number): text_of(kept[number].mean(axis=0)) for number in numbers}
     )
-    return {"left_out": Report("Known ships left out in turn", columns, rows)}
+    spread = {number: kept[number].mean(axis=1) for number in numbers}
+    rows.append(
+        {"what": "standard deviation of pairs [lowest-highest]"}
+        | {
+            str(number): f"{of.std(ddof=1):.0f} [{of.min():.0f}-{of.max():.0f}]"
+            for number, of in spread.items()
+        }
+    )
+    columns = (
+        Column("what", f"unknown ships, mean of {kept[numbers[0]].shape[1]} seeds [95 % interval]"),
+        *(
+            Column(str(number), f"{number} generated of each ship learned" if number else "none")
+            for number in numbers
+        ),
+    )
+    return {"pairs": Report("Every pair of six ships unknown", columns, rows)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import xarray as xr
@@ -36,8 +37,8 @@ from benchmarks.result_tables import (
     Answers,
     categories,
     fusion,
-    left_out,
     new_aspects,
+    pairs,
     places,
     prior_knowledge,
     protocol,
@@ -131,7 +132,8 @@ CLASSES = {
 }
 """Lengths overall [m] of frigates, destroyers and cruisers of the U.S. Navy about 1980, as they are
 published, without the classes of the unknown ships: Knox and Oliver Hazard Perry."""
-LEAST_SIZES = (1 / LARGEST, SMALLEST)  # of generated ships
+SIX = (*ARTICLE, *UNKNOWN_SHIPS)
+PAIRS = tuple(combinations(SIX, 2))
 
 
 def of_unknown(*alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS) -> tuple[str, ...]:
@@ -142,10 +144,9 @@ def of_unknown(*alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS) -> tup
     return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(absent)}]", *given
 
 
-def generated(learned: Sequence[str], number: int, least: float) -> list[str]:
-    """Return the ships that are generated of those learned, of sizes from a smallest one on."""
-    ships = {str(name): Variant.read(name) for name in generated_ships(learned, number)}
-    return [name for name, made in ships.items() if made and made.size >= least]
+def of_pair(pair: Sequence[str]) -> tuple[str, ...]:
+    """Return the ships of a sweep in which two of six are unknown."""
+    return f"grid.ship=[{','.join(SIX)}]", f"classifier.unknown=[{','.join(pair)}]"
 
 
 def as_long(number: int, low: float, high: float) -> list[str]:
@@ -220,6 +221,8 @@ class Sizes:
         Learned aspects where unknown ships are rejected [deg].
     generated : int
         Number of ships that are generated of each one learned, to stand for unknown ones.
+    pairs : tuple of (str, str)
+        Ships of the six that are unknown together.
     """
 
     seeds: int
@@ -231,6 +234,7 @@ class Sizes:
     workers: ClusterChoice = WORKERS
     finest: tuple[float, ...] = FINEST
     generated: int = GENERATED
+    pairs: tuple[tuple[str, str], ...] = PAIRS
 
     def alone(
         self, overrides: Sequence[str], groups: Sequence[str], label: str
@@ -390,22 +394,18 @@ def measure(sizes: Sizes) -> dict[str, Report]:
             against,
             themselves,
         )
-        made |= left_out(
+        made |= pairs(
             {
-                ship: {
-                    least: sizes.rejecting(
-                        [*FAR, *of_unknown(*alternative, unknown=[ship])],
+                pair: {
+                    number: sizes.rejecting(
+                        [*FAR, *of_pair(pair), f"classifier.generated={number}"],
                         CLASSIFIERS[2:],
-                        f"{ship} left out, {len(alternative)} generated",
+                        f"{' and '.join(pair)} unknown, {number} generated of each",
                         SOURCE_STEP,
                     )
-                    for least, alternative in (
-                        (None, []),
-                        *((low, generated(others, sizes.generated, low)) for low in LEAST_SIZES),
-                    )
+                    for number in (0, sizes.generated)
                 }
-                for ship in ARTICLE
-                for others in [[other for other in ARTICLE if other != ship]]
+                for pair in sizes.pairs
             }
         )
     if "flights" in parts:

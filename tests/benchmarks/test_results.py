@@ -7,7 +7,7 @@ import pytest
 from once import sharing_ships
 from scipy import stats
 
-from benchmarks import pages, repeated, result_flights, results
+from benchmarks import coverage, pages, repeated, result_flights, results
 from benchmarks.repeated import bins_of, multiples, over_seeds
 from benchmarks.sweeping import choices_of
 from sweeps.engine.cluster import ClusterChoice
@@ -34,6 +34,23 @@ def test_bins_and_multiples_of_a_step():
     assert multiples(aspect, 1.5).tolist() == [True, True, False, True, True, False, True]
 
 
+@pytest.mark.parametrize(("factor", "least", "most"), [(1.0, 93.0, 97.0), (0.5, 0.0, 80.0)])
+def test_coverage_is_that_of_independent_seeds_and_shows_intervals_that_are_too_narrow(
+    factor, least, most, monkeypatch
+):
+    """Of 1,600 repeats of normal draws: 95 %, +- 2 at five standard errors; half as wide, 66 %."""
+    percent = np.random.default_rng(3).normal(50, 4, (1600, 20))
+    plain = coverage.over_seeds
+
+    def narrow(values, **how):
+        found = plain(values, **how)
+        low, high = (found.mean + factor * (end - found.mean) for end in (found.low, found.high))
+        return repeated.Interval(found.mean, low, high)
+
+    monkeypatch.setattr(coverage, "over_seeds", narrow)
+    assert least <= 100 * coverage.covered(percent, views=40) <= most
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """All tables but those of flights, from tiny sweeps of two seeds."""
@@ -41,7 +58,8 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(repeated, "cache_folder", lambda: sharing_ships(folder))
         inline = ClusterChoice(kind="inline")
-        sizes = results.Sizes(2, 2, TINY, ENDS, 1, WITHOUT_FLIGHTS, inline, ENDS, generated=1)
+        small = {"finest": ENDS, "generated": 1, "pairs": results.PAIRS[-1:]}
+        sizes = results.Sizes(2, 2, TINY, ENDS, 1, WITHOUT_FLIGHTS, inline, **small)
         return results.measure(sizes)
 
 
