@@ -35,6 +35,7 @@ def store(tmp_path_factory, cache):
         *(f"grid.range={RANGE}", f"grid.frame_count={list(FRAMES)}", "sensor=both", "seed=5"),
         *(f"ladar.target_free_ifovs={FREE}", f"render.tolerance={ACCURACY}"),
         *("infrared.subpixel_offsets=1", "infrared.orders=1", "classifier.name=acn"),
+        "ladar.place=corner",
     )
     return path
 
