@@ -30,7 +30,7 @@ from ncti.ladar import (
     sample_frames,
 )
 from ncti.ladar.moments import magnitude_covariance
-from ncti.ladar.pulse import low_rank_factor, noise_covariance, noise_factor, target_kernel
+from ncti.ladar.pulse import low_rank_factor, noise_covariance, target_kernel
 from ncti.render import range_image
 
 Floats = NDArray[Any]
@@ -122,9 +122,11 @@ def frame_calls(extent: RangeExtent, pulse_width: float, frame_count: int) -> Ca
     signal: dict[str, Any] = {"pulse_width": pulse_width, "frame_count": frame_count, "rng": rng}
     pulse: dict[str, Any] = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
     bins = extent.down_range.size
-    noise, kernel = noise_factor(**pulse, bin_count=bins), target_kernel(**pulse, bin_count=bins)
-    exact = magnitude_covariance(noise_covariance(**pulse, bin_count=bins))
-    floor = low_rank_factor(exact, tolerance=1e-6)
+    kernel, covariance = (of(**pulse, bin_count=bins) for of in (target_kernel, noise_covariance))
+    noise, floor = (
+        low_rank_factor(each, tolerance=1e-6)
+        for each in (covariance, magnitude_covariance(covariance))
+    )
     taken = len(floor) + 2 * sum(len(noise) + np.count_nonzero(f) for f in extent.fraction)
     buffer = np.empty((min(frame_count, 32), taken), dtype=np.float32)
 

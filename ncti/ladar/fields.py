@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from ncti.ladar.extent import RangeExtent
 from ncti.ladar.pulse import (
-    low_rank_factor,
+    mirrored_factors,
     noise_by_lag,
-    noise_covariance,
-    noise_factor,
     target_kernel,
 )
 
@@ -68,12 +66,9 @@ def _response(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArra
 
 
 class Noise(NamedTuple):
-    """`noise_factor` split into rows even and odd about the middle of the window.
+    """Factor of the filtered noise: rows even and odd about the middle of the window.
 
-    The covariance is symmetric about the middle and, like every Gaussian kernel, strictly totally
-    positive, so the eigenvector of the n-th largest eigenvalue has n - 1 changes of sign
-    (Gantmacher and Krein, Oscillation Matrices and Kernels, 1950, chapter II): even and odd rows
-    alternate. Products with the two halves take half the multiplications of the full product.
+    Products with the two halves take half the multiplications of the full product.
     """
 
     bins: int
@@ -83,26 +78,9 @@ class Noise(NamedTuple):
     @classmethod
     @lru_cache(maxsize=32)
     def of(cls, *, pulse_width: float, bin_width: float, bin_count: int) -> Noise:
-        """Return the noise of a pulse, split into even and odd rows."""
-        pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
-        half = (bin_count + 1) // 2
-        factor = noise_factor(**pulse, bin_count=bin_count)
-        # Eigenvalues ascend: the last row belongs to the largest one and is even.
-        last = len(factor) - 1
-        even, odd = factor[last % 2 :: 2], factor[1 - last % 2 :: 2]
-        mixed = max(
-            np.abs(even - even[:, ::-1]).max(initial=0.0),
-            np.abs(odd + odd[:, ::-1]).max(initial=0.0),
-        )
-        if mixed > 1e-6 * np.abs(factor).max():
-            # Of very short pulses bins are independent: eigenvalues coincide and their
-            # eigenvectors may be mixed. Even and odd parts are then decomposed separately.
-            covariance = noise_covariance(**pulse, bin_count=bin_count)
-            direct, across = covariance[:half, :half], covariance[:half, ::-1][:, :half]
-            even = low_rank_factor((direct + across) / 2, tolerance=1e-6)
-            odd = low_rank_factor((direct - across) / 2, tolerance=1e-6)
-        even, odd = (np.ascontiguousarray(part[:, :half]) for part in (even, odd))
-        return cls(bin_count, even, odd)
+        """Return the noise of a pulse."""
+        by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+        return cls(bin_count, *mirrored_factors(by_lag, tolerance=1e-6))
 
 
 class Waveforms:

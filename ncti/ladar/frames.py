@@ -14,8 +14,8 @@ from ncti.checks import require, require_generator
 from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import RangeExtent
 from ncti.ladar.fields import ROWS_AT_ONCE, Noise, Speckle, Waveforms
-from ncti.ladar.moments import magnitude_covariance
-from ncti.ladar.pulse import low_rank_factor, noise_covariance, noise_floor
+from ncti.ladar.moments import floor_by_lag, floor_reach
+from ncti.ladar.pulse import noise_by_lag, noise_floor
 from ncti.ladar.receivers import FALSE_ALARM, detect
 
 # Number of target-free IFOVs from which their sum is drawn as one Gaussian process: the sum of 100
@@ -206,37 +206,28 @@ def frame_blocks(
         )
     # Imported here because numba is slow to import.
     from ncti.ladar.waveforms import add_in_turn
-    from ncti.normals import draw_key, draw_run, put_streams
+    from ncti.normals import draw_key
 
     noise = Noise.of(**pulse, bin_count=bins)
-    floor = np.zeros((0, bins), dtype=np.float32)
-    if as_sum:
-        floor = _floor_factor(**pulse, bin_count=bins)
     alone = 0 if as_sum else target_free_ifovs
     speckle = Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=alone)
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
-    detected(floor)  # checks its parameters
+    detected(np.zeros((0, bins), dtype=np.float32))  # checks its parameters
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
     key = draw_key(rng)
-    elsewhere = np.stack([np.arange(max(alone, 1)), np.full(max(alone, 1), ELSEWHERE)], axis=1)
-    cell = np.concatenate([extent.cell, elsewhere[:alone]])
+    elsewhere = np.stack([np.arange(alone), np.full(alone, ELSEWHERE)], axis=1)
+    cell = np.concatenate([extent.cell, elsewhere])
 
     def blocks() -> Iterator[NDArray[np.float64]]:
         """Yield the blocks, from normals and waveforms in memory that is reused."""
         waveforms = Waveforms(noise, speckle, key=key, cell=cell)
-        normals = np.zeros((ROWS_AT_ONCE, 2, -(-len(floor) // 2)), dtype=np.float32)
-        streams = np.empty((ROWS_AT_ONCE, 1), dtype=np.uint64)
+        floor = _TargetFree(**pulse, bin_count=bins, key=key) if as_sum else None
         for first in range(0, frame_count, FRAMES_AT_ONCE):
             block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
             for part in range(0, len(block), ROWS_AT_ONCE):
                 some = block[part : part + ROWS_AT_ONCE]
-                # The target-free IFOVs, as one Gaussian process.
-                if as_sum:
-                    put_streams(key, first + part, elsewhere, streams[: len(some)])
-                    # Rows that are not drawn keep old values, which do not affect the others.
-                    draw_run(key, streams[: len(some)], 0, normals)
-                    sums = normals.reshape(ROWS_AT_ONCE, -1)[:, : len(floor)] @ floor
-                    some += math.sqrt(target_free_ifovs) * sums[: len(some)]
+                if floor:
+                    some += math.sqrt(target_free_ifovs) * floor.of(first + part, len(some))
                 # The other IFOVs, one by one: waveform, receiver, sum.
                 for amplitude in waveforms.of(first + part, len(some)):
                     add_in_turn(detected(amplitude), some)
@@ -318,8 +309,44 @@ def cumulative_average(
     return np.stack([averages[int(count)] for count in frame_counts])
 
 
+class _TargetFree:
+    """Deviation of the sum of target-free IFOVs from its mean, for one of them."""
+
+    def __init__(self, *, key: NDArray[np.uint64], bin_count: int, **pulse: float) -> None:
+        self.key, self.bins = key, bin_count
+        self.transfer = _floor_filter(**pulse, bin_count=bin_count)
+        self.normals = np.zeros((ROWS_AT_ONCE, 2, len(self.transfer) - 1), dtype=np.float32)
+
+    def of(self, first: int, frames: int) -> NDArray[np.float32]:
+        """Return (frame, bin) deviations of up to ROWS_AT_ONCE frames."""
+        # Imported here because scipy takes a tenth of a second, and numba is slow to import.
+        from scipy.fft import irfft, rfft
+
+        from ncti.normals import draw_run, put_streams
+
+        streams = np.empty((frames, 1), dtype=np.uint64)
+        put_streams(self.key, first, np.array([[0, ELSEWHERE]]), streams)
+        # Rows that are not drawn keep old values, which do not affect the others.
+        draw_run(self.key, streams, 0, self.normals)
+        white = self.normals.reshape(ROWS_AT_ONCE, -1)
+        sums: NDArray[np.float32] = irfft(rfft(white) * self.transfer, n=white.shape[1])
+        return sums[:frames, : self.bins]
+
+
 @lru_cache(maxsize=32)
-def _floor_factor(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
-    """Return a factor of the covariance between bins of the output of one target-free IFOV."""
-    noise = noise_covariance(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    return low_rank_factor(magnitude_covariance(noise), tolerance=1e-6)
+def _floor_filter(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
+    """Return the transfer function that gives white noise the covariance of a target-free IFOV.
+
+    Noise that is periodic over a window and the reach of its correlation has that covariance in
+    the window exactly (circulant embedding).
+    """
+    # Imported here because scipy takes a tenth of a second.
+    from scipy.fft import next_fast_len, rfft
+
+    pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
+    reach = floor_reach(**pulse)
+    half = next_fast_len(math.ceil(max(bin_count + reach, 2 * reach) / 2), real=True)
+    floor = floor_by_lag(noise_by_lag(**pulse, bin_count=half + 1))
+    spectrum = rfft(np.concatenate([floor, floor[-2:0:-1]])).real
+    transfer: NDArray[np.float32] = np.sqrt(np.maximum(spectrum, 0.0)).astype(np.float32)
+    return transfer

@@ -238,7 +238,7 @@ def banded_frame_moments(
     lags = _reach(filled / noise[0], n_z=n_z, bin_count=bins)
     covariance = np.zeros((lags, bins))
     covariance[0] = (2 - math.pi / 2) * (variance.sum(axis=0) + target_free_ifovs * noise[0])
-    floor = noise[0] * _bracket(np.square(noise[:lags] / noise[0]))  # of one target-free IFOV
+    floor = floor_by_lag(noise[:lags])  # of one target-free IFOV
     decay = np.array([math.exp(-2 * apart**2 / n_z**2) for apart in range(lags)])
 
     # Every lag: the floor's covariance times the number of IFOVs, plus the excess of the pairs of
@@ -308,6 +308,18 @@ def frame_variance(
     # Means squared of the target's part add up as the variances do.
     squares = (math.pi / 2) * power + (len(extent.density) + target_free_ifovs) * noise_floor() ** 2
     return (4 / math.pi - 1) * squares
+
+
+def floor_by_lag(noise: Floats) -> Floats:
+    """Return the covariance of the output of one target-free IFOV by lag, of `noise_by_lag`."""
+    floor: Floats = noise[0] * _bracket(np.square(noise / noise[0]))
+    return floor
+
+
+def floor_reach(*, pulse_width: float, bin_width: float) -> int:
+    """Return the lag from which on `floor_by_lag` is below NEGLIGIBLE times its variance."""
+    n_t = SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
+    return math.ceil(n_t * math.sqrt(-math.log(NEGLIGIBLE)) / 2)
 
 
 def _reached(

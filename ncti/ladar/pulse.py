@@ -18,6 +18,7 @@ SPEED_OF_LIGHT = 299_792_458.0  # m/s, exact
 MIN_BINS = 2.0
 
 SHORTEST, LONGEST = 1e-15, 1.0  # s; outside these limits the square of N_z leaves float64
+UNDECOMPOSED = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
 MOST_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
@@ -134,8 +135,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
             stacklevel=2,
         )
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
-    lag = np.subtract.outer(np.arange(bin_count), np.arange(bin_count))
-    kernel = np.exp(-4 * lag**2 / n_z**2) / math.sqrt(n_z)
+    kernel = _by_bins(np.exp(-4 * np.arange(bin_count) ** 2 / n_z**2) / math.sqrt(n_z))
     kernel.setflags(write=False)  # the cache returns the same array to every caller
     return kernel
 
@@ -181,7 +181,13 @@ def noise_covariance(
     array([0.627, 0.568, 0.422, 0.257])
     """
     by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    return by_lag[np.abs(np.subtract.outer(np.arange(bin_count), np.arange(bin_count)))]
+    return _by_bins(by_lag)
+
+
+def _by_bins(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (bin, bin) matrix of values that depend on the distance of two bins alone."""
+    bins = np.arange(by_lag.size)
+    return by_lag[np.abs(np.subtract.outer(bins, bins))]
 
 
 def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
@@ -238,31 +244,39 @@ def noise_floor() -> float:
     return (math.pi**3 / 32) ** 0.25
 
 
-@lru_cache(maxsize=32)
-def noise_factor(
-    *, pulse_width: float, bin_width: float, bin_count: int, tolerance: float = 1e-6
-) -> NDArray[np.float32]:
-    """Return a low-rank factor F of the noise covariance, F.T @ F.
+def mirrored_factors(
+    by_lag: NDArray[np.float64], *, tolerance: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the rows of a factor of a stationary covariance that are even, and odd, by halves.
 
     Parameters
     ----------
-    pulse_width, bin_width, bin_count
-        See `target_kernel`.
+    by_lag : (bin,) float64 ndarray
+        Covariance of two bins by their distance, as of `noise_by_lag`.
     tolerance : float
-        Eigenvalues up to this, relative to the largest, are dropped.
+        See `low_rank_factor`.
 
     Returns
     -------
-    (rank, bin) float32 ndarray
-        Read-only. z @ F, z standard normal, has the noise covariance.
+    even, odd : (rank, half) float32 ndarray
+        Rows in the lower half of the window, a middle bin included, which is 0 in odd ones. Rows
+        F of the whole window, each with its mirror image or the negative of it, have the
+        covariance F.T @ F.
 
     Notes
     -----
-    The matched filter limits the band, so the noise in 250 bins of 1 m has far fewer degrees of
-    freedom than bins: about 500 sqrt(2 ln(1/tolerance)) / (pi N_t).
+    Such a covariance is symmetric about the middle of the window, too, so that its eigenvectors
+    are even or odd about it. The matched filter limits the band: the noise of 250 bins of 1 m has
+    far fewer degrees of freedom than bins, about 500 sqrt(2 ln(1/tolerance)) / (pi N_t).
     """
-    covariance = noise_covariance(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    return low_rank_factor(covariance, tolerance=tolerance)
+    bins = by_lag.size
+    half = np.arange((bins + 1) // 2)
+    direct = _by_bins(by_lag[: half.size])
+    across = by_lag[bins - 1 - np.add.outer(half, half)]
+    return (
+        low_rank_factor((direct + across) / 2, tolerance=tolerance),
+        low_rank_factor((direct - across) / 2, tolerance=tolerance),
+    )
 
 
 def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDArray[np.float32]:
@@ -279,9 +293,26 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     -------
     (rank, bin) float32 ndarray
         Read-only.
+
+    Notes
+    -----
+    A Cholesky decomposition with pivots, L L.T, stops at a rank near that of F; the eigenvectors of
+    the small matrix L.T L then rotate L to F. For a rank r of n bins it takes some n r^2 steps,
+    where the eigenvectors of the whole matrix take 10 n^3.
     """
-    values, vectors = np.linalg.eigh(covariance)
-    kept = values > tolerance * values[-1]
-    factor = (vectors[:, kept] * np.sqrt(values[kept])).T.astype(np.float32)
+    # Imported here because scipy takes a tenth of a second.
+    from scipy.linalg.lapack import dpstrf
+
+    # What the decomposition leaves out is at most n times the pivot at which it stops; the largest
+    # eigenvalue is at least the mean of row sums and any variance.
+    count = len(covariance)
+    largest = max(covariance.sum() / count, np.diagonal(covariance).max())
+    least = UNDECOMPOSED * tolerance * largest / count
+    packed, order, rank, _ = dpstrf(covariance, tol=least, lower=1)
+    root = np.empty((count, rank))
+    root[order - 1] = np.tril(packed[:, :rank])
+    values, vectors = np.linalg.eigh(root.T @ root)
+    kept = values > tolerance * values.max(initial=0.0)
+    factor = np.ascontiguousarray((root @ vectors[:, kept]).T, dtype=np.float32)
     factor.setflags(write=False)
     return factor
