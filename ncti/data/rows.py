@@ -29,7 +29,6 @@ from ncti.data.views import (
     simulated,
 )
 from ncti.features.map_vector import map_cells
-from ncti.features.profile import shortest_window
 from ncti.infrared import (
     CONTRAST_AT_ZERO,
     EXTINCTION,
@@ -43,6 +42,7 @@ from ncti.labels import labelled
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
 from ncti.ladar.extent import bin_centres, bins_of
 from ncti.ladar.pulse import shortest_pulse
+from ncti.ladar.window import check_window
 from ncti.render.far_field import NEGLIGIBLE, reach_of
 from ncti.render.flight import DEPRESSION
 from ncti.simulate.profiles import LONGEST, TARGET_FREE_IFOVS
@@ -346,12 +346,8 @@ def _check_window(
 ) -> None:
     """Raise `ValueError` for a window that does not hold a ship, both its edges free."""
     for ship, name in zip(ships, names, strict=True):
-        needed = shortest_window(reach_of(mesh_of(ship).vertices), pulse_width)
-        if needed > window:
-            raise ValueError(
-                f"window is {window:g} m, but must be at least {needed:.0f} m to hold {name} and "
-                f"leave both its edges free after a pulse of {pulse_width:g} s"
-            )
+        reach = reach_of(mesh_of(ship).vertices)
+        check_window(window, ship=name, reach=reach, pulse_width=pulse_width)
 
 
 def parameters(

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require_all
-from ncti.ladar.pulse import SPEED_OF_LIGHT
+from ncti.ladar.window import EDGE
 
 LARGEST = 1e300  # in magnitude; sums over an edge then stay finite
-EDGE = 0.08  # share of the window, at each end, that no ship reaches
 
 
 def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDArray[np.float64]:
@@ -122,39 +119,6 @@ def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
     outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
     level: NDArray[np.float64] = outer.mean(axis=-1, keepdims=True)
     return level
-
-
-def shortest_window(reach: float, pulse_width: float) -> float:
-    """Return the shortest range window that leaves both its edges free of a ship.
-
-    Parameters
-    ----------
-    reach : float
-        Largest distance of a point of the ship from its origin [m].
-    pulse_width : float
-        Full width of the pulse at 1/e^2 of the intensity [s].
-
-    Returns
-    -------
-    float
-        Length of the window, centred on the ship origin [m].
-
-    See Also
-    --------
-    estimated_floor : The noise floor, read off the edges.
-
-    Notes
-    -----
-    The returned pulse reaches beyond the ship, and the edges must stay free of it for the noise
-    floor to be read there.
-
-    Examples
-    --------
-    >>> from ncti.features.profile import shortest_window
-    >>> print(f"{shortest_window(90.0, 30e-9):.0f} m")
-    222 m
-    """
-    return (2 * reach + pulse_width * SPEED_OF_LIGHT / math.sqrt(2)) / (1 - 2 * EDGE)
 
 
 def _checked(profile: ArrayLike) -> NDArray[np.float64]:

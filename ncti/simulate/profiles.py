@@ -17,7 +17,11 @@ from ncti.ladar.extent import RangeExtent, bins_of
 from ncti.ladar.frames import cumulative_average, frame_blocks
 from ncti.ladar.pulse import noise_floor, shortest_pulse
 from ncti.ladar.tolerance import extent_within
+from ncti.ladar.window import check_window
+from ncti.render.far_field import reach_of
 from ncti.render.flight import DEPRESSION
+from ncti.render.surfaces import Surfaces
+from ncti.render.view import View
 from ncti.simulate.subject import (
     SPACING,
     Ship,
@@ -31,6 +35,7 @@ from ncti.simulate.subject import (
 )
 
 if TYPE_CHECKING:
+    import trimesh
     import xarray as xr
 
 Floats = NDArray[np.float64]
@@ -40,6 +45,9 @@ TARGET_FREE_IFOVS = 4000
 
 LONGEST = 1e-6
 """Longest pulse [s], as in sweeps."""
+
+MOST_PLACES = 2**28
+"""Most range bins of all IFOVs of the box around a ship; a view then takes up to 2 GB."""
 
 
 def range_profile(
@@ -105,8 +113,8 @@ def range_profile(
     Raises
     ------
     ValueError
-        If the ship cannot be loaded or does not fit into the window, or a parameter is out of its
-        range.
+        If the ship cannot be loaded, the window does not hold it and the returned pulse, its IFOVs
+        do not fit into memory, or a parameter is out of its range.
 
     See Also
     --------
@@ -149,6 +157,11 @@ def range_profile(
     _check_binning(window, bin_width, pulse_width)
     generator(rng, aspect=0.0)
     mesh = mesh_of(ship)
+    name = mesh.metadata.get("name", "mesh")
+    check_window(window, ship=name, reach=reach_of(mesh.vertices), pulse_width=pulse_width)
+    for each in aspects:
+        view = View.checked(aspect=each, depression=depression, roll=0.0, slant_range=slant_range)
+        _check_memory(mesh, view, ifov, bins_of(window, bin_width)[1])
     ratio = carrier_to_noise(slant_range) if cnr_db is None else power_ratio(cnr_db)
     signal: dict[str, Any] = {
         "pulse_width": pulse_width,
@@ -239,3 +252,16 @@ def _check_binning(window: float, bin_width: float, pulse_width: float) -> None:
     # A hair less than the shortest pulse is a rounding of it.
     shortest = shortest_pulse(bin_width) * (1 - 1e-9)
     require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
+
+
+def _check_memory(mesh: trimesh.Trimesh, view: View, ifov: float, bins: int) -> None:
+    """Raise `ValueError` if a ship takes too many IFOVs of some range bins."""
+    across, up, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
+    nearest = float(view.slant_range or 0.0) - depth / 2
+    places = bins * across * up / (ifov * nearest) ** 2
+    if nearest > 0 and places > MOST_PLACES:  # ships that reach the sensor are refused elsewhere
+        least = ifov * math.sqrt(places / MOST_PLACES)
+        raise ValueError(
+            f"ifov is {ifov!r} rad, but must be at least {least:.2g} rad for {bins} range bins of "
+            f"a ship of {across:.0f} m by {up:.0f} m at {view.slant_range:g} m"
+        )

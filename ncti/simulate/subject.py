@@ -43,7 +43,7 @@ def check_sight(slant_range: float, ifov: float) -> None:
     """
     require("slant_range", slant_range, minimum=NEAREST, maximum=FARTHEST)
     require("ifov", ifov, positive=True, maximum=1.0)
-    if ifov * slant_range < NARROWEST:
+    if ifov * slant_range < NARROWEST * (1 - 1e-9):  # a hair less is a rounding of it
         raise ValueError(
             f"ifov is {ifov!r} rad, but must be at least {NARROWEST / slant_range:.3g} rad, "
             f"{NARROWEST:g} m at a slant range of {slant_range:g} m"

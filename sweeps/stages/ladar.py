@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ncti import ladar as library
-from ncti.features.profile import EDGE, estimated_floor, shortest_window
+from ncti.features.profile import estimated_floor
 from ncti.ladar import RangeExtent
 from ncti.ladar.places import Place
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
+from ncti.ladar.window import longer_window
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.keys import cell_rng
 from sweeps.engine.settings import Choices, Run, Setting, Settings, count, number, word
@@ -324,9 +325,5 @@ def _check_window(choices: Choices) -> None:
     longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
         reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
-        needed = shortest_window(reach, longest)
-        if needed > window:
-            allowed = (
-                f"at least {needed:.0f} m to hold {ship} and leave {EDGE:.0%} free at each end"
-            )
+        if allowed := longer_window(window, ship=ship, reach=reach, pulse_width=longest):
             views.refuse(Ladar.window, window, f"{allowed}{views.hint(ship)}")

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ncti import search
 from ncti.evaluate import wilson_interval
-from ncti.features.profile import EDGE
 from ncti.labels import data_set
 from ncti.ladar import RangeExtent, banded_frame_moments
+from ncti.ladar.window import EDGE
 from ncti.search import Box, Field, Imager, Laser, Rates, Survey, Target
 from ncti.search.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.display import Display, Figure

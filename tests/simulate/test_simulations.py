@@ -125,3 +125,28 @@ def test_an_image_shows_the_ship_as_large_as_it_is():
     assert abs(float(across.mean())) <= side
     up = found.vertical[shown.any("horizontal")]
     assert abs(float(up.mean()) - 3.0) <= side
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"pulse_width": 1e-6}, r"^window is 250.0 m, .* at least 303 m to hold mesh .* 1000 ns"),
+        ({"ifov": 0.9e-6}, r"^ifov is 9e-07 rad, .* at least 1e-06 rad"),
+    ],
+)
+def test_a_view_that_is_not_what_it_seems_is_refused(given, said):
+    with pytest.raises(ValueError, match=said):
+        profile(**given)
+
+
+def test_the_narrowest_beam_that_a_refusal_allows_is_taken():
+    """1e-6 times 100 km is a hair less than 0.1 m."""
+    small = trimesh.creation.box((4.0, 4.0, 3.0))
+    assert profile(small, ifov=1e-6, frames=1, accuracy=0.1).attrs["ifov_urad"] == 1.0
+
+
+def test_a_ship_of_too_many_beams_is_refused_before_it_is_drawn(monkeypatch):
+    monkeypatch.setattr("ncti.simulate.profiles.extent_within", None)
+    large = trimesh.creation.box((1700.0, 200.0, 300.0))
+    with pytest.raises(ValueError, match=r"^ifov is 0.00015 rad, .* at least 0\.\d+ rad for 2500 "):
+        profile(large, window=2500.0, slant_range=1e3)

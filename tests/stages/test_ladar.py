@@ -7,9 +7,9 @@ import pytest
 from range_channel import called, choose
 from scipy import stats
 
-from ncti.features.profile import EDGE
 from ncti.ladar import banded_frame_moments, expected_profile, noise_floor
 from ncti.ladar.pulse import SPEED_OF_LIGHT
+from ncti.ladar.window import EDGE
 from ncti.render import Sampling
 from sweeps.engine.errors import ConfigurationError
 from sweeps.stages import ladar, views

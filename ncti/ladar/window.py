@@ -1,0 +1,57 @@
+"""Range window: how long it must be to hold a ship, the pulse that it returns, and free edges."""
+
+from __future__ import annotations
+
+import math
+
+from ncti.ladar.pulse import SPEED_OF_LIGHT
+
+EDGE = 0.08  # share of the window, at each end, that no ship reaches
+
+
+def shortest_window(reach: float, pulse_width: float) -> float:
+    """Return the shortest range window that leaves both its edges free of a ship.
+
+    Parameters
+    ----------
+    reach : float
+        Largest distance of a point of the ship from its origin [m].
+    pulse_width : float
+        Full width of the pulse at 1/e^2 of the intensity [s].
+
+    Returns
+    -------
+    float
+        Length of the window, centred on the ship origin [m].
+
+    See Also
+    --------
+    ncti.features.profile.estimated_floor : The noise floor, read off the edges.
+
+    Notes
+    -----
+    The returned pulse reaches beyond the ship, and the edges must stay free of it for the noise
+    floor to be read there.
+
+    Examples
+    --------
+    >>> from ncti.ladar.window import shortest_window
+    >>> print(f"{shortest_window(90.0, 30e-9):.0f} m")
+    222 m
+    """
+    return (2 * reach + pulse_width * SPEED_OF_LIGHT / math.sqrt(2)) / (1 - 2 * EDGE)
+
+
+def check_window(window: float, *, ship: str, reach: float, pulse_width: float) -> None:
+    """Raise `ValueError` for a window [m] that does not hold a ship, both its edges free."""
+    if allowed := longer_window(window, ship=ship, reach=reach, pulse_width=pulse_width):
+        raise ValueError(f"window is {window!r} m, but must be {allowed}")
+
+
+def longer_window(window: float, *, ship: str, reach: float, pulse_width: float) -> str:
+    """Return how long a window [m] must be for a ship, in words; empty if it is long enough."""
+    needed = shortest_window(reach, pulse_width)
+    if needed <= window:
+        return ""
+    edges = f"leave {EDGE:.0%} free at each end after a pulse of {pulse_width * 1e9:g} ns"
+    return f"at least {math.ceil(needed)} m to hold {ship} and {edges}"
