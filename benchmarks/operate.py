@@ -28,6 +28,7 @@ from ncti.operate import (
     ship_evidence,
     signatures,
 )
+from ncti.operate.identify import LEFT_OUT
 from ncti.operate.survey import DRAWN_FOR
 from ncti.operate.tables import frames_needed
 from ncti.render import LineImage
@@ -93,8 +94,8 @@ def planned(tests: int, spacing: float = 0.75, ships: Sequence[str] = SHIPS) -> 
     lines, places = [], []
     for number, ship in enumerate(ships):
         plan = planned_views(aspects.tolist(), tests, np.random.default_rng([7, number]))
-        lines.append(draw_views(ncti.ships.load(ship), plan["aspects"], spacing=0.5))
-        places.append(plan["places"])
+        lines.append(draw_views(ncti.ships.load(ship), plan["aspects"][:-LEFT_OUT], spacing=0.5))
+        places.append(plan["places"][:-LEFT_OUT])
     return Views(lines, places, len(aspects))
 
 

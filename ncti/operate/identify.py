@@ -11,12 +11,16 @@ from numpy.typing import NDArray
 
 from ncti.infrared.imager import Imager
 from ncti.operate.fleets import bootstrap_places, fleet_order, fleet_shares, views_of_ships
-from ncti.operate.matching import ship_evidence
+from ncti.operate.matching import joint_evidence, over_places, relative_densities
 from ncti.operate.profiles import ProfileMatch
 from ncti.operate.silhouettes import SilhouetteMatch
 from ncti.operate.survey import PLACES, random_views
 
 CHANNELS = ("profile", "silhouette", "both")
+LEFT_OUT = 8
+"""Views of a ship that are neither learned nor tested."""
+CALIBRATION = 96
+"""Views of all ships from which the match of silhouettes is calibrated, or the next more."""
 
 
 @dataclass(frozen=True)
@@ -85,15 +89,15 @@ def in_order(
 def planned_views(
     aspect: Sequence[float], tests: int, rng: np.random.Generator
 ) -> dict[str, NDArray[np.float64]]:
-    """Return the views of a ship: templates, then random ones to identify.
+    """Return the views of a ship: templates, random ones to identify, and `LEFT_OUT` others.
 
     Parameters
     ----------
     aspect : sequence of float
         Aspects of the templates [deg], which have the places `PLACES` in turn.
     tests : int
-        As of `views_of_ships`; there are as many random views as a first ship has, between the ends
-        of the aspects.
+        As of `views_of_ships`; there are as many random views to identify as a first ship has. All
+        lie between the ends of the aspects.
     rng : numpy.random.Generator
         Draws the random views.
 
@@ -111,9 +115,9 @@ def planned_views(
     >>> import numpy as np
     >>> from ncti.operate import planned_views
     >>> planned_views([0, 45, 90], 40, np.random.default_rng(0))["places"].shape
-    (13, 2)
+    (21, 2)
     """
-    most = views_of_ships(tests, 1)[0]
+    most = views_of_ships(tests, 1)[0] + LEFT_OUT
     drawn, places = random_views(min(aspect), max(aspect), most, rng)
     learned = np.resize(PLACES, (len(aspect), 2))
     return {
@@ -175,7 +179,9 @@ def match_silhouettes(
     rows, columns = shown["shape"][0].tolist()
     bits = np.unpackbits(shown["shown"], axis=-1, count=rows * columns).astype(bool)
     images = bits.reshape(*bits.shape[:2], rows, columns)
-    return SilhouetteMatch(*in_order(images, ship, len(aspect), tests), rng)
+    each = min(-(-CALIBRATION // len(ship)), LEFT_OUT)
+    others = images[fleet_order([str(one) for one in ship]), -each:]
+    return SilhouetteMatch(*in_order(images, ship, len(aspect), tests), others, rng)
 
 
 def identify(
@@ -223,7 +229,8 @@ def identify(
     -------
     dict
         `share`, (pulse, frames, fleet, channel), and `resampled`, with the resamples last; channels
-        are those of `CHANNELS`. Both sensors see one view, so their evidence for a template adds.
+        are those of `CHANNELS`. Both sensors see one view, so their evidence for a template adds,
+        that of the silhouette at any place (`over_places`).
 
     Raises
     ------
@@ -261,12 +268,12 @@ def identify(
     gain = {"gain_sigma": trial.gain_sigma}
     for f, frames in enumerate(frame_count):
         silhouette = silhouettes.evidence(frames, imager=imager, slant_range=slant_range, **gain)
-        of_silhouette = ship_evidence(silhouette, ships)
+        best, density = relative_densities(silhouette, ships)
+        of_silhouette = joint_evidence((best, density))
+        anywhere = best, over_places(density, len(PLACES))
         for p, match in enumerate(matches):
-            profile = match.evidence(frames, **gain)
-            of_profile = ship_evidence(profile, ships)
-            profile += silhouette
-            of_both = ship_evidence(profile, ships)
+            profile = relative_densities(match.evidence(frames, **gain), ships)
+            of_profile, of_both = joint_evidence(profile), joint_evidence(profile, anywhere)
             for c, of_ships in enumerate((of_profile, of_silhouette, of_both)):
                 at = p, f, slice(None), c
                 share[at], resampled[at] = fleet_shares(of_ships, tests, fleet, places)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_shape
 from ncti.infrared.imager import Imager
-from ncti.operate.matching import log_evidence
+from ncti.operate.matching import fit_inverse_temperature, log_evidence
 from ncti.operate.survey import Seen
 
 Singles = NDArray[np.float32]
@@ -94,6 +96,8 @@ class SilhouetteMatch:
         Silhouettes of the ships, as of `silhouettes`.
     tests : (test, row, column) bool ndarray
         Silhouettes of the views to identify.
+    left_out : (ship, view, row, column) bool ndarray
+        Silhouettes of other random views, from which it is learned how sure the match is.
     rng : numpy.random.Generator
         Draws the noise of scene and detector.
 
@@ -112,7 +116,9 @@ class SilhouetteMatch:
     pixel of the ship origin is known, the place within it is not.
 
     Between templates lies a mean square difference of the nearest of a ship, shared out over the
-    pixels of the ship, that adds to the variance of the noise.
+    pixels of the ship, that adds to the variance of the noise. It is not white: pixels along an
+    edge err together, so that they count for fewer. All log densities are therefore multiplied by
+    `inverse_temperature`.
 
     Examples
     --------
@@ -121,7 +127,7 @@ class SilhouetteMatch:
     >>> from ncti.operate import SilhouetteMatch, ship_evidence
     >>> ships = np.zeros((2, 1, 4, 20), bool)
     >>> ships[0, 0, 1:3, 6:14] = ships[1, 0, 1:3, 2:18] = True
-    >>> match = SilhouetteMatch(ships, ships[:, 0], np.random.default_rng(0))
+    >>> match = SilhouetteMatch(ships, ships[:, 0], ships, np.random.default_rng(0))
     >>> imager = Imager(0.25, 2.16, 0.181e-3, 0.4, 0.1, 0.1)
     >>> evidence = match.evidence(16, imager=imager, slant_range=50e3, gain_sigma=1.0)
     >>> ship_evidence(evidence, 2).argmax(axis=1).tolist()
@@ -132,9 +138,13 @@ class SilhouetteMatch:
         self,
         templates: NDArray[np.bool_],
         tests: NDArray[np.bool_],
+        left_out: NDArray[np.bool_],
         rng: np.random.Generator,
     ) -> None:
         require_shape("tests", tests, (len(tests), *templates.shape[2:]))
+        require_shape(
+            "left_out", left_out, (len(templates), *left_out.shape[1:2], *tests.shape[1:])
+        )
         # Only pixels that some template or test shows tell ships apart.
         used = templates.any(axis=(0, 1)) | tests.any(axis=0)
         learned = templates[..., used].astype(np.float32)
@@ -146,20 +156,55 @@ class SilhouetteMatch:
         nearest = np.minimum(apart[:, 1:], apart[:, :-1]) if apart.shape[1] > 1 else apart
         some = float(nearest.mean()) if nearest.size else 0.0
         self.between = some / max(float(self.size.mean()), 1.0)
-        drawn = rng.standard_normal((2, *seen.shape), dtype=np.float32)
+        self._ships, views = left_out.shape[:2]
+        self._truth = np.repeat(np.arange(self._ships), views)
+        others = left_out[..., used].reshape(-1, of_all.shape[1]).astype(np.float32)
         # Of the silhouettes, the scene and the detector.
-        self._products = [rows @ of_all.T for rows in (seen, *drawn)]
+        self._tests, self._left_out = (
+            [rows @ of_all.T for rows in (these, *_normals(rng, these))] for these in (seen, others)
+        )
+        self._fitted: dict[tuple[float, ...], float] = {}
 
     def evidence(
         self, frame_count: float, *, imager: Imager, slant_range: float, gain_sigma: float
     ) -> Singles:
         """Return the (test, template) log likelihood of averages, as of `log_evidence`."""
+        how = {"imager": imager, "slant_range": slant_range, "gain_sigma": gain_sigma}
+        evidence = self._evidence(self._tests, frame_count, **how)
+        evidence *= np.float32(self.inverse_temperature(frame_count, **how))
+        return evidence
+
+    def inverse_temperature(
+        self, frame_count: float, *, imager: Imager, slant_range: float, gain_sigma: float
+    ) -> float:
+        """Return the factor of the log likelihood that suits the views left out best."""
+        key = frame_count, slant_range, gain_sigma, *astuple(imager)
+        if key not in self._fitted:
+            how = {"imager": imager, "slant_range": slant_range, "gain_sigma": gain_sigma}
+            evidence = self._evidence(self._left_out, frame_count, **how)
+            self._fitted[key] = fit_inverse_temperature(evidence, self._ships, self._truth)
+        return self._fitted[key]
+
+    def _evidence(
+        self,
+        products: Sequence[Singles],
+        frame_count: float,
+        *,
+        imager: Imager,
+        slant_range: float,
+        gain_sigma: float,
+    ) -> Singles:
+        """Return the log likelihood if what lies between templates were white, of some views."""
         contrast, spread = imager.contrast(slant_range), imager.target_spread
         detector = imager.nedt / math.sqrt(frame_count)
         variance = spread**2 + detector**2 + contrast**2 * self.between
-        silhouette, scene, noise = self._products
+        silhouette, scene, noise = products
         product = silhouette * np.float32(contrast**2 / variance)
         product += scene * np.float32(contrast * spread / variance)
         product += noise * np.float32(contrast * detector / variance)
         energy = self.size * (contrast**2 / variance)
         return log_evidence(product, energy, gain_sigma=gain_sigma)
+
+
+def _normals(rng: np.random.Generator, views: Singles) -> Singles:
+    return rng.standard_normal((2, *views.shape), dtype=np.float32)
