@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_each, require_word
-from ncti.ladar.pixels import bin_boxes, boxes, places, tile
-from ncti.ladar.sampling import sampling_error
+from ncti.ladar.sampling import pixel_error, sampling_error
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 from ncti.render.view import View, check_made_at, far_field_error
@@ -45,9 +44,10 @@ class RangeExtent:
         Side of an IFOV [rad].
     slant_range : float
         Distance from sensor to ship origin [m].
-    strands : (16, bin) float64 ndarray
-        Fractions from every sixteenth line, summed over IFOVs; the strands add up to the sum of
-        `fraction`. Empty if made from a range image.
+    strands : (strand, bin) float64 ndarray
+        Fractions from parts of the samples, summed over IFOVs: sixteen of every sixteenth line,
+        which add up to the sum of `fraction`; of a range image four of every second row and column,
+        each spread in range as an image of pixels twice as wide. Empty without an error estimate.
     line_count : int
         Lines across the ship; 0 if made from a range image.
     shift : (float, float)
@@ -96,7 +96,7 @@ class RangeExtent:
 
     @property
     def error(self) -> float:
-        """Bound on the error sum |p - q| / sum q of the summed extent; NaN for a range image."""
+        """Bound on the error sum |p - q| / sum q of the summed extent."""
         return self.error_after(0.0)
 
     def error_after(self, pulse_width: float) -> float:
@@ -111,20 +111,27 @@ class RangeExtent:
         -------
         float
             Bound on sum |p - q| / sum q, p the extent summed over IFOVs and convolved with the
-            power response of the pulse, q the exact one. NaN for a range image, which has no
-            error estimate, and if nothing is visible.
+            power response of the pulse, q the exact one. NaN if nothing is visible, and without
+            strands.
 
         Notes
         -----
-        The sampling error is bounded from the lines themselves, by what their strands have at
-        frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`); the bound
-        holds in 97 of 100 random views and is 1.8 times the error in the median.
+        The sampling error is bounded from the samples themselves: of lines by what their strands
+        have at frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`), of
+        pixels by how far images of a quarter of them differ (`ncti.ladar.sampling.pixel_error`).
+        The bound holds in 97 of 100 random views and is 1.8 times the error in the median.
         `far_field_error` is added: the whole is the error at the slant range, also of a view that
         was drawn in the far field.
         """
         if not len(self.strands):
             return math.nan
-        error = sampling_error(self.strands, self.line_count, pulse_width, bin_width=self.bin_width)
+        if self.line_count:
+            error = sampling_error(
+                self.strands, self.line_count, pulse_width, bin_width=self.bin_width
+            )
+        else:
+            whole = self.fraction.sum(axis=0)
+            error = pixel_error(self.strands, whole, pulse_width, bin_width=self.bin_width)
         return error + self.far_field_error
 
     @property
@@ -372,21 +379,29 @@ def binned_extent(
         cell = parts.cell
         fraction, strands = parts.area / side**2, parts.strands / side**2
         reach = parts.reach
-    # Pixels are spread over boxes in range, sorted into IFOVs and binned.
+    # Pixels are spread over boxes in range, sorted into IFOVs and binned; for the error estimate,
+    # every second row and column also as an image of its own, of pixels twice as wide.
     else:
-        _check_clear(image, image.down_range[image.hit], slant_range)
-        r, horizontal, vertical = places(image, slant_range)
+        from ncti.ladar import pixels  # numba takes long to import
+
+        hit = np.nonzero(image.hit)
+        _check_clear(image, image.down_range[hit], slant_range)
+        r, horizontal, vertical = pixels.places(image, hit, slant_range)
         reach = float(np.abs(r).max(initial=0.0))
         _check_reach(reach, half_window)
-        area, half_width = boxes(image, side=side, spread=spread, lambertian=lambertian)
-        cell, index = tile(horizontal / side + right, vertical / side + up)
-        fraction = bin_boxes(
-            index,
-            (r - half_width + half_window) / bin_width,
-            (r + half_width + half_window) / bin_width,
+        area, half_width = pixels.boxes(image, hit, side=side, spread=spread, lambertian=lambertian)
+        cell, index = pixels.tile(horizontal / side + right, vertical / side + up)
+        middle, half = (r + half_window) / bin_width, half_width / bin_width
+        fraction = pixels.bin_boxes(
+            index, middle - half, middle + half, area, len(cell), bin_count
+        )
+        strands = pixels.bin_boxes(
+            pixels.sublattice(hit),
+            middle - 2 * half,
+            middle + 2 * half,
             area,
-            group_count=len(cell),
-            bin_count=bin_count,
+            pixels.SUBLATTICES,
+            bin_count,
         )
     return RangeExtent(
         fraction=fraction,

@@ -5,17 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.compiled import compiled
 from ncti.render.image import RangeImage
 
 Floats = NDArray[np.float64]
+Hit = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows and columns of the pixels on the ship."""
+
+SUBLATTICES = 4
+"""Every second row and column: four images of pixels twice as wide."""
 
 _POINT = 1e-3  # bins; a box narrower than this counts as a point
 _ROUNDING = 1e-8  # pixels; slopes of 1/_POINT over hundreds of bins leave errors of some 1e-9
 
 
-def places(image: RangeImage, slant_range: float) -> tuple[Floats, Floats, Floats]:
+def places(image: RangeImage, hit: Hit, slant_range: float) -> tuple[Floats, Floats, Floats]:
     """Return down-range, horizontal and vertical cross-range [m] of the pixels on the ship."""
-    hit = np.nonzero(image.hit)
     r = image.down_range[hit]
     horizontal, vertical = image.cross_range_at(*hit)
     if image.slant_range is None:
@@ -24,10 +29,10 @@ def places(image: RangeImage, slant_range: float) -> tuple[Floats, Floats, Float
 
 
 def boxes(
-    image: RangeImage, *, side: float, spread: float, lambertian: bool
+    image: RangeImage, hit: Hit, *, side: float, spread: float, lambertian: bool
 ) -> tuple[Floats, Floats]:
     """Return, for each pixel on the ship, its share of an IFOV and half its spread in range [m]."""
-    slope = image.gradient[np.nonzero(image.hit)].astype(np.float64)
+    slope = image.gradient[hit].astype(np.float64)
     area = np.full(len(slope), (image.pixel / side) ** 2)
     if lambertian:
         area /= np.sqrt(1 + slope[:, 0] ** 2 + slope[:, 1] ** 2)
@@ -58,34 +63,47 @@ def tile(
     return cell, (np.cumsum(seen) - 1)[flat]
 
 
+def sublattice(hit: Hit) -> NDArray[np.intp]:
+    """Return the sublattice, 0 to 3, of each pixel on the ship."""
+    rows, columns = hit
+    return 2 * (rows & 1) + (columns & 1)
+
+
+@compiled
 def bin_boxes(
     group: NDArray[np.intp],
-    start: NDArray[np.float64],
-    stop: NDArray[np.float64],
-    area: NDArray[np.float64],
-    *,
+    start: Floats,
+    stop: Floats,
+    area: Floats,
     group_count: int,
     bin_count: int,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the area of uniform boxes [start, stop] in each (group, bin); bins have width 1."""
-    # A box narrower than a point is widened to a point about its centre. A box that reaches beyond
-    # the window is cut there and keeps its area.
-    short = np.maximum(_POINT - (stop - start), 0.0) / 2
-    start = np.clip(start - short, 0.0, bin_count - _POINT)
-    stop = np.clip(stop + short, start + _POINT, bin_count)
-    rate = area / (stop - start)
     # The area up to a bin edge is the sum of rate * (edge - start) over the ramps that have begun,
     # less that over those that have ended: slope * edge - offset, both cumulative sums.
-    edges = bin_count + 1
-    begun = group * edges + np.ceil(start).astype(np.int64)
-    ended = group * edges + np.ceil(stop).astype(np.int64)
-    at = np.concatenate([begun, ended])
-    rates = np.concatenate([rate, -rate])
-    offsets = rates * np.concatenate([start, stop])
-    size = group_count * edges
-    slopes = np.bincount(at, rates, size).reshape(group_count, edges).cumsum(axis=1)
-    shifts = np.bincount(at, offsets, size).reshape(group_count, edges).cumsum(axis=1)
-    binned = np.diff(slopes * np.arange(edges) - shifts, axis=1)
-    # Ramps that cancel leave rounding errors, which must not count as occupied bins.
-    binned[binned < _ROUNDING * area.max(initial=0.0)] = 0.0
+    slope, offset = np.zeros((group_count, bin_count + 1)), np.zeros((group_count, bin_count + 1))
+    largest = 0.0
+    for i in range(len(group)):
+        # A box narrower than a point is widened to a point about its centre. A box that reaches
+        # beyond the window is cut there and keeps its area.
+        short = max(_POINT - (stop[i] - start[i]), 0.0) / 2
+        begin = min(max(start[i] - short, 0.0), bin_count - _POINT)
+        end = min(max(stop[i] + short, begin + _POINT), float(bin_count))
+        rate = area[i] / (end - begin)
+        begun, ended = int(np.ceil(begin)), int(np.ceil(end))
+        slope[group[i], begun] += rate
+        offset[group[i], begun] += rate * begin
+        slope[group[i], ended] -= rate
+        offset[group[i], ended] -= rate * end
+        largest = max(largest, area[i])
+    binned = np.empty((group_count, bin_count))
+    for g in range(group_count):
+        rate, least, before = slope[g, 0], offset[g, 0], -offset[g, 0]
+        for edge in range(1, bin_count + 1):
+            rate += slope[g, edge]
+            least += offset[g, edge]
+            here = rate * edge - least
+            # Ramps that cancel leave rounding errors, which must not count as occupied bins.
+            binned[g, edge - 1] = here - before if here - before >= _ROUNDING * largest else 0.0
+            before = here
     return binned

@@ -1,4 +1,4 @@
-"""Bound on the sampling error of range extents from lines."""
+"""Bounds on the sampling error of range extents from lines and from pixels."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ FINE, COARSE = (6, 7, 8), (2, 3, 4)
 
 STEEPNESS, ROUGHNESS, FACTOR, FEW = 0.29, -0.123, 1.2, 34.0
 """Of `sampling_error`; `python -m benchmarks calibration` fits the first three again."""
+
+PIXELS = 0.6
+"""Of `pixel_error`; `python -m benchmarks pixels` compares it with true errors."""
 
 SLOPE = 1.6
 """Power of the spacing with which the error falls."""
@@ -78,6 +81,44 @@ def sampling_error(
     steepness = min(fine / coarse, 1.0) if coarse > 0 else 1.0
     factor = FACTOR * scarcity(line_count)
     return factor * fine * steepness**STEEPNESS * (fine * line_count**SLOPE) ** ROUGHNESS
+
+
+def pixel_error(
+    strands: Floats, extent: Floats, pulse_width: float, *, bin_width: float
+) -> float:
+    """Return a bound on the error of an extent by pixels after convolution with a pulse.
+
+    Parameters
+    ----------
+    strands : (4, bin) float64 ndarray
+        Extent of the ship by every second row and column, each a quarter of one by an image of
+        pixels twice as wide.
+    extent : (bin,) float64 ndarray
+        That by all pixels.
+    pulse_width : float
+        Full width of pulse and matched filter at 1/e^2 of the intensity [s]; 0 for none.
+    bin_width : float
+        Width of a range bin [m].
+
+    Returns
+    -------
+    float
+        Bound on sum |p - q| / sum q, p the extent, q the exact one, both after the power response
+        of the pulse; NaN if nothing is visible.
+    """
+    total = float(extent.sum())
+    if not total > 0:
+        return math.nan
+    apart = len(strands) * strands - extent
+    occupied = np.flatnonzero(apart.any(axis=0))
+    if not occupied.size:
+        return 0.0
+    apart = apart[:, occupied[0] : occupied[-1] + 1]
+    if pulse_width > 0.0:
+        response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
+        total *= float(response.sum())
+        apart = np.array([np.convolve(each, response) for each in apart])
+    return PIXELS * float(np.sqrt((apart**2).mean(axis=0)).sum()) / total
 
 
 def spectrum(strands: Floats, pulse_width: float, *, bin_width: float) -> tuple[float, float]:
