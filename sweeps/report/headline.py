@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from sweeps.report.frames import Frame, values_of
 from sweeps.report.pivot import FEW, at_main, constants, entry
+from sweeps.report.stores import ERRORS
 from sweeps.report.words import MAIN, missing, preferred
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame count", "aspects")
+COVERED = 0.95
+"""Share of views whose error `accuracy` states."""
+
 BY = {"range": "range profiles", "infrared": "silhouettes", "both": "both sensors"}
 
 
@@ -32,6 +39,18 @@ def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list
         _of_scores(overall.at({"channel": channel}), axis, attributes) for channel in channels
     ]
     return [sentence for sentence in sentences if sentence]
+
+
+def accuracy(store: Any) -> list[str]:
+    """Return a sentence on the numerical error of a store's range profiles, if it has any."""
+    errors = np.asarray(store[ERRORS]) if ERRORS in store else np.zeros(0)
+    errors = errors[errors > 0]  # nor NaN
+    if not errors.size:
+        return []
+    percent = 100 * float(np.quantile(errors, COVERED, method="higher"))
+    unit = 10 ** (math.floor(math.log10(percent)) - 1)
+    most = f"{math.ceil(percent / unit) * unit:.2g}"
+    return [f"Profiles are within {most} % of the exact ones ({100 * COVERED:.0f} % of views)."]
 
 
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:

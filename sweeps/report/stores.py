@@ -17,7 +17,8 @@ from sweeps.engine.store import zarr_store
 from sweeps.engine.zarr_array import nested
 from sweeps.report.words import MAIN, preferred, printable
 
-READ = ("tables",)  # groups that the report prints
+ERRORS = "range_profile/profile_error"
+READ = ("tables", ERRORS)  # what the report prints
 # Dimensions of profiles and images.
 OF_ARRAYS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
@@ -49,7 +50,7 @@ def read(store: Any, group: str) -> xr.Dataset:
 def check_whole(path: Where, *, groups: Iterable[str] | None = READ) -> None:
     """Refuse a store of which files are damaged, missing or of something else.
 
-    By default, in the groups that the report prints; with None, everywhere. Raises
+    By default, in what the report prints; with None, everywhere. Raises
     ConfigurationError.
     """
     try:

@@ -14,7 +14,7 @@ from sweeps.engine.places import Where
 from sweeps.report.compare import compare, compared_name, sentences
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames
-from sweeps.report.headline import headline, main_axis
+from sweeps.report.headline import accuracy, headline, main_axis
 from sweeps.report.own import is_free
 from sweeps.report.pivot import at_main, constants, laid_out, place_of
 from sweeps.report.places import page_file, tables_folder
@@ -132,10 +132,13 @@ def _swept(path: Where) -> Sequence[str]:
 
 
 def _print_main(path: Where, frames: Mapping[str, Frame], console: Console) -> None:
-    """Print what a store says first: its headline, and its main table along the swept axis."""
+    """Print what a store says first: headline, accuracy, and main table along the swept axis."""
     console.print()
-    for sentence in headline(frames, attributes(opened(path))):
+    store = opened(path)
+    for sentence in headline(frames, attributes(store)):
         note(sentence, console, style="bold")
+    for sentence in accuracy(store):
+        note(sentence, console)
     main, axes = next(iter(frames.values())), _swept(path)
     keep = [*main.down, main_axis(main, axes)]
     at = at_main(main, keep)

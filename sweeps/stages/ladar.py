@@ -7,6 +7,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ncti import ladar as library
 from ncti.features.profile import estimated_floor
@@ -24,7 +25,7 @@ from sweeps.stages.views import RANGE, STATUS, Arrays, Floats, Grid, Render, Swe
 
 SENSOR = RANGE
 # Imported by stages when they are called, because it takes long.
-IMPORTS = ("ncti.ladar.waveforms", "ncti.normals")
+IMPORTS = ("ncti.ladar.pixels", "ncti.ladar.waveforms", "ncti.normals")
 PROFILES = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")
 MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
@@ -85,10 +86,9 @@ def stores_moments(choices: Choices) -> bool:
     return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
 
 
-def by_lines(choices: Choices) -> bool:
-    """Return whether views are sampled along lines, which estimate their error."""
-    along = views.LINES in choices[Render.engine] or any(choices[Render.tolerance])
-    return looks(RANGE)(choices) and along
+def has_tolerance(choices: Choices) -> bool:
+    """Return whether range profiles are to be accurate to a tolerance."""
+    return looks(RANGE)(choices) and any(choices[Render.tolerance])
 
 
 PROFILE = Group(
@@ -194,17 +194,20 @@ def fineness(
     return () if tolerance is None else (tolerance, min(pulse_width), min(bin_width))
 
 
-@replace(PROFILE, when=by_lines).stage(
+@PROFILE.stage(
     Output("profile_error", label="estimated error after the pulse, sum |p - q| over sum q"),
+)
+def profile_error(ifovs: RangeExtent, pulse_width: float) -> Floats:
+    """Return the error estimated from the samples of a view, by pixels or lines."""
+    return np.array(ifovs.error_after(pulse_width))
+
+
+@replace(PROFILE, when=has_tolerance).stage(
     Output("within_tolerance", dtype="i1", label="1 where the error is within render.tolerance"),
 )
-def profile_error(ifovs: RangeExtent, pulse_width: float, fineness: tuple[float, ...]) -> Arrays:
-    """Return the error estimated from lines: NaN for other engines, -1 without a tolerance."""
-    error = ifovs.error_after(pulse_width)
-    return {
-        "profile_error": np.array(error),
-        "within_tolerance": np.array(error <= fineness[0] if fineness else -1),
-    }
+def within_tolerance(profile_error: Floats, fineness: tuple[float, ...]) -> NDArray[np.bool_]:
+    """Return whether the estimated error is within the tolerance."""
+    return np.asarray(profile_error <= fineness[0])
 
 
 # Equation C of the article for the full profile: the sum of the receiver's reports over IFOVs.

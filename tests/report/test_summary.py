@@ -4,10 +4,12 @@ import io
 import re
 import shlex
 
+import xarray as xr
 from rich.cells import cell_len
 from rich.console import Console
 from stores import reported, rows_of
 
+from sweeps.report.places import page_file
 from sweeps.report.summary import summarize, tables_of
 
 AXES = {"grid.ship": 2, "grid.aspect": 7, "grid.pulse_width": 3}
@@ -18,6 +20,10 @@ def page(path, width=80):
     console = Console(file=io.StringIO(), width=width)
     summarize(path, tables_of(path), AXES, console)
     return console.file.getvalue()
+
+
+def unwrapped(text):
+    return " ".join(text.split())
 
 
 def test_it_is_one_page_that_begins_with_a_score(smoke_store, monkeypatch):
@@ -45,6 +51,17 @@ def test_its_figures_are_those_of_the_files(smoke_store):
         assert any(
             all(abs(int(a) - b) <= 1 for a, b in zip(end, wanted, strict=True)) for end in ends
         )
+
+
+def test_the_error_of_profiles_is_said_once_on_screen_and_page(smoke_store):
+    """As a percentage of two digits, rounded up, that 95 % of the bounds are within."""
+    errors = xr.open_zarr(smoke_store, group="range_profile").profile_error
+    html = page_file(smoke_store).read_text()
+    for text in (page(smoke_store), html):
+        [said] = re.findall(r"Profiles are within (\S+) % of the exact ones", unwrapped(text))
+        assert "(95 % of views)" in unwrapped(text)
+        assert (errors <= float(said) / 100).mean() >= 0.95
+        assert (errors <= float(said) / 110).mean() < 0.95
 
 
 def test_the_next_commands_would_run(smoke_store, monkeypatch):

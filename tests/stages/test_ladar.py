@@ -55,6 +55,13 @@ def test_extinction_reaches_the_profile_in_its_units():
     assert hazy == pytest.approx(10**3 * 4)
 
 
+def test_an_image_of_pixels_states_its_error(ifovs):
+    error = ladar.profile_error(ifovs, 30e-9)
+    assert 0.001 < error < 0.1 and error == ifovs.error_after(30e-9)
+    for tolerance, within in ((0.2, True), (0.0005, False)):
+        assert bool(ladar.within_tolerance(error, (tolerance, 30e-9, 1.0))) is within
+
+
 def place_of(drawn_aspect=300.0, **other):
     """Place of the ship in an average, by name of what it depends on."""
     view = {"ship": "duncan", "aspect": 300.0, "range": 100e3, "replicate": 0, "seed": 0}

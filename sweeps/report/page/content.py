@@ -12,7 +12,7 @@ from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.headline import headline, main_axis
+from sweeps.report.headline import accuracy, headline, main_axis
 from sweeps.report.page.provenance import flat, status_of, swept, written
 from sweeps.report.pictures import Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
@@ -47,6 +47,7 @@ def content_of(path: Where, frames: Mapping[str, Frame], pictures: Pictures) -> 
         "store": namesake(path).name,
         "about": about,
         "headline": sentences,
+        "accuracy": accuracy(store),
         "status": status_of(store),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
