@@ -29,6 +29,18 @@ def shares(resamples=3):
     return xr.Dataset({"share": share, "resampled": share.expand_dims(resample=resamples)})
 
 
+@pytest.mark.parametrize("ifov", [50e-6, 150e-6, 400e-6])
+@pytest.mark.parametrize(("frames", "cnr"), [(16, 32.0), (4, 20.0)])
+def test_cost_is_the_energy_sent_to_a_ship_times_the_area_of_the_aperture(frames, cnr, ifov):
+    def spent(frames, cnr, ifov):
+        area = (10.6e-6 / ifov) ** 2  # of an aperture limited by diffraction
+        energy = 10 ** (cnr / 10) / area  # of a pulse into an IFOV that is to return that CNR
+        return frames * (1e-3 / ifov) ** 2 * energy * area  # for a box of 1 mrad
+
+    wanted = spent(frames, cnr, ifov) / spent(16, 32.0, 150e-6)
+    assert relative_cost(frames, cnr, ifov) == pytest.approx(wanted)
+
+
 def test_frames_are_those_of_the_setting_of_the_article():
     table = tabulate_frames(shares()).squeeze("fleet")
     assert table.frames.sel(range=100, channel="profile").item() == pytest.approx(NEEDED)
