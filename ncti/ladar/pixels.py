@@ -65,12 +65,6 @@ def tile(
     return cell, (np.cumsum(seen) - 1)[flat]
 
 
-def sublattice(hit: Hit) -> NDArray[np.intp]:
-    """Return the sublattice, 0 to 3, of each pixel on the ship."""
-    rows, columns = hit
-    return 2 * (rows & 1) + (columns & 1)
-
-
 @compiled
 def bin_boxes(
     group: NDArray[np.intp],
@@ -109,3 +103,10 @@ def bin_boxes(
             binned[g, edge - 1] = here - before if here - before >= _ROUNDING * largest else 0.0
             before = here
     return binned
+
+
+def strands(hit: Hit, middle: Floats, half: Floats, area: Floats, bin_count: int) -> Floats:
+    """Return the area of every second row and column by bin, (4, bin), in boxes twice as long."""
+    rows, columns = hit
+    group = 2 * (rows & 1) + (columns & 1)
+    return bin_boxes(group, middle - 2 * half, middle + 2 * half, area, SUBLATTICES, bin_count)

@@ -83,9 +83,7 @@ def sampling_error(
     return factor * fine * steepness**STEEPNESS * (fine * line_count**SLOPE) ** ROUGHNESS
 
 
-def pixel_error(
-    strands: Floats, extent: Floats, pulse_width: float, *, bin_width: float
-) -> float:
+def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_width: float) -> float:
     """Return a bound on the error of an extent by pixels after convolution with a pulse.
 
     Parameters
