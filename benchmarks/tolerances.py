@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -16,15 +18,16 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # o
 import ncti.ships
 from benchmarks.reports import Column, Report, Sample
 from benchmarks.skips import patched
-from ncti.ladar import RangeExtent, extent_within, range_extent
+from ncti.ladar import RangeExtent, extent_within, pixels, range_extent
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import line_image, threads
+from ncti.render import available_engines, line_image, range_image, threads
 
 Floats = NDArray[np.float64]
 
 TOLERANCES = tuple(float(f"{10 ** (-2 - third / 3):.2g}") for third in range(7))
 BINS = (0.25, 0.5, 1.0, 2.0, 4.0)  # [m]
+PIXELS = (0.125, 0.25, 0.5, 1.0)  # [m]
 SPACINGS = tuple(2.0 ** (1 - half / 2) for half in range(19))
 """Fixed spacings that a tolerance is compared with [m]: 2 m to 4 mm, in steps of sqrt(2)."""
 
@@ -139,19 +142,105 @@ def measure(*, views: int = 200, seed: int = 2, costs: bool = True) -> Report:
     )
 
 
+def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
+    """Return coverage, tightness and cost of the bounds that images of pixels state.
+
+    Parameters
+    ----------
+    views : int
+        Random views.
+    seed : int
+        Of the views. The factor of the bound was set on others.
+
+    Returns
+    -------
+    Report
+        One row for each engine and pixel.
+    """
+    drawn = random_views(views, seed)
+    with threadpool_limits(1):
+        exact = [_reference(ncti.ships.load(asked.ship), asked) for asked in drawn]
+    rows: list[dict[str, Any]] = []
+    for engine in available_engines():
+        # OpenGL is bound to one engine in a process.
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
+            rows += alone.submit(_by_pixels, engine, drawn, exact).result()
+    return Report(
+        f"Bounds that images of pixels state, in {views} random views: any aspect, depression 0.5 "
+        "to 60 deg, 1 to 200 km, 0 to 60 ns, bins 0.25 to 4 m",
+        (
+            Column("engine", "engine"),
+            Column("pixel", "pixel [m]", "g"),
+            Column("error", "error, median [%]", ".2f"),
+            Column("covered", "error within the bound [% of views]", ".1f"),
+            Column("ratio", "bound over error, median", ".2f"),
+            Column("cost", "time of the bound [% of a view]", ".1f"),
+        ),
+        rows,
+        [
+            "Error: sum of absolute differences from the sampling-free reference at the range over "
+            "its sum, after the pulse. Time: processor time of binning every second row and column "
+            "and of the bound, over that of drawing the view and its range extent; median."
+        ],
+    )
+
+
+def _by_pixels(
+    engine: str, drawn: Sequence[Asked], exact: Sequence[Floats]
+) -> list[dict[str, Any]]:
+    """Return a row for each pixel, of some views and their exact extents after the pulse."""
+    spent: list[float] = []
+    strands = pixels.strands
+
+    def timed(*given: Any) -> Floats:
+        before = time.process_time()
+        found = strands(*given)
+        spent.append(time.process_time() - before)
+        return found
+
+    rows = []
+    with threadpool_limits(1), patched(pixels, "strands", timed):
+        for pixel in PIXELS:
+            found = []
+            for asked, blurred in zip(drawn, exact, strict=True):
+                mesh = ncti.ships.load(asked.ship)
+                draw = partial(range_image, mesh, pixel=pixel, engine=engine, **asked.view)
+                whole, extent = _timed(lambda of=draw, to=asked: range_extent(of(), **to.binning))
+                own, bound = _timed(lambda of=extent, to=asked: of.error_after(to.pulse_width))
+                cost = (1e3 * min(spent[-2:]) + own) / (whole + own)
+                found.append((_error(extent, asked, blurred), bound, cost))
+            true, bounds, costs = np.array(found).T
+            rows.append(
+                {
+                    "engine": engine,
+                    "pixel": pixel,
+                    "error": 100 * float(np.median(true)),
+                    "covered": 100 * float(np.mean(true <= bounds)),
+                    "ratio": float(np.median(bounds / true)),
+                    "cost": 100 * float(np.median(costs)),
+                }
+            )
+    return rows
+
+
 def _truth(mesh: trimesh.Trimesh, asked: Asked) -> Callable[[RangeExtent], float]:
     """Return the function that gives the true error of an extent of a view."""
+    return partial(_error, asked=asked, exact=_reference(mesh, asked))
+
+
+def _reference(mesh: trimesh.Trimesh, asked: Asked) -> Floats:
+    """Return the exact extent of a view after the pulse [m2]."""
     coarse = range_extent(line_image(mesh, spacing=1.0, **asked.view), **asked.binning)
     edges = np.append(coarse.down_range, coarse.down_range[-1] + asked.bin_width)
     exact = reference_range_extent(mesh, bin_edges=edges - asked.bin_width / 2, **asked.view)
-    blurred = _after_pulse(exact.area.sum(axis=0), asked)
+    return _after_pulse(exact.area.sum(axis=0), asked)
 
-    def error(extent: RangeExtent) -> float:
-        side = extent.ifov * extent.slant_range
-        area = _after_pulse(extent.fraction.sum(axis=0) * side**2, asked)
-        return float(np.abs(area - blurred).sum() / blurred.sum())
 
-    return error
+def _error(extent: RangeExtent, asked: Asked, exact: Floats) -> float:
+    """Return the error of an extent, by the exact one after the pulse [m2]."""
+    side = extent.ifov * extent.slant_range
+    area = _after_pulse(extent.fraction.sum(axis=0) * side**2, asked)
+    return float(np.abs(area - exact).sum() / exact.sum())
 
 
 def _after_pulse(area: Floats, asked: Asked) -> Floats:

@@ -392,7 +392,7 @@ def binned_extent(
         area, half_width = pixels.boxes(image, hit, side=side, spread=spread, lambertian=lambertian)
         cell, index = pixels.tile(horizontal / side + right, vertical / side + up)
         middle, half = (r + half_window) / bin_width, half_width / bin_width
-        fraction = pixels.bin_boxes(index, middle - half, middle + half, area, len(cell), bin_count)
+        fraction = pixels.bin_boxes(index, middle, half, area, len(cell), bin_count)
         strands = pixels.strands(hit, middle, half, area, bin_count)
     return RangeExtent(
         fraction=fraction,

@@ -68,13 +68,13 @@ def tile(
 @compiled
 def bin_boxes(
     group: NDArray[np.intp],
-    start: Floats,
-    stop: Floats,
+    middle: Floats,
+    half: Floats,
     area: Floats,
     group_count: int,
     bin_count: int,
 ) -> Floats:
-    """Return the area of uniform boxes [start, stop] in each (group, bin); bins have width 1."""
+    """Return the area of uniform boxes, middle +- half, in each (group, bin) of bins of width 1."""
     # The area up to a bin edge is the sum of rate * (edge - start) over the ramps that have begun,
     # less that over those that have ended: slope * edge - offset, both cumulative sums.
     slope, offset = np.zeros((group_count, bin_count + 1)), np.zeros((group_count, bin_count + 1))
@@ -82,9 +82,9 @@ def bin_boxes(
     for i in range(len(group)):
         # A box narrower than a point is widened to a point about its centre. A box that reaches
         # beyond the window is cut there and keeps its area.
-        short = max(_POINT - (stop[i] - start[i]), 0.0) / 2
-        begin = min(max(start[i] - short, 0.0), bin_count - _POINT)
-        end = min(max(stop[i] + short, begin + _POINT), float(bin_count))
+        reach = max(half[i], _POINT / 2)
+        begin = min(max(middle[i] - reach, 0.0), bin_count - _POINT)
+        end = min(max(middle[i] + reach, begin + _POINT), float(bin_count))
         rate = area[i] / (end - begin)
         begun, ended = int(np.ceil(begin)), int(np.ceil(end))
         slope[group[i], begun] += rate
@@ -109,4 +109,4 @@ def strands(hit: Hit, middle: Floats, half: Floats, area: Floats, bin_count: int
     """Return the area of every second row and column by bin, (4, bin), in boxes twice as long."""
     rows, columns = hit
     group = 2 * (rows & 1) + (columns & 1)
-    return bin_boxes(group, middle - 2 * half, middle + 2 * half, area, SUBLATTICES, bin_count)
+    return bin_boxes(group, middle, 2 * half, area, SUBLATTICES, bin_count)

@@ -32,7 +32,7 @@ def test_binning_is_the_overlap_of_every_box_with_every_bin(seed, widest):
     start = rng.uniform(0, 20 - widest, 50)
     stop = start + rng.uniform(0.002, widest, 50)
     area = rng.uniform(0.1, 2, 50)
-    ours = bin_boxes(group, start, stop, area, 3, 20)
+    ours = bin_boxes(group, (start + stop) / 2, (stop - start) / 2, area, 3, 20)
     # Ramps have slopes up to 1/0.002 at edges up to 20: products of 1e4, rounded at 1e-16 each.
     np.testing.assert_allclose(
         ours, plain_boxes(group, start, stop, area, 3, 20), atol=50 * 1e4 * 2e-16 * 10
