@@ -206,10 +206,8 @@ def _by_pixels(
         for pixel in PIXELS:
             found = []
             for asked, blurred in zip(drawn, exact, strict=True):
-                mesh = ncti.ships.load(asked.ship)
-                draw = partial(range_image, mesh, pixel=pixel, engine=engine, **asked.view)
-                whole, extent = _timed(lambda of=draw, to=asked: range_extent(of(), **to.binning))
-                own, bound = _timed(lambda of=extent, to=asked: of.error_after(to.pulse_width))
+                whole, extent = _timed(partial(_drawn, asked, pixel=pixel, engine=engine))
+                own, bound = _timed(partial(extent.error_after, asked.pulse_width))
                 cost = (1e3 * min(spent[-2:]) + own) / (whole + own)
                 found.append((_error(extent, asked, blurred), bound, cost))
             true, bounds, costs = np.array(found).T
@@ -225,6 +223,11 @@ def _by_pixels(
                 }
             )
     return rows
+
+
+def _drawn(asked: Asked, **sampling: Any) -> RangeExtent:
+    image = range_image(ncti.ships.load(asked.ship), **asked.view, **sampling)
+    return range_extent(image, **asked.binning)
 
 
 def _truth(mesh: trimesh.Trimesh, asked: Asked) -> Callable[[RangeExtent], float]:

@@ -17,7 +17,7 @@ from typing import Any
 from ncti.classify.loops import DENSITIES
 from ncti.infrared.loops import IMAGES
 from ncti.irar.loops import TILTS
-from ncti.ladar.loops import FRAMES
+from ncti.ladar.loops import BOXES, FRAMES
 from ncti.render.choice import choose_engine
 from ncti.render.loops import LINES, MASK, of_engine
 from sweeps.engine.kinds import Draws, Kind, SetOf, Word
@@ -128,7 +128,7 @@ def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
     One process does so before others run them.
     """
     engines = {*choices[Render.engine]}
-    needed = [*map(of_engine, sorted(engines))]
+    needed = [*map(of_engine, sorted(engines)), *[BOXES] * (engines != {LINES})]
     if any(looks(sensor)(choices) for sensor in (views.RANGE, DATASET, views.BENCHMARK)):
         needed.append(FRAMES)
     if looks(DATASET)(choices):

@@ -1,4 +1,4 @@
-"""Compiled loops of sampled frames, and a small call that compiles them."""
+"""Compiled loops of range extents and of sampled frames, and small calls that compile them."""
 
 from __future__ import annotations
 
@@ -22,6 +22,16 @@ def _sample() -> None:
     rng = np.random.default_rng(0)
     sample_frames(nowhere, pulse_width=3e-8, cnr=1.0, frame_count=1, rng=rng, target_free_ifovs=1)
 
+
+def _bin() -> None:
+    """Bin one box, which compiles its loop."""
+    from ncti.ladar.pixels import bin_boxes  # numba takes long to import
+
+    one = np.ones(1)
+    bin_boxes(np.zeros(1, np.intp), one, one, one, 1, 4)
+
+
+BOXES = Loops("range extents", ("ladar.pixels.bin_boxes",), _bin)
 
 FRAMES = Loops(
     "sampled frames",

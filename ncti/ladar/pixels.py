@@ -9,7 +9,7 @@ from ncti.compiled import compiled
 from ncti.render.image import RangeImage
 
 Floats = NDArray[np.float64]
-Hit = tuple[NDArray[np.intp], NDArray[np.intp]]
+Hit = tuple[NDArray[np.intp], ...]
 """Rows and columns of the pixels on the ship."""
 
 SUBLATTICES = 4
