@@ -103,6 +103,18 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
     float
         Bound on sum |p - q| / sum q, p the extent, q the exact one, both after the power response
         of the pulse; NaN if nothing is visible.
+
+    Notes
+    -----
+    With s_k the strands after the pulse, the bound is
+
+        0.6 sum sqrt(mean over k of (4 s_k - p)^2) / sum p.
+
+    What it is 0.6 of is an error by pixels twice as wide. Errors fall as the pixel to the power of
+    some 1.5, and that of spreading pixels in range, which all strands share, as fast or faster, so
+    that errors by all pixels are a third of it in the median. Where the pixels lie decides how much
+    more they are: 98 of 100 are within 0.6 of it, by pixels of 0.09 to 1.4 m and spreads of 0 to 1,
+    in the views that the factor was set on. `python -m benchmarks pixels` judges it by others.
     """
     total = float(extent.sum())
     if not total > 0:

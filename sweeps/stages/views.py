@@ -206,7 +206,7 @@ def drawing_engine(engine: str, tolerance: float | None) -> str:
     if tolerance is not None and engine not in ("auto", LINES):
         raise ConfigurationError(
             f"render.tolerance is {tolerance:g}, but must be null where render.engine is {engine}, "
-            "which does not know its error"
+            "which draws pixels of one size"
         )
     if engine == LINES or tolerance is not None:
         return LINES
