@@ -32,7 +32,7 @@ from ncti.render.view import ROLL
 from sweeps.stages.views import cache_folder
 
 STEP = 1.5  # between learned aspects [deg]
-SEEDS, TESTS = 10, 20  # sets of tests, and tests of a ship in each
+SEEDS, TESTS = 20, 40  # sets of tests, and tests of a ship in each
 
 Floats = NDArray[np.float64]
 
