@@ -12,11 +12,11 @@ from ncti.render.lines import STRANDS
 
 Floats = NDArray[np.float64]
 
-FINE, COARSE = (6, 7, 8), (2, 3, 4)
-"""Harmonics of the strands, in sixteenths of a cycle a line, near the spacing and far above it."""
+FINE = (6, 7, 8)
+"""Harmonics of the strands, in sixteenths of a cycle a line, near the spacing."""
 
-STEEPNESS, ROUGHNESS, FACTOR, FEW = 0.29, -0.123, 1.2, 34.0
-"""Of `sampling_error`; `python -m benchmarks calibration` fits the first three again."""
+ROUGHNESS, FACTOR, FEW = -0.148, 0.92, 34.0
+"""Of `sampling_error`; `python -m benchmarks calibration` fits the first two again."""
 
 PIXELS = 0.6
 """Of `pixel_error`; `python -m benchmarks pixels` compares it with true errors."""
@@ -53,34 +53,29 @@ def sampling_error(
     the lines. Their sum errs by what f has at the frequencies 1/d, 2/d ... (Poisson's summation
     formula). What it has below 1/2d can be read from the lines themselves, by a Fourier sum over
     the strands: A(j) is the sum over bins of its magnitude at j/16d, over the sum of the extent.
-    The harmonics 6, 7 and 8 (8 is the difference of odd and even lines) are averaged to a, 2, 3 and
-    4 to c, and the bound is
+    The harmonics 6, 7 and 8 (8 is the difference of odd and even lines) are averaged to a, and the
+    bound is
 
-        1.2 (1 + (34/n)^2) a (a/c)^0.29 (a n^1.6)^-0.123
+        0.92 (1 + (34/n)^2) a (a n^1.6)^-0.148
 
-    for n lines. The factor with a/c continues the fall of the spectrum; the last draws a towards
-    that of a typical ship, whose a falls as n^-1.6; and few lines may agree by chance.
+    for n lines. The last factor draws a towards that of a typical ship, whose a falls as n^-1.6;
+    and few lines may agree by chance. Range along a line is exact, so nothing else is to bound.
 
-    Fitted: the exponents, and a factor of 1.14, by a quantile regression on the true errors of
-    300 random views, with and without a pulse, by lines 1 m to 1/32 m apart (`python -m benchmarks
-    calibration`). Judged by 300 others that bound covers 97.7 % of the errors, and is 1.7 times
-    the error in the median; the difference of odd and even lines alone would be 1.9 to 2 times.
-    Adding lines until a bound is small enough favours bounds that are too small, so the factor was
-    raised to 1.2 on 140 views with seven tolerances. Judged by 200 others (`python -m benchmarks
-    tolerances`) it covers 97.3 % then, and is 1.76 times the error.
+    Fitted by quantile regressions on true errors: of lines 1 m to 1/32 m apart in random views and
+    in views nearly end-on and abeam, with and without a pulse (`python -m benchmarks calibration`),
+    and of extents within tolerances, since adding lines until a bound is small enough favours
+    bounds that are too small. `python -m benchmarks tolerances` judges it by others.
 
-    The logarithm of the error scatters about any such estimate by 0.25, and by 0.35 after long
-    pulses abeam, where few range bins share it: where the lines lie decides the phase of the
+    The logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after long
+    pulses, where few range bins share it: where the lines lie decides the phase of the
     harmonics at 1/d.
     """
     if line_count < 1:
         return math.nan
-    fine, coarse = spectrum(strands, pulse_width, bin_width=bin_width)
-    if not fine > 0:
-        return fine  # 0, or NaN where there is nothing
-    steepness = min(fine / coarse, 1.0) if coarse > 0 else 1.0
-    factor = FACTOR * scarcity(line_count)
-    return factor * fine * steepness**STEEPNESS * (fine * line_count**SLOPE) ** ROUGHNESS
+    missed = magnitude(strands, pulse_width, bin_width=bin_width)
+    if not missed > 0:
+        return missed  # 0, or NaN where there is nothing
+    return FACTOR * scarcity(line_count) * missed * (missed * line_count**SLOPE) ** ROUGHNESS
 
 
 def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_width: float) -> float:
@@ -131,19 +126,18 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
     return PIXELS * float(np.sqrt((apart**2).mean(axis=0)).sum()) / total
 
 
-def spectrum(strands: Floats, pulse_width: float, *, bin_width: float) -> tuple[float, float]:
-    """Return the mean magnitudes a and c of fine and coarse harmonics; see `sampling_error`."""
+def magnitude(strands: Floats, pulse_width: float, *, bin_width: float) -> float:
+    """Return the mean magnitude a of the fine harmonics; see `sampling_error`."""
     total = float(strands.sum())
     if not total > 0:
-        return math.nan, math.nan
+        return math.nan
     occupied = np.flatnonzero(strands.any(axis=0))
     waves = _WAVES @ strands[:, occupied[0] : occupied[-1] + 1]
     if pulse_width > 0.0:
         response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
         total *= float(response.sum())
         waves = np.array([np.convolve(wave, response) for wave in waves])
-    size = np.abs(waves).sum(axis=1) / total
-    return float(size[: len(FINE)].mean()), float(size[len(FINE) :].mean())
+    return float(np.abs(waves).sum()) / (len(FINE) * total)
 
 
 def scarcity(line_count: int) -> float:
@@ -151,4 +145,4 @@ def scarcity(line_count: int) -> float:
     return 1.0 + (FEW / line_count) ** 2
 
 
-_WAVES = np.exp(-2j * np.pi * np.outer((*FINE, *COARSE), np.arange(STRANDS)) / STRANDS)
+_WAVES = np.exp(-2j * np.pi * np.outer(FINE, np.arange(STRANDS)) / STRANDS)
