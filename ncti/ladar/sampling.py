@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 FINE = (6, 7, 8)
 """Harmonics of the strands, in sixteenths of a cycle a line, near the spacing."""
 
-ROUGHNESS, FACTOR, FEW = -0.148, 0.92, 34.0
+ROUGHNESS, FACTOR, FEW = -0.148, 0.95, 34.0
 """Of `sampling_error`; `python -m benchmarks calibration` fits the first two again."""
 
 PIXELS = 0.6
@@ -56,7 +56,7 @@ def sampling_error(
     The harmonics 6, 7 and 8 (8 is the difference of odd and even lines) are averaged to a, and the
     bound is
 
-        0.92 (1 + (34/n)^2) a (a n^1.6)^-0.148
+        0.95 (1 + (34/n)^2) a (a n^1.6)^-0.148
 
     for n lines. The last factor draws a towards that of a typical ship, whose a falls as n^-1.6;
     and few lines may agree by chance. Range along a line is exact, so nothing else is to bound.
