@@ -16,7 +16,6 @@ LEAST_DENSITY = np.float32(1e-30)
 """Density of a template over that of the best of its ship that a sensor allows at least."""
 
 STEP = 0.5**0.5  # between the inverse temperatures tried
-LEAST_FACTOR = 2.0**-8
 
 
 def log_evidence(product: ArrayLike, energy: ArrayLike, *, gain_sigma: float = 1.0) -> Singles:
@@ -237,13 +236,15 @@ def joint_evidence(*sensors: Densities) -> Singles:
     >>> np.exp(both).round(3).tolist()
     [[0.09000000357627869, 0.1850000023841858]]
     """
-    best = sum(best for best, _ in sensors)
-    operands = [operand for _, density in sensors for operand in (density, [0, 1, 2])]
-    templates = sensors[0][1].shape[2]
-    return np.asarray(best + np.log(np.einsum(*operands, [0, 1]) / np.float32(templates)))
+    best = np.sum([best for best, _ in sensors], axis=0)
+    densities = [density for _, density in sensors]
+    joint = np.einsum(",".join(["sft"] * len(densities)) + "->sf", *densities)
+    return np.asarray(best + np.log(joint / np.float32(densities[0].shape[2])), dtype=np.float32)
 
 
-def fit_inverse_temperature(evidence: Singles, ships: int, truth: ArrayLike) -> float:
+def fit_inverse_temperature(
+    evidence: Singles, ships: int, truth: ArrayLike, *, least: float
+) -> float:
     """Return the factor of log densities, at most 1, of the least log loss.
 
     Parameters
@@ -254,6 +255,8 @@ def fit_inverse_temperature(evidence: Singles, ships: int, truth: ArrayLike) -> 
         Number of ships.
     truth : (sample,) array_like of int
         Number of the ship of each view.
+    least : float
+        Least factor that can be right.
 
     Returns
     -------
@@ -275,7 +278,7 @@ def fit_inverse_temperature(evidence: Singles, ships: int, truth: ArrayLike) -> 
     >>> truth = rng.integers(2, size=4000)
     >>> seen = truth + rng.standard_normal(4000)
     >>> logs = -np.square(seen[:, None] - np.arange(2)) / 2
-    >>> round(fit_inverse_temperature((4 * logs).astype(np.float32), 2, truth), 2)
+    >>> round(fit_inverse_temperature((4 * logs).astype(np.float32), 2, truth, least=0.01), 2)
     0.25
     """
     own = np.arange(len(evidence)), np.asarray(truth)
@@ -284,7 +287,7 @@ def fit_inverse_temperature(evidence: Singles, ships: int, truth: ArrayLike) -> 
         of_ships = ship_evidence(evidence * np.float32(factor), ships).astype(np.float64)
         return float((np.logaddexp.reduce(of_ships, axis=1) - of_ships[own]).mean())
 
-    factor, least = 1.0, loss(1.0)
-    while factor > LEAST_FACTOR and (lower := loss(factor * STEP)) < least:
-        factor, least = factor * STEP, lower
+    factor, now = 1.0, loss(1.0)
+    while factor * STEP >= least and (lower := loss(factor * STEP)) < now:
+        factor, now = factor * STEP, lower
     return factor

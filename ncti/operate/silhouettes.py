@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +96,7 @@ class SilhouetteMatch:
     tests : (test, row, column) bool ndarray
         Silhouettes of the views to identify.
     left_out : (ship, view, row, column) bool ndarray
-        Silhouettes of other random views, from which it is learned how sure the match is.
+        Silhouettes of other random views, which say how far the match is to be trusted.
     rng : numpy.random.Generator
         Draws the noise of scene and detector.
 
@@ -117,8 +116,10 @@ class SilhouetteMatch:
 
     Between templates lies a mean square difference of the nearest of a ship, shared out over the
     pixels of the ship, that adds to the variance of the noise. It is not white: pixels along an
-    edge err together, so that they count for fewer. All log densities are therefore multiplied by
-    `inverse_temperature`.
+    edge err together and count as fewer. All log densities are therefore multiplied by the factor
+    that foretells the ships of views left out best, for each range and number of frames
+    (`ncti.operate.matching.fit_inverse_temperature`), but no less than if all pixels of a ship
+    erred together: where noise prevails, it is 1.
 
     Examples
     --------
@@ -163,47 +164,39 @@ class SilhouetteMatch:
         self._tests, self._left_out = (
             [rows @ of_all.T for rows in (these, *_normals(rng, these))] for these in (seen, others)
         )
-        self._fitted: dict[tuple[float, ...], float] = {}
+        self._fitted: dict[tuple[float, Imager, float, float], float] = {}
 
     def evidence(
         self, frame_count: float, *, imager: Imager, slant_range: float, gain_sigma: float
     ) -> Singles:
         """Return the (test, template) log likelihood of averages, as of `log_evidence`."""
-        how = {"imager": imager, "slant_range": slant_range, "gain_sigma": gain_sigma}
-        evidence = self._evidence(self._tests, frame_count, **how)
-        evidence *= np.float32(self.inverse_temperature(frame_count, **how))
-        return evidence
-
-    def inverse_temperature(
-        self, frame_count: float, *, imager: Imager, slant_range: float, gain_sigma: float
-    ) -> float:
-        """Return the factor of the log likelihood that suits the views left out best."""
-        key = frame_count, slant_range, gain_sigma, *astuple(imager)
-        if key not in self._fitted:
-            how = {"imager": imager, "slant_range": slant_range, "gain_sigma": gain_sigma}
-            evidence = self._evidence(self._left_out, frame_count, **how)
-            self._fitted[key] = fit_inverse_temperature(evidence, self._ships, self._truth)
-        return self._fitted[key]
-
-    def _evidence(
-        self,
-        products: Sequence[Singles],
-        frame_count: float,
-        *,
-        imager: Imager,
-        slant_range: float,
-        gain_sigma: float,
-    ) -> Singles:
-        """Return the log likelihood if what lies between templates were white, of some views."""
-        contrast, spread = imager.contrast(slant_range), imager.target_spread
+        contrast = imager.contrast(slant_range)
         detector = imager.nedt / math.sqrt(frame_count)
-        variance = spread**2 + detector**2 + contrast**2 * self.between
-        silhouette, scene, noise = products
-        product = silhouette * np.float32(contrast**2 / variance)
-        product += scene * np.float32(contrast * spread / variance)
-        product += noise * np.float32(contrast * detector / variance)
-        energy = self.size * (contrast**2 / variance)
-        return log_evidence(product, energy, gain_sigma=gain_sigma)
+        noise = imager.target_spread**2 + detector**2
+        error = contrast**2 * self.between
+        scales = contrast, imager.target_spread, detector
+        variance = noise + error
+
+        def white(products: Sequence[Singles]) -> Singles:
+            """Return the log likelihood of some views if errors of pixels were independent."""
+            factors = [np.float32(contrast * scale / variance) for scale in scales]
+            product = products[0] * factors[0]
+            product += products[1] * factors[1]
+            product += products[2] * factors[2]
+            energy = self.size * (contrast**2 / variance)
+            return log_evidence(product, energy, gain_sigma=gain_sigma)
+
+        how = frame_count, imager, slant_range, gain_sigma
+        if how not in self._fitted:
+            # At worst, all pixels of a ship err together.
+            least = variance / (noise + error * max(float(self.size.mean()), 1.0))
+            others = white(self._left_out)
+            self._fitted[how] = fit_inverse_temperature(
+                others, self._ships, self._truth, least=least
+            )
+        evidence = white(self._tests)
+        evidence *= np.float32(self._fitted[how])
+        return evidence
 
 
 def _normals(rng: np.random.Generator, views: Singles) -> Singles:
