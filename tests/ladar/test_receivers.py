@@ -35,6 +35,13 @@ def test_false_alarm_rate_of_the_first_pulse_threshold():
     assert stats.binomtest(alarms, 60_000, 0.01).pvalue > 1e-3
 
 
+def test_noise_alone_exceeds_the_default_threshold_once_in_a_million_bins():
+    rayleigh = stats.rayleigh(scale=(np.pi / 8) ** 0.25)  # variance sqrt(pi/8) in each quadrature
+    just_below, just_above = (np.array([rayleigh.isf(rate)]) for rate in (1.001e-6, 0.999e-6))
+    assert not detect(just_below, receiver="first_pulse").any()
+    assert detect(just_above, receiver="first_pulse").all()
+
+
 @pytest.mark.parametrize("receiver", ["first_pulse", "peak_pulse"])
 def test_a_face_square_on_is_one_spike_for_each_ifov(receiver):
     extent = range_extent(plane(width=30, height=30, offset=0.5), slant_range=1e8, ifov=150e-9)

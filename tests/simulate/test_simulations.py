@@ -40,6 +40,12 @@ def test_the_averaged_profile_is_the_expected_one_in_the_mean():
     assert np.abs((found - found.expected).values / deviation).max() < 7.7
 
 
+def test_a_ship_whose_sides_are_alike_has_equal_profiles_from_both():
+    """Lines lie mirrored, so that even the error of coarse ones, some 1e-3, is the same."""
+    port, starboard = (profile(aspect=at, accuracy=0.5).expected for at in (35.0, 325.0))
+    np.testing.assert_allclose(starboard, port, rtol=0, atol=1e-9 * float(port.max()))
+
+
 @EVERY
 def test_a_mesh_that_is_no_solid_is_refused(simulated):
     inverted, opened = BOX.copy(), BOX.copy()
