@@ -117,7 +117,7 @@ class SilhouetteMatch:
     Between templates lies a mean square difference of the nearest of a ship, shared out over the
     pixels of the ship, that adds to the variance of the noise. It is not white: pixels along an
     edge err together and count as fewer. All log densities are therefore multiplied by the factor
-    that foretells the ships of views left out best, for each range and number of frames
+    that predicts the ships of views left out best, for each range and number of frames
     (`ncti.operate.matching.fit_inverse_temperature`), but no less than if all pixels of a ship
     erred together: where noise prevails, it is 1.
 
