@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
 from ncti.checks import require
 from ncti.ladar.expected import STRONGEST
+from ncti.ladar.extent import REFERENCE_BIN
+from ncti.ladar.pulse import noise_floor
 
 LOUDEST = 200.0
 """Largest level [dB]; that of `STRONGEST`."""
@@ -111,3 +118,58 @@ def carrier_to_noise(
     require("extinction", extinction, minimum=0.0)
     two_way_db = 2 * extinction * (slant_range - reference_range)
     return float(reference * (reference_range / slant_range) ** 2 * 10 ** (-two_way_db / 10))
+
+
+def faintest(
+    size: Sequence[float], *, slant_range: float, ifov: float, target_free_ifovs: int
+) -> float:
+    """Return the carrier-to-noise ratio below which single precision loses a ship in the floor.
+
+    Parameters
+    ----------
+    size : (3,) sequence of float
+        Length, beam and height of the ship [m].
+    slant_range, ifov
+        Distance [m], and side of an IFOV [rad].
+    target_free_ifovs : int
+        Number of IFOVs without target that are added to each frame.
+
+    Returns
+    -------
+    float
+        CNR of a filled IFOV at the slant range, as a power ratio. Below it an end-on view rises
+        above its noise floor by a few steps of float32, or by none.
+
+    See Also
+    --------
+    carrier_to_noise : Carrier-to-noise ratio by range.
+    expected_profile : The profile that sweeps store in single precision.
+
+    Notes
+    -----
+    The end of the box around the ship, its area spread over the length L, adds
+    A = (pi/2) CNR (W H / side^2) / L per metre of range to Equation C of [1]_ and raises the
+    profile by A / (2 sqrt(B)). The floor is sqrt(B) for each IFOV, and its steps are 2^-23 of it.
+    The peaks of real ships end-on are three to eight times as high.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Appendix 1, Equation C.
+
+    Examples
+    --------
+    A destroyer at 100 km beside 4,000 target-free IFOVs:
+
+    >>> import math
+    >>> from ncti.ladar.budget import faintest
+    >>> sight = {"slant_range": 100e3, "ifov": 150e-6}
+    >>> least = faintest((142.0, 15.0, 33.0), **sight, target_free_ifovs=4000)
+    >>> print(f"{10 * math.log10(least):.0f} dB")
+    -14 dB
+    """
+    length, beam, height = size
+    density = beam * height / (ifov * slant_range) ** 2 * REFERENCE_BIN / length
+    floor = noise_floor() ** 2 * max(target_free_ifovs, 1)
+    rise = math.pi / 2 * density / (2 * floor)  # of a CNR of 1, over the floor
+    return float(np.finfo(np.float32).eps) / rise

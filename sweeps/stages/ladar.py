@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ncti import ladar as library
 from ncti.features.profile import estimated_floor
 from ncti.ladar import RangeExtent
+from ncti.ladar.budget import faintest
 from ncti.ladar.places import Place
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
@@ -309,6 +311,8 @@ def check(choices: Choices) -> Choices:
             _check_window(choices)
     if looks(RANGE)(choices):
         views.check_ranges(choices, Grid.range, Ladar.ifov)
+        if FULL in choices[Ladar.receiver]:
+            _check_cnr(choices)
     return choices
 
 
@@ -330,3 +334,30 @@ def _check_window(choices: Choices) -> None:
         reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
         if allowed := longer_window(window, ship=ship, reach=reach, pulse_width=longest):
             views.refuse(Ladar.window, window, f"{allowed}{views.hint(ship)}")
+
+
+def _check_cnr(choices: Choices) -> None:
+    """Refuse a carrier-to-noise ratio at which single precision loses a ship in the noise floor."""
+    farthest, widest = (each.in_si(max(choices[each])) for each in (Grid.range, Ladar.ifov))
+    most = max(choices[Ladar.target_free_ifovs])
+    signals = [
+        *product(*(choices[each] for each in (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)))
+    ]
+    for ship in choices[Grid.ship]:
+        least = faintest(
+            np.ptp(views.description(views.hull(ship)).vertices, axis=0),
+            slant_range=farthest,
+            ifov=widest,
+            target_free_ifovs=most,
+        )
+        for cnr, at, extinction in signals:
+            ratio = cnr_at_range(
+                farthest, cnr, Ladar.cnr_range.in_si(at), Ladar.extinction.in_si(extinction)
+            )
+            if ratio < least:
+                lacking = 10 * math.log10(least / max(ratio, 1e-300))
+                allowed = (
+                    f"at least {cnr + lacking:.1f} dB for single precision to hold the profile of "
+                    f"{ship} at {farthest / 1e3:g} km over the floor of {most} target-free IFOVs"
+                )
+                views.refuse(Ladar.cnr, cnr, allowed)

@@ -5,9 +5,12 @@ import pytest
 from plates import plane
 from scipy import stats
 
+import ncti.ships
 from ncti import ladar
+from ncti.ladar.budget import faintest
 from ncti.ladar.frames import GAUSSIAN_FROM
 from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel, target_response
+from ncti.render import line_image
 
 CNR = 10**3.2
 
@@ -128,3 +131,24 @@ def test_carrier_to_noise_of_a_filled_beam():
     assert ladar.carrier_to_noise(50e3) == pytest.approx(4 * 10**3.2)
     # 0.1 dB/km one way over 50 km less, both ways: 10 dB
     assert ladar.carrier_to_noise(50e3, extinction=1e-4) == pytest.approx(40 * 10**3.2)
+
+
+@pytest.mark.parametrize("ship", ["duncan", "texas"])
+@pytest.mark.parametrize("pulse_width", [10e-9, 50e-9])
+def test_at_the_faintest_signal_some_steps_of_single_precision_are_left_of_a_ship(
+    ship, pulse_width
+):
+    """From every side; at a thirtieth of it none of some views."""
+    mesh, sight = ncti.ships.load(ship), {"slant_range": 100e3, "ifov": 150e-6}
+    least = faintest(mesh.extents, **sight, target_free_ifovs=4000)
+
+    def steps(cnr):
+        for aspect in (0.0, 33.0, 90.0, 180.0):
+            lines = line_image(mesh, aspect=aspect, depression=3.84, spacing=0.5)
+            seen = ladar.range_extent(lines, **sight)
+            signal = {"pulse_width": pulse_width, "target_free_ifovs": 4000}
+            profile = ladar.expected_profile(seen, cnr=cnr, **signal)
+            yield np.unique(profile.astype(np.float32)).size - 1
+
+    assert min(steps(least)) > 1
+    assert min(steps(least / 30)) == 0
