@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 CARD = "croissant.json"
 VERSION = "http://mlcommons.org/croissant/1.1"
+PUBLISHED = "2026-11-28"  # of this version's rows, as in CITATION.cff
 LICENSE = "https://spdx.org/licenses/BSD-3-Clause"
 ENCODING = "application/jsonlines"
 CITATION = (
@@ -98,6 +99,7 @@ def card(split: Split) -> dict[str, Any]:
         "name": split.name,
         "description": about + ".",
         "version": version("ncti-sweep"),
+        "datePublished": PUBLISHED,
         "license": LICENSE,
         "creator": {"@type": "sc:Organization", "name": "The ncti-sweep authors"},
         "citeAs": CITATION,

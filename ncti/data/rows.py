@@ -141,7 +141,8 @@ def dataset(
     Parameters
     ----------
     ships : sequence of str, Path or trimesh.Trimesh
-        Ships, each drawn as often: names, paths or meshes as of `ncti.simulate.range_profile`.
+        Ships: names, paths or meshes as of `ncti.simulate.range_profile`. Each is drawn once, in
+        random order, in as many views as there are ships.
     count : int
         Number of rows.
     seed : int
@@ -381,12 +382,14 @@ def parameters(
     given["cnr"] = 0.0 if cnr is None else cnr
     bounds = _bounds(bin_width)
     samplers = {name: sampler(name, given[name], bounds[name]) for name in bounds}
+    # Each ship has one view of a block, of as many views as there are ships.
     view = numbers // rows_per_view
-    views, of_row = np.unique(view, return_inverse=True)
+    blocks, block = np.unique(view // ships, return_inverse=True)
+    views, of_row = blocks[:, None] * ships + np.arange(ships), block * ships + view % ships
     *of_view, own = VIEW[1:], [name for name in samplers if name not in VIEW]
-    which, *uniform = uniform_numbers(seed, OF_VIEWS, views, len(VIEW))
+    order, *uniform = uniform_numbers(seed, OF_VIEWS, views.reshape(-1), len(VIEW))
     drawn: Arrays = {"row": numbers, "view": view}
-    drawn["ship"] = (which * ships).astype(np.intp)[of_row]
+    drawn["ship"] = order.reshape(views.shape).argsort(axis=1).reshape(-1)[of_row]
     for name, values in zip(*of_view, uniform, strict=True):
         drawn[name] = samplers[name](values)[of_row]
     *uniform, right, up = uniform_numbers(seed, OF_ROWS, numbers, len(own) + len(PLACE))

@@ -68,6 +68,17 @@ def test_what_is_drawn_does_not_depend_on_other_parameters(whole):
     assert float(abs(noise - same).max()) <= 4 * FLOAT32 * float(whole.profile.max())
 
 
+def test_ships_have_equal_numbers_of_views():
+    """In every block of views, whichever rows are asked for, in orders that differ."""
+    ships = ["duncan", "texas", "horne"]
+    given = {"slant_range": 100e3, "frames": 1, "target_free_ifovs": 0, "rows_per_view": 2}
+    found = ncti.dataset(ships, 120, seed=3, **given).ship.values[::2].reshape(20, 3)
+    assert (np.sort(found, axis=1) == sorted(ships)).all()
+    assert len({*map(tuple, found)}) > 3  # of six; 20 of three or fewer have odds below 1e-4
+    part = ncti.dataset(ships, 7, first=17, seed=3, **given).ship.values
+    np.testing.assert_array_equal(part, np.repeat(found.reshape(-1), 2)[17:24])
+
+
 def test_expected_profiles_are_those_of_a_simulation(monkeypatch):
     """At the same lines, the same place, and the far field where both allow it."""
     corner = partial(range_extent, shift=(0.0, 0.0))

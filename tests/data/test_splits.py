@@ -1,9 +1,11 @@
 """Splits: no view, draw or variant of a test is in training, by the parameters of all of them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy import stats
 
 import ncti
@@ -159,6 +161,13 @@ def test_the_moments_of_views_are_those_of_rows_at_the_same_place(number, monkey
     np.testing.assert_allclose(means, rows.expected, rtol=2.0**-22)
     np.testing.assert_array_equal(of_views.ship.values[which], rows.ship.values)
     np.testing.assert_array_equal(of_views.aspect.values[which], rows.aspect.values)
+
+
+def test_the_card_has_the_version_and_the_date_of_the_citation(small):
+    about = ncti.data.card(small)
+    cited = yaml.safe_load(Path(__file__).parents[2].joinpath("CITATION.cff").read_text())
+    assert about["version"] == cited["version"]
+    assert about["datePublished"] == str(cited["date-released"])
 
 
 def test_the_card_describes_the_files(small, tmp_path):
