@@ -86,7 +86,9 @@ def bin_boxes(
         begin = min(max(middle[i] - reach, 0.0), bin_count - _POINT)
         end = min(max(middle[i] + reach, begin + _POINT), float(bin_count))
         rate = area[i] / (end - begin)
-        begun, ended = int(np.ceil(begin)), int(np.ceil(end))
+        # Within the row even if a slope is NaN, as nothing else would keep them there.
+        begun = min(max(int(np.ceil(begin)), 0), bin_count)
+        ended = min(max(int(np.ceil(end)), 0), bin_count)
         slope[group[i], begun] += rate
         offset[group[i], begun] += rate * begin
         slope[group[i], ended] -= rate
@@ -100,7 +102,7 @@ def bin_boxes(
             least += offset[g, edge]
             here = rate * edge - least
             # Ramps that cancel leave rounding errors, which must not count as occupied bins.
-            binned[g, edge - 1] = here - before if here - before >= _ROUNDING * largest else 0.0
+            binned[g, edge - 1] = 0.0 if here - before < _ROUNDING * largest else here - before
             before = here
     return binned
 

@@ -49,7 +49,7 @@ def accuracy(store: Any) -> list[str]:
         return []
     percent = 100 * float(np.quantile(errors, COVERED, method="higher"))
     unit = 10 ** (math.floor(math.log10(percent)) - 1)
-    most = f"{math.ceil(percent / unit) * unit:.2g}"
+    most = f"{math.ceil(percent / unit) * unit:.10g}"
     return [f"Profiles are within {most} % of the exact ones ({100 * COVERED:.0f} % of views)."]
 
 

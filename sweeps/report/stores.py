@@ -50,8 +50,7 @@ def read(store: Any, group: str) -> xr.Dataset:
 def check_whole(path: Where, *, groups: Iterable[str] | None = READ) -> None:
     """Refuse a store of which files are damaged, missing or of something else.
 
-    By default, in what the report prints; with None, everywhere. Raises
-    ConfigurationError.
+    By default, in what the report prints; with None, everywhere. Raises ConfigurationError.
     """
     try:
         bad = verify(path, groups)

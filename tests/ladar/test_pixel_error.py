@@ -122,6 +122,12 @@ def test_nothing_in_sight_has_no_error():
     assert math.isnan(extent(blank, 1e5).error_after(30e-9))
 
 
+def test_slopes_that_are_not_numbers_show_in_the_extent():
+    image = range_image(trimesh.creation.box(), pixel=0.5, aspect=0, depression=0, engine="embree")
+    image.gradient[image.hit] = np.nan
+    assert np.isnan(extent(image, 1e5).fraction).any()
+
+
 def test_the_error_is_carried_by_mirrored_and_packed_extents():
     name, aspect, depression, slant_range = VIEWS[0]
     ship = ncti.ships.load(name)
