@@ -271,7 +271,7 @@ def places(found: Mapping[str, Answers]) -> dict[str, Report]:
     group, rows = "classification/likelihood", []
     for known, where in KNOWLEDGE.items():
         for name, text in (
-            ("percent correct", lambda one: text_of([100 * part.accuracy for part in one])),
+            ("percent correct", lambda one: text_of([100 * part.accuracy.fraction[-1] for part in one])),
             ("log loss", lambda one: over_seeds([part.log_loss for part in one]).text(2)),
             ("calibration error", lambda one: over_seeds([part.ece for part in one]).text(2)),
         ):
