@@ -117,7 +117,7 @@ MEANINGS = {
     "lines": "time of a view against error, by pixels, lines and a tolerance",
     "line_rays": "time of a view by lines and by embree's rays, end-on to abeam",
     "line_names": "ships identified by the same",
-    "tolerances": "bounds and costs of tolerances on 200 random views, against the reference",
+    "tolerances": "bounds and costs of tolerances by kind of view, against the reference",
     "pixels": "bounds that images of pixels state on 200 random views, against the reference",
     "calibration": "constants of the bound on errors of lines, fitted to true errors",
     "bounds": "percent correct of the likelihood classifier, by what it takes as known",

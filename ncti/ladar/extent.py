@@ -119,7 +119,7 @@ class RangeExtent:
         The sampling error is bounded from the samples themselves: of lines by what their strands
         have at frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`), of
         pixels by how far images of a quarter of them differ (`ncti.ladar.sampling.pixel_error`).
-        The bound holds in 97 of 100 random views and is 1.9 times the error in the median.
+        The bound holds in 97 of 100 views and is twice the error in the median.
         `far_field_error` is added: the whole is the error at the slant range, also of a view that
         was drawn in the far field.
         """

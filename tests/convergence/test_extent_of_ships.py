@@ -190,7 +190,7 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
     assert np.all(bars <= tolerance)
     assert np.sum(errors > bars) <= most_misses(len(ANY))
     assert np.sum(errors > tolerance) <= most_misses(len(ANY))
-    assert np.median(bars / errors) < 2.2  # 1.8 of many views; a median of 36 scatters by 0.15
+    assert np.median(bars / errors) < 2.4  # 2.0 of many views; a median of 36 scatters by 0.15
     assert np.median(bars) > tolerance / 3
 
 
