@@ -327,8 +327,8 @@ def fusion(shares: xr.Dataset) -> Report:
     note = (
         "Percentage points. The mean loss counts settings in which both are not below as 0. "
         "Intervals are of 95 % over resampled views, of both less the better in the same views. "
-        f"Of the contours at {100 * LEVEL:.0f} %, {contours:.2f} % lie at more frames with both by more "
-        "than their intervals."
+        f"Of the contours at {100 * LEVEL:.0f} %, {contours:.2f} % lie at more frames with both by "
+        "more than their intervals."
     )
     return Report("Both sensors and the better of them", columns, rows, [note])
 

@@ -271,7 +271,10 @@ def places(found: Mapping[str, Answers]) -> dict[str, Report]:
     group, rows = "classification/likelihood", []
     for known, where in KNOWLEDGE.items():
         for name, text in (
-            ("percent correct", lambda one: text_of([100 * part.accuracy.fraction[-1] for part in one])),
+            (
+                "percent correct",
+                lambda one: text_of([100 * part.accuracy.fraction[-1] for part in one]),
+            ),
             ("log loss", lambda one: over_seeds([part.log_loss for part in one]).text(2)),
             ("calibration error", lambda one: over_seeds([part.ece for part in one]).text(2)),
         ):
@@ -282,6 +285,11 @@ def places(found: Mapping[str, Answers]) -> dict[str, Report]:
     title = f"100 km, mean of {len(next(iter(found.values())))} seeds [95 % interval]"
     columns = (Column("what", title), *(Column(label, label) for label in found))
     return {"places": Report("Places of the ship that templates know", columns, rows)}
+
+
+def percent(scores: Scores) -> float:
+    """Return the percentage of answers that are right."""
+    return 100 * float(scores.accuracy.fraction[-1])
 
 
 def confidence(answers: xr.Dataset, where: Mapping[str, object]) -> Scores:
