@@ -266,22 +266,25 @@ KNOWLEDGE = {
 """Prior standard deviations by what is known of a profile."""
 
 
+SCORES: dict[str, Callable[[Sequence[Scores]], str]] = {
+    "percent correct": lambda one: text_of([percent(scores) for scores in one]),
+    "log loss": lambda one: over_seeds([scores.log_loss for scores in one]).text(2),
+    "calibration error": lambda one: over_seeds([scores.ece for scores in one]).text(2),
+}
+
+
 def places(found: Mapping[str, Answers]) -> dict[str, Report]:
     """Return percent correct, log loss and calibration error by the places of templates."""
-    group, rows = "classification/likelihood", []
+    rows: list[dict[str, Any]] = []
     for known, where in KNOWLEDGE.items():
-        for name, text in (
-            (
-                "percent correct",
-                lambda one: text_of([100 * part.accuracy.fraction[-1] for part in one]),
-            ),
-            ("log loss", lambda one: over_seeds([part.log_loss for part in one]).text(2)),
-            ("calibration error", lambda one: over_seeds([part.ece for part in one]).text(2)),
-        ):
-            row = {"what": f"{known}: {name}"}
-            for label, answers in found.items():
-                row[label] = text([confidence(one[group], where) for one in answers])
-            rows.append(row)
+        scores = {
+            label: [confidence(one["classification/likelihood"], where) for one in answers]
+            for label, answers in found.items()
+        }
+        rows += [
+            {"what": f"{known}: {name}"} | {label: text(each) for label, each in scores.items()}
+            for name, text in SCORES.items()
+        ]
     title = f"100 km, mean of {len(next(iter(found.values())))} seeds [95 % interval]"
     columns = (Column("what", title), *(Column(label, label) for label in found))
     return {"places": Report("Places of the ship that templates know", columns, rows)}
