@@ -310,7 +310,9 @@ def fusion(shares: xr.Dataset) -> Report:
     surely = again.quantile(1 - TAIL, "resample") < 0
     level, rows = 100 * alone.max("channel"), []
     for low, high in itertools.pairwise(LEVELS):
-        rows.append(_apart(f"{low} to {high}", apart, surely, (level > low) & (level <= high)))
+        which = (level > low) & (level <= high)
+        if which.any():
+            rows.append(_apart(f"{low} to {high}", apart, surely, which))
     rows.append(_apart("all", apart, surely, level >= 0))
     frames = frames_needed(shares)
     fewest = frames.isel(resample=0).sel(channel=["profile", "silhouette"]).idxmin("channel")
