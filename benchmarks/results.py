@@ -82,7 +82,7 @@ ABEAM = (
     *("classifier.template_spacing=6", "classifier.name=fusion"),
 )
 TRACKED = (
-    *("grid.frame_count=16", "grid.range=[25,50,100]", "classifier.name=likelihood"),
+    *("grid.frame_count=16", "classifier.name=likelihood"),
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
     "classifier.template_spacing=[1.5,6]",
 )
@@ -102,11 +102,10 @@ DENSITIES = (
     *(*REJECTING, "classifier.name=likelihood", f"classifier.template_spacing={listed(DENSE)}"),
     "classifier.misfit_weight=[0,0.01]",
 )
+NEAREST = f"classifier.template_spacing={SOURCE_STEP}"
+AGAINST = (*REJECTING, "classifier.name=likelihood", NEAREST)
 GENERATED = 8  # of each ship learned
-FAR = (
-    *("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood"),
-    f"classifier.template_spacing={SOURCE_STEP}",
-)
+FAR = (*("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood", NEAREST),)
 CALIBRATED = ("classifier.gain_sigma=0", "classifier.floor_sigma=0")
 FOLLOWED = "classifier.aspect_sigma=5"
 FRIGATES = (120, 150)  # lengths [m] about those of the unknown ships
@@ -364,8 +363,8 @@ def measure(sizes: Sizes) -> dict[str, Report]:
             for overrides, ships, names, label in (
                 (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
                 (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
-                (DENSITIES, of_unknown(*sisters), CLASSIFIERS[2:], "unknown ships, alternative"),
-                (DENSITIES, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
+                (AGAINST, of_unknown(*sisters), CLASSIFIERS[2:], "unknown ships, alternative"),
+                (AGAINST, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
             )
         )
         like_classes = of_classes(sizes.generated)
