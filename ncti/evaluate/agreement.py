@@ -55,7 +55,13 @@ def binomial_variance(percent: ArrayLike, trials: ArrayLike) -> Floats:
     return variance
 
 
-def chi_square(simulated: ArrayLike, given: ArrayLike, variance: ArrayLike) -> Floats:
+def chi_square(
+    simulated: ArrayLike,
+    given: ArrayLike,
+    variance: ArrayLike,
+    *,
+    correlation: ArrayLike | None = None,
+) -> Floats:
     """Return the squared distance of simulated figures to given ones, in variances.
 
     Parameters
@@ -67,16 +73,20 @@ def chi_square(simulated: ArrayLike, given: ArrayLike, variance: ArrayLike) -> F
     variance : (..., figure) array_like
         Variances of their differences, above 0: of the given figure about its expectation, and of
         the simulated mean.
+    correlation : (figure, figure) array_like, optional
+        Correlation of their differences; none when not given.
 
     Returns
     -------
     (...) float64 ndarray
-        Sum over figures of (simulated - given)^2 / variance. Figures are taken as independent.
+        z C^-1 z with z = (simulated - given) / sqrt(variance): the sum of squares of independent
+        figures.
 
     Raises
     ------
     ValueError
-        If a number is not finite, or a variance not positive.
+        If a number is not finite, a variance not positive, or the correlation not positive
+        definite.
 
     See Also
     --------
@@ -87,9 +97,21 @@ def chi_square(simulated: ArrayLike, given: ArrayLike, variance: ArrayLike) -> F
     >>> from ncti.evaluate import chi_square
     >>> chi_square([[50, 60], [55, 70]], [50, 70], [25, 25]).tolist()
     [4.0, 1.0]
+
+    Two figures that are too high count for less if they vary together:
+
+    >>> chi_square([60, 60], [50, 50], [25, 25], correlation=[[1.0, 0.6], [0.6, 1.0]]).round(1)
+    np.float64(5.0)
     """
     apart = require_all("simulated", simulated) - require_all("given", given)
-    squares: Floats = (apart**2 / require_all("variance", variance, positive=True)).sum(axis=-1)
+    off = apart / np.sqrt(require_all("variance", variance, positive=True))
+    if correlation is not None:
+        try:
+            root = np.linalg.cholesky(require_all("correlation", correlation))
+        except np.linalg.LinAlgError as error:
+            raise ValueError("correlation is a matrix that is not positive definite") from error
+        off = np.linalg.solve(root, off[..., None])[..., 0]
+    squares: Floats = (off**2).sum(axis=-1)
     return squares
 
 

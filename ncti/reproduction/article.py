@@ -62,6 +62,8 @@ class Figure:
         Percent correct, or a number of categories.
     trials : int
         Views of which it is the percentage; 0 of a number of categories.
+    frames : int
+        Frames averaged in its tests, the first of those of other figures; 0 of one by itself.
 
     See Also
     --------
@@ -83,6 +85,7 @@ class Figure:
     name: str
     value: float
     trials: int
+    frames: int = 0
 
 
 def figures(aspects: ArrayLike = ASPECTS) -> tuple[Figure, ...]:
@@ -125,23 +128,24 @@ def figures(aspects: ArrayLike = ASPECTS) -> tuple[Figure, ...]:
     trials = len(SHIPS) * np.bincount(group)
     article = article_figures()
     seen = article["table5_percent_correct"]
-    looks = {
+    looks: dict[str | int, Sequence[float]] = {
         "25 km": seen["none"][25],
         "50 km, half pixels": seen["perfect"][50],
         "50 km": seen["none"][50],
     }
     several: list[Figure] = []
 
-    def add(table: int, rows: Mapping[str, Sequence[float]]) -> None:
-        several.extend(
-            Figure(table, f"{row}, {label}°", float(value), int(count))
-            for row, values in rows.items()
-            for label, value, count in zip(BINS, values, trials, strict=True)
-        )
+    def add(table: int, rows: Mapping[str | int, Sequence[float]]) -> None:
+        """Add rows of a table, each by its name or the number of frames averaged."""
+        for row, values in rows.items():
+            name, frames = (row, 0) if isinstance(row, str) else (f"{row} frames", row)
+            several.extend(
+                Figure(table, f"{name}, {label}°", float(value), int(count), frames)
+                for label, value, count in zip(BINS, values, trials, strict=True)
+            )
 
-    def scores(table: dict[str, Any]) -> dict[str, Sequence[float]]:
-        frames = {f"{count} frames": values for count, values in table["frames"].items()}
-        return {"training": table["training"], **frames}
+    def scores(table: dict[str, Any]) -> dict[str | int, Sequence[float]]:
+        return {"training": table["training"], **table["frames"]}
 
     add(2, scores(article["table2_percent_correct"]))
     several += (

@@ -30,6 +30,19 @@ def test_distances_of_right_figures_have_a_chi_square_distribution():
     assert kstest(distances, chi2(figures).cdf).pvalue > 1e-3
 
 
+def test_so_have_those_of_figures_that_vary_together():
+    rng = np.random.default_rng(3)
+    sigma, given = rng.uniform(1, 5, 4), rng.uniform(0, 100, 4)
+    correlation = np.full((4, 4), 0.4) + 0.6 * np.eye(4)
+    covariance = np.outer(sigma, sigma) * correlation
+    simulated = rng.multivariate_normal(given, covariance, 4000)
+    distances = chi_square(simulated, given, sigma**2, correlation=correlation)
+    assert kstest(distances, chi2(4).cdf).pvalue > 1e-3
+    assert kstest(chi_square(simulated, given, sigma**2), chi2(4).cdf).pvalue < 1e-6
+    with pytest.raises(ValueError, match="correlation"):
+        chi_square(simulated, given, sigma**2, correlation=np.ones((4, 4)))
+
+
 def test_the_posterior_of_linear_figures_is_the_normal_one():
     """Two parameters with a flat prior, three figures A p: covariance (A' S^-1 A)^-1.
 

@@ -47,6 +47,31 @@ def test_variances_are_binomial_and_those_of_our_means():
         assert variance == pytest.approx(own + 3.0**2 / 4)
 
 
+def test_averages_of_the_same_frames_vary_together():
+    """By table and bin, as averages of a random walk; nothing else does."""
+    of = compared(article()[None])
+    names = [f"{figure.table}, {figure.name}" for figure in of.figures]
+
+    def between(one, other):
+        return of.correlation[names.index(one), names.index(other)]
+
+    assert between("2, 8 frames, 0-27°", "2, 16 frames, 0-27°") == pytest.approx(0.75 / 2)
+    assert between("4, 32 frames, 60-90°", "4, 8 frames, 60-90°") == pytest.approx(0.75 / 3)
+    for other in ("2, 16 frames, 30-57°", "4, 16 frames, 0-27°", "2, training, 0-27°"):
+        assert between("2, 8 frames, 0-27°", other) == 0
+    assert np.count_nonzero(of.correlation) == len(names) + 2 * 3 * 4 * 3
+    np.testing.assert_array_equal(of.correlation, of.correlation.T)
+
+
+def test_figures_that_are_off_together_exclude_less():
+    up = article()[None].copy()
+    rows = [figure.table == 4 and figure.frames > 0 for figure in figures()]
+    up[:, rows] += 10
+    together = compared(up).distance((4,))
+    apart = ((compared(up).article - up) ** 2 / compared(up).variance)[:, rows].sum()
+    assert 0.4 * apart < together < 0.7 * apart
+
+
 def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chosen():
     rng = np.random.default_rng(1)
     mean = np.clip(article() + rng.normal(0, 25, (200, len(article()))), 0, 100)
