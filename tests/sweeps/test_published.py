@@ -60,7 +60,7 @@ def test_the_source_s_own_experiments_are_asked_for():
     assert values_of(chosen("+experiment=table5"), "grid.vigilance") == (SILHOUETTES["vigilance"],)
 
 
-@pytest.mark.parametrize("name", ["paper", "draws", "table2", "table4"])
+@pytest.mark.parametrize("name", ["smoke", "paper", "draws", "table2", "table4"])
 def test_the_article_s_protocol_learns_and_tests_ships_at_the_corner_of_an_ifov(name):
     choices = chosen(f"+experiment={name}")
     assert values_of(choices, "ladar.place") == ("corner",)
