@@ -122,7 +122,7 @@ MEANINGS = {
     "calibration": "constants of the bound on errors of lines, fitted to true errors",
     "bounds": "percent correct of the likelihood classifier, by what it takes as known",
     "budget": "what each approximation does to profiles and identification",
-    "mismatch": "percent correct where tests differ from what is learned",
+    "mismatch": "percent correct by each difference between tests and templates",
     "skips": "time saved by skipped work",
     "invariance": "change of a silhouette's map by shift, scale and rotation",
     "synthesis": "frames and images over their normals, covariances of frames",

@@ -137,7 +137,7 @@ def _strands(lines: LineImage, bin_width: float) -> Floats:
 
 
 def _logarithms(errors: Floats) -> tuple[Floats, Floats]:
-    """Return the input of the regression, and what it is to bound."""
+    """Return the features of the regression, and the errors that it bounds."""
     true, missed, count, _ = errors.T
     few = np.array([scarcity(int(lines)) for lines in count])
     return np.log(missed * count**SLOPE), np.log(true / (missed * few))

@@ -39,12 +39,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Condition:
-    """How a test differs from what is learned.
+    """A difference between tests and templates.
 
     Attributes
     ----------
     name, size : str
-        What differs, and by how much.
+        The quantity that differs, and by how much.
     corner : bool
         Whether the ship lies where the first place of templates is.
     depression : float

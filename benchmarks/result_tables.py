@@ -264,7 +264,7 @@ KNOWLEDGE = {
     "gain known": {"gain_sigma": 0, "floor_sigma": 1},
     "gain and floor known": {"gain_sigma": 0, "floor_sigma": 0},
 }
-"""Prior standard deviations by what is known of a profile."""
+"""Prior standard deviations of gain and floor, by prior knowledge."""
 
 
 def places(found: Mapping[str, Answers]) -> dict[str, Report]:
@@ -508,7 +508,7 @@ def unknown(
 
 
 def pairs(answers: Mapping[tuple[str, str], Mapping[int, Answers]]) -> dict[str, Report]:
-    """Return what is kept of four ships where the other two of six are unknown, at 100 km.
+    """Return the share of known ships kept where two of six are unknown, at 100 km.
 
     By the pair that is unknown and the number of ships generated of each one learned.
     """
