@@ -12,7 +12,7 @@ from benchmarks.reports import Column, Report
 from benchmarks.result_tables import shares, views_of
 from sweeps.engine.cluster import ClusterChoice
 
-REPEATS, SEEDS, FRESH, STEP = 20, 20, 2, 1.5
+REPEATS, SEEDS, FRESH, STEP = 20, 10, 2, 1.5
 LAST = 90.0
 RANGES = (50, 100)  # km
 CLASSIFIERS = ("acn", "correlation", "likelihood")

@@ -40,7 +40,9 @@ def test_every_table_of_a_page_has_its_command(page):
     assert set(named) <= set(command.REPORTS)
 
 
-@pytest.mark.parametrize("name", [*fits.REPORTS, "bounds", "budget", "design"])
+@pytest.mark.parametrize(
+    "name", [*fits.REPORTS, "bounds", "budget", "coverage", "design", "mismatch"]
+)
 def test_every_report_of_the_pages_has_one_place(name):
     texts = [page.read_text(encoding="utf-8") for page in pages.pages()]
     assert sum(text.count(pages.begin(name)) for text in texts) == 1
