@@ -302,7 +302,7 @@ def measure(sizes: Sizes) -> dict[str, Report]:
         made |= prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
         made |= places(
             {
-                f"{count} templates": sizes.rejecting(
+                f"{count} place{'s' * (count > 1)}": sizes.rejecting(
                     [*KNOWN, f"classifier.template_places={count}"],
                     CLASSIFIERS[2:],
                     f"templates at {count} places",
