@@ -9,7 +9,6 @@ from itertools import combinations
 import numpy as np
 import xarray as xr
 
-import ncti.ships
 from benchmarks.repeated import WORKERS, listed, swept, swept_anew, swept_by_seed
 from benchmarks.reports import Report
 from benchmarks.result_flights import (
@@ -48,9 +47,7 @@ from benchmarks.result_tables import (
     with_known,
 )
 from ncti.operate.fleets import ARTICLE
-from ncti.ships.perturbation import MOST_SCALE, Variant
 from sweeps.engine.cluster import ClusterChoice
-from sweeps.stages.classifier import LARGEST, SMALLEST, UNSEEN, generated_ships
 
 SEEDS, LEAST_SEEDS = 20, 2
 DRAWS = 10  # of what takes long: trainings of the multilayered network, and flights
@@ -108,31 +105,8 @@ GENERATED = 8  # of each ship learned
 FAR = (*("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood", NEAREST),)
 CALIBRATED = ("classifier.gain_sigma=0", "classifier.floor_sigma=0")
 FOLLOWED = "classifier.aspect_sigma=5"
-FRIGATES = (120, 150)  # lengths [m] about those of the unknown ships
-CLASSES = {
-    "Bronstein": 113.2,
-    "Allen M. Sumner": 114.8,
-    "Gearing": 119.0,
-    "Garcia": 126.3,
-    "Brooke": 126.3,
-    "Forrest Sherman": 127.4,
-    "Charles F. Adams": 133.2,
-    "Coontz": 156.2,
-    "Leahy": 162.5,
-    "Belknap": 166.7,
-    "Kidd": 171.6,
-    "Spruance": 171.7,
-    "Truxtun": 171.9,
-    "Bainbridge": 172.2,
-    "Ticonderoga": 172.8,
-    "Virginia": 178.3,
-    "California": 181.7,
-    "Long Beach": 219.8,
-}
-"""Lengths overall [m] of frigates, destroyers and cruisers of the U.S. Navy about 1980, as they are
-published, without the classes of the unknown ships: Knox and Oliver Hazard Perry."""
 SIX = (*ARTICLE, *UNKNOWN_SHIPS)
-PAIRS = tuple(combinations(SIX, 2))
+PAIRS, PAIR_SEEDS = tuple(combinations(SIX, 2)), 5
 
 
 def of_unknown(*alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS) -> tuple[str, ...]:
@@ -146,41 +120,6 @@ def of_unknown(*alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS) -> tup
 def of_pair(pair: Sequence[str]) -> tuple[str, ...]:
     """Return the ships of a sweep in which two of six are unknown."""
     return f"grid.ship=[{','.join(SIX)}]", f"classifier.unknown=[{','.join(pair)}]"
-
-
-def as_long(number: int, low: float, high: float) -> list[str]:
-    """Return the ships that are generated of the article's, of lengths [m] between two."""
-    lengths = _lengths()
-    ships = {str(name): Variant.read(name) for name in generated_ships(ARTICLE, number)}
-    return [
-        name
-        for name, made in ships.items()
-        if made and low <= made.size * lengths[made.base] <= high
-    ]
-
-
-def of_classes(number: int) -> list[str]:
-    """Return ships like those that are generated, but of lengths spread as those of `CLASSES` are.
-
-    Of a ship learned, as those of classes within the same range of sizes.
-    """
-    every = list(CLASSES.values())
-    ships = []
-    for base, length in _lengths().items():
-        sizes = np.sort(every) / length
-        sizes = sizes[(sizes >= SMALLEST) & (sizes <= LARGEST)]
-        share = np.arange(1, number + 1) * (np.sqrt(5) - 1) / 2 % 1  # evenly, also of the first
-        drawn = np.interp(share, (np.arange(len(sizes)) + 0.5) / len(sizes), sizes)
-        ships += [
-            str(Variant(base, UNSEEN, k, MOST_SCALE, round(float(size), 3)))
-            for k, size in enumerate(drawn, 1)
-        ]
-    return ships
-
-
-def _lengths() -> dict[str, float]:
-    """Return the lengths of the article's ships [m]."""
-    return {name: ncti.ships.load(name).metadata["loa"] for name in ARTICLE}
 
 
 PARTS = (
@@ -255,13 +194,18 @@ class Sizes:
         )
 
     def rejecting(
-        self, overrides: Sequence[str], names: Sequence[str], label: str, step: float = DENSE[0]
+        self,
+        overrides: Sequence[str],
+        names: Sequence[str],
+        label: str,
+        step: float = DENSE[0],
+        seeds: int | None = None,
     ) -> Answers:
         """Return answers of some classifiers, of several draws, to ships that may be unknown."""
         return swept_by_seed(
             [*overrides, LINES, *self.more],
             in_group("classification/", *names),
-            seeds=self.draws,
+            seeds=seeds or self.draws,
             learned=[aspect for aspect in self.finest if aspect % step == 0],
             fresh=self.fresh,
             label=label,
@@ -367,28 +311,22 @@ def measure(sizes: Sizes) -> dict[str, Report]:
                 (AGAINST, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
             )
         )
-        like_classes = of_classes(sizes.generated)
-        of_length = as_long(sizes.generated, *FRIGATES)
         blind = [*of_unknown(), f"classifier.generated={sizes.generated}"]
-        every, calibrated, tracked_too, published, near = (
+        every, calibrated, tracked_too = (
             sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
             for ships, label in (
                 (blind, "generated ships"),
                 ([*blind, *CALIBRATED], "generated ships, gain and floor known"),
                 ([*blind, *CALIBRATED, FOLLOWED], "generated ships, and a track"),
-                (of_unknown(*like_classes), "generated ships as long as classes"),
-                (of_unknown(*of_length), "generated ships as long"),
             )
         )
         made |= unknown(
             looked_up,
             likely,
             {
-                "of any length": every,
-                "of any length, gain and floor known": calibrated,
-                "of any length, gain and floor known, aspect within 5°": tracked_too,
-                "as long as other classes of their navy": published,
-                f"of {FRIGATES[0]} to {FRIGATES[1]} m, as the unknown ones": near,
+                "blind": every,
+                "blind, gain and floor known": calibrated,
+                "blind, gain and floor known, aspect within 5°": tracked_too,
             },
             against,
             themselves,
@@ -401,6 +339,7 @@ def measure(sizes: Sizes) -> dict[str, Report]:
                         CLASSIFIERS[2:],
                         f"{' and '.join(pair)} unknown, {number} generated of each",
                         SOURCE_STEP,
+                        seeds=min(sizes.draws, PAIR_SEEDS),
                     )
                     for number in (0, sizes.generated)
                 }
