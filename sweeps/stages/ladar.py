@@ -165,9 +165,12 @@ def seen_shift(
 
 
 def on_side(place: Place, aspect: float, drawn_aspect: float) -> Place:
-    """Return a place, mirrored where the other side of the ship is drawn."""
+    """Return a place, mirrored where the other side of the ship is drawn.
+
+    No whole IFOV is added, so that IFOVs have the same numbers, and noise, on either side.
+    """
     right, up = place
-    return (right if aspect == drawn_aspect else -right % 1), up
+    return (right if aspect == drawn_aspect else 0.0 - right), up
 
 
 @stage(*EXTENT, reads={"image": "image", "shift": "shift", **BEAM})

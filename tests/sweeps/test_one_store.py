@@ -4,7 +4,7 @@ import pytest
 from commands import FAST, swept
 from small_stores import contents
 
-TINY = (*FAST, "grid.frame_count=[2,4]")
+TINY = (*FAST, "grid.frame_count=[2,4]", "ladar.place=corner", "classifier.template_places=1")
 ALL = (*TINY, "classifier=all", "classifier.mnn.epochs=5")
 
 
@@ -27,10 +27,13 @@ def test_a_store_grows_by_what_is_new(whole, folder):
     grown = swept(store, cache, *ALL, *WHOLE)
     assert contents(store) == contents(whole)
     done = {name: (one.done, one.reused) for name, one in grown.progress.items()}
-    # Of one place on the grid of IFOVs, what is tested is what is learned.
-    assert done["seen_extent"] == (2, 4) and done["extent"] == (0, 4)
-    assert done["expected"] == done["covariance"] == (2 * 3 * 2 - 4, 4)
-    assert done["averaged"] == (2 * (2 * 3 * 2 - 4), 2 * 4)
+    # At one place on the grid of IFOVs tests, templates and expected profiles share an extent.
+    extents = [done[name] for name in ("extent", "seen_extent", "placed_extent")]
+    assert sorted(extents) == [(0, 4), (0, 4), (2, 4)]
+    new = 2 * 3 * 2 - 4
+    assert sorted((done["expected"], done["placed_profile"])) == [(0, 4), (new, 4)]
+    assert done["covariance"] == (new, 4)
+    assert done["averaged"] == (2 * new, 2 * 4)
     # Classifiers see all views, so all of their answers are new.
     for name in ("acn", "mnn", "correlation", "likelihood"):
         assert done[name] == (2 * 2, 0) and first.progress[name].done == 2
