@@ -542,7 +542,7 @@ def pairs(answers: Mapping[tuple[str, str], Mapping[int, Answers]]) -> dict[str,
     columns = (
         Column("what", f"unknown ships, mean of {kept[numbers[0]].shape[1]} seeds [95 % interval]"),
         *(
-            Column(str(number), f"{number} generated of each ship learned" if number else "none")
+            Column(str(number), f"{'with' if number else 'without'} generated ships")
             for number in numbers
         ),
     )
