@@ -298,7 +298,9 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     -----
     A Cholesky decomposition with pivots, L L.T, stops at a rank near that of F; the eigenvectors of
     the small matrix L.T L then rotate L to F. For a rank r of n bins it takes some n r^2 steps,
-    where the eigenvectors of the whole matrix take 10 n^3.
+    where the eigenvectors of the whole matrix take 10 n^3. An eigenvector's sign is arbitrary, and
+    LAPACK's hangs on rounding; here its sum over bins, weighted by 1 / (bin + 1), is positive, so
+    that the same random numbers make the same noise when a pulse width changes by rounding.
     """
     # Imported here because scipy takes a tenth of a second.
     from scipy.linalg.lapack import dpstrf
@@ -313,6 +315,8 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     root[order - 1] = np.tril(packed[:, :rank])
     values, vectors = np.linalg.eigh(root.T @ root)
     kept = values > tolerance * values.max(initial=0.0)
-    factor = np.ascontiguousarray((root @ vectors[:, kept]).T, dtype=np.float32)
+    modes = root @ vectors[:, kept]
+    modes *= np.where((1 / np.arange(1.0, count + 1)) @ modes < 0, -1, 1)
+    factor = np.ascontiguousarray(modes.T, dtype=np.float32)
     factor.setflags(write=False)
     return factor

@@ -105,12 +105,12 @@ def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
 def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
     tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr(workers, "ANSWER", 1)
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     with cluster_at(tmp_path / "scheduler") as (choice, (scheduler, *_)):
 
         def kill():
             eventually(lambda: list(cache.rglob("*.pack")))
+            monkeypatch.setattr(workers, "ANSWER", 1)  # of a scheduler that is there, 10 s
             scheduler.kill()
 
         names = ("address", "ca_file", "cert", "private_key")

@@ -10,7 +10,6 @@ import ncti.ships
 from ncti.ladar import cumulative_average, expected_profile, range_extent, sample_frames
 from ncti.render import range_image
 from sweeps.engine.keys import cell_rng
-from sweeps.stages.views import Grid
 
 
 def test_synthetic_signatures_are_those_of_the_range_channel(folder):
@@ -23,9 +22,7 @@ def test_synthetic_signatures_are_those_of_the_range_channel(folder):
     finer = 0.5 * max(math.sqrt(int(image.hit.sum()) / 20_000), 0.25)
     image = range_image(mesh, pixel=finer, **view)
     extent = range_extent(image, slant_range=100e3)
-    # The setting's own float: rounding of the pulse may turn the sign of a mode of the noise.
-    pulse_width = Grid.pulse_width.in_si(30.0)
-    sensor = {"pulse_width": pulse_width, "cnr": 10**3.2, "target_free_ifovs": 4000}
+    sensor = {"pulse_width": 30e-9, "cnr": 10**3.2, "target_free_ifovs": 4000}
     learned = expected_profile(extent, **sensor).astype(np.float32)
     rng = cell_rng(
         0, stage="flight_signature", ship="roberts", aspect=175.0, depression=5.0,
