@@ -76,6 +76,14 @@ def eventually(condition):
         time.sleep(0.02)
 
 
+def parsed(path):
+    """Content of a JSON file, or None while another process has yet to write the end of it."""
+    try:
+        return json.loads(path.read_text())
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
+
+
 def written(security, folder):
     """Choice of certificates that are written into a folder."""
     texts = {"ca": security.tls_ca_file, "key": security.tls_client_key}
@@ -118,8 +126,8 @@ def cluster_at(folder, **variables):
             stack.callback(process.wait)
             stack.callback(process.kill)
             processes.append(process)
-        eventually((folder / "scheduler.json").exists)
-        address = json.loads((folder / "scheduler.json").read_text())["address"]
+        eventually(lambda: parsed(folder / "scheduler.json"))
+        address = parsed(folder / "scheduler.json")["address"]
         yield ClusterChoice(kind="address", address=address, **files), processes
 
 
