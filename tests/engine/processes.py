@@ -78,7 +78,8 @@ def imported():
 
 
 if __name__ == "__main__":
-    # What runs in the background of a shell ignores it.
+    # Commands in the background of a shell ignore the one, and those of nohup the other.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     imported()
     json.dump([ended(case, started(case)) for case in json.load(sys.stdin)], sys.stdout)

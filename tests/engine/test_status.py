@@ -58,8 +58,12 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
 
     def look():
         eventually(lambda: len(list(Path("cache").rglob("*.pack"))) > 2)
-        seen.append(watching.described(Path("s.zarr"), Path("cache")))
+        eventually(estimated)
         os.kill(os.getpid(), signal.SIGINT)
+
+    def estimated():
+        seen[:] = [watching.described(Path("s.zarr"), Path("cache"))]
+        return [*seen[0][1].columns[-1].cells][-1]
 
     with meanwhile(look):
         start(*GIVEN, "measured.pause=0.3", status=130)
