@@ -1,4 +1,4 @@
-"""The cache of all tests, and doctests of the library wherever `ncti` or a part of it is tested."""
+"""Cache and threads of all tests, and doctests of the library wherever `ncti` or a part of it is tested."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ LIBRARY = Path(__file__).parent / "ncti"
 os.environ["XDG_CACHE_HOME"] = str(Path(__file__).parent / ".pytest_cache" / "home")
 for variable in ("SWEEP_CACHE", "NUMBA_CACHE_DIR"):  # which would come first
     os.environ.pop(variable, None)
+# Before numpy is imported. Tests run in as many processes as there are cores, and threads of BLAS
+# that wait for a core spin: products of noise then take ten times as long.
+for library in ("OMP", "MKL", "OPENBLAS"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 
 def pytest_collect_file(file_path: Path, parent: Any) -> DoctestModule | None:
