@@ -1,232 +1,120 @@
-"""Hashes of a function's code: the sources behind it, and the versions of libraries.
+"""What a function's result depends on, as hashes by name: its code, and the values that it holds.
 
-A stored result is reused only while this hash is the same, so whatever it omits must not affect
-results. Modules are read from their files, without importing anything, as compiled statements:
-comments, docstrings, layout, and what is only for types are no part of these. A module counts as a
-whole, with all that it imports, unless it uses the engine, as the file of an experiment does: of
-that count the statements that bind the names a function uses, in turn, and those that may do more
-than bind names.
+1. If a `version` is given, that alone.
+2. Of a function of a stage's file, a script, a notebook, or made at run time: its instructions, its
+   defaults, its closure, and each global that it names, as they are when the sweep begins.
+   Functions and classes of such files count by this rule, what comes from other modules, or is
+   imported inside, by the next, and any other value by its content (`_Walk.token`).
+3. Of a module in `Experiment.code`, or of no distribution: its syntax tree without docstrings,
+   comments and what is only for types, and that of all modules that it imports. Of other modules:
+   the version of their distribution. Python's own, and the engine, do not count.
+4. What has no content to compare, such as an open file or a lock, is refused.
 """
 
 from __future__ import annotations
-import __future__
 
 import ast
-import builtins
 import dis
 import hashlib
-import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import astuple, dataclass, field
-from functools import cache, cached_property
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache, cached_property, partial
 from importlib import metadata
 from importlib.machinery import ModuleSpec, PathFinder
-from importlib.util import decode_source, find_spec, resolve_name
-from itertools import accumulate
-from modulefinder import ModuleFinder
+from importlib.util import find_spec, resolve_name
+from itertools import accumulate, islice, takewhile
 from pathlib import Path
-from types import CodeType, FunctionType
-from typing import Any
+from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
+from typing import Any, NamedTuple
 
+import numpy as np
 from platformdirs import user_cache_path
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.places import Objects
-
-Reference = tuple[str, str]  # a module, and a name looked up in it: "" for none, "*" for all
+from sweeps.engine.settings import Settings
+from sweeps.engine.stage import Stage
 
 ENGINE = frozenset({__name__.rpartition(".")[0]})
-ABOVE = __name__.partition(".")[0]  # it offers the engine's `sweep`
 SOURCES = "sources.json"  # in the user's cache
-LABELS = frozenset({"help", "label"})  # arguments of settings that are only shown
+SHADERS = frozenset({".vert", ".frag", ".glsl"})
+MAIN = "__main__"
+# Functions that name one of these may reach anything in their file.
+ANYTHING = frozenset(
+    {"eval", "exec", "globals", "vars", "modules", "__globals__", "__subclasses__"}
+)
+LABELS = frozenset({"help", "label"})  # of settings: they are only shown
+_GLOBALS = frozenset({"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"})
+_BY_NAME = {*dis.hasname, *dis.haslocal, *dis.hasfree, *dis.hasjrel, *dis.hasjabs}
+# What a class in a function says of itself: its text, and its line.
+_OF_CLASS = frozenset({"__doc__", "__firstlineno__", "__static_attributes__"})
+_ARGUMENTS = 0x3FF  # flags of code: kinds of arguments and of functions
+_PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...), type(NotImplemented))
 
-_DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-_ANNOTATIONS = __future__.annotations.compiler_flag  # compiled as texts
-_FINDER = ModuleFinder()
-_IMPORT = dis.opmap["IMPORT_NAME"]
-_FOR_TYPES = re.compile(r"\bif (?:typing\.)?TYPE_CHECKING:")
+Reference = tuple[str, str]  # a module, and a name imported from it; "" for none
 
 
-@dataclass
-class Statement:
-    """A statement at the top of a module, or all of a module, compiled.
+@dataclass(frozen=True)
+class CodeDigest:
+    """Hash of what a function depends on, with its parts by name and the libraries among them."""
 
-    It `acts` if it may do more than bind names, which count where they are used.
-    """
+    digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
+    parts: Mapping[str, str]
+    libraries: Mapping[str, str]  # versions of distributions
+
+
+# modules ------------------------------------------------------------------------------------------
+
+
+class Module(NamedTuple):
+    """Hash of a module's syntax tree, what it imports, and whether it imports on demand."""
 
     digest: str
-    uses: list[str]  # variables and attributes
     imports: list[Reference]
-    binds: list[str]
-    acts: bool = True
+    is_lazy: bool
 
     @classmethod
-    def of(cls, source: str | ast.Module, package: str) -> Statement:
-        """Return a statement that is compiled now."""
-        # Without docstrings (and assertions), and annotations as texts.
-        code: CodeType = compile(source, "", "exec", _ANNOTATIONS, dont_inherit=True, optimize=2)
-        inside = [*_codes(code)]
-        stores = (names for what, names in _FINDER.scan_opcodes(code) if what == "store")
-        return cls(
-            hashlib.sha256(_text(code).encode()).hexdigest(),
-            sorted({name for one in inside for name in one.co_names}),
-            sorted({target for one in inside for target in _imports(one, package)}),
-            sorted({name for names in stores for name in names}),
+    def of(cls, source: bytes, package: str) -> Module:
+        """Return a module by its source."""
+        tree = ast.parse(source)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+                is_not = isinstance(node.test, ast.UnaryOp)
+                node.body = node.body if is_not else []
+                node.orelse = [] if is_not else node.orelse
+            if isinstance(node, ast.FunctionDef) and not node.decorator_list:
+                node.returns = None
+                for one in ast.walk(node.args):
+                    if isinstance(one, ast.arg):
+                        one.annotation = None
+            if isinstance(body := getattr(node, "body", None), list):
+                node.body = [one for one in body if not _is_text(one)]
+        lazy = any(
+            isinstance(one, ast.FunctionDef) and one.name == "__getattr__" for one in tree.body
         )
+        return cls(_hash(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
 
 
-class Module:
-    """The statements of a module, or only one, if each of them counts.
-
-    `stages` are the names of functions in it that are stages: their decorators only declare.
-    """
-
-    def __init__(self, name: str, file: Path, source: bytes, stages: frozenset[str]) -> None:
-        is_package = file.name == "__init__.py"
-        self.name, self.file = name, file
-        self.package = name if is_package else name.rpartition(".")[0]
-        self.folder = str(file.parent)
-        whole, *apart = _SOURCES.statements(
-            (name, self.package, sorted(stages)), source, lambda: self._statements(source, stages)
-        )
-        self.uses, self.is_lazy = {*whole.uses}, "__getattr__" in whole.binds
-        self.is_apart, self.statements = bool(apart), apart or [whole]
-        self.bound: dict[str, list[int]] = {}  # numbers of the statements that bind a name
-        for number, statement in enumerate(self.statements):
-            for local in statement.binds:
-                self.bound.setdefault(local, []).append(number)
-
-    def _statements(self, source: bytes, stages: frozenset[str]) -> list[Statement]:
-        """Return all of the module, and its statements one by one if it may declare experiments."""
-        if self.file.suffix != ".py":  # compiled by another language: it counts as it is
-            source = f"source = {_hash(source)!r}".encode()
-        text = _FOR_TYPES.sub("if 0:", decode_source(source))
-        whole = Statement.of(text, self.package)
-        if any(of == ABOVE or within(of, ENGINE) for of, _ in whole.imports):
-            return [whole, *self._apart(text, stages)]
-        return [whole]
-
-    def _apart(self, text: str, stages: frozenset[str]) -> list[Statement]:
-        """Return the statements one by one, without what is only shown."""
-        nodes = [*_alone(ast.parse(text).body)]
-        for node in nodes:
-            if isinstance(node, ast.FunctionDef) and node.name in stages:
-                node.decorator_list = []
-            for inner in (node, *getattr(node, "body", ())):
-                if isinstance(inner, _DEFINITIONS) and _is_text(inner.body[0]):
-                    inner.body = inner.body[1:] or [ast.Pass(lineno=1, col_offset=0)]
-        statements = [Statement.of(ast.Module([node], []), self.package) for node in nodes]
-        owners: dict[str, set[str]] = {}  # by names, the modules that they are imported from
-        for node, statement in zip(nodes, statements, strict=True):
-            imported = {of for of, _ in statement.imports}
-            for name in statement.binds:
-                known = imported if isinstance(node, ast.Import | ast.ImportFrom) else {""}
-                owners[name] = owners.get(name, set()) | known
-        engine = {name for name, known in owners.items() if all(within(of, ENGINE) for of in known)}
-        # Those that register nothing as decorators and bases.
-        harmless = engine | {name for name, known in owners.items() if all(map(is_standard, known))}
-        harmless |= set(dir(builtins)) - owners.keys()
-        for number, node in enumerate(nodes):
-            if isinstance(node, ast.FunctionDef) and _first_names(node.decorator_list) & engine:
-                node.decorator_list = []  # a stage of another experiment
-                statements[number] = Statement.of(ast.Module([node], []), self.package)
-            if isinstance(node, ast.ClassDef) and _names(node.bases) & engine:
-                for call in (getattr(inner, "value", None) for inner in node.body):
-                    if isinstance(call, ast.Call):
-                        call.keywords = [
-                            keyword for keyword in call.keywords if keyword.arg not in LABELS
-                        ]
-                statements[number] = Statement.of(ast.Module([node], []), self.package)
-            statements[number].acts = _acts(node, harmless)
-        return statements
-
-
-def _alone(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
-    """Yield the statements at the top of a module, imports name by name, without texts."""
-    for node in body:
-        if isinstance(node, ast.Import):
-            yield from (ast.copy_location(ast.Import([name]), node) for name in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module != "__future__":
-            for name in node.names:
-                yield ast.copy_location(ast.ImportFrom(node.module, [name], node.level), node)
-        elif not (isinstance(node, ast.ImportFrom) or _is_text(node)):
-            yield node
-
-
-def _first_names(decorators: Iterable[ast.expr]) -> set[str]:
-    """Return the first name of each of some decorators, such as `a` of `@a.b(c)`."""
-    return {re.split(r"\W", ast.unparse(decorator), maxsplit=1)[0] for decorator in decorators}
-
-
-def _is_text(node: ast.stmt) -> bool:
+def _is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
-def _acts(node: ast.stmt, harmless: set[str]) -> bool:
-    """Return whether a statement may do more than bind names."""
-    match node:
-        case ast.ClassDef():
-            metaclass = [
-                keyword.value for keyword in node.keywords if keyword.arg in {None, "metaclass"}
-            ]
-            called = _names([*node.decorator_list, *node.bases, *metaclass])
-            return not called <= harmless or any(_acts(inner, harmless) for inner in node.body)
-        case ast.FunctionDef() | ast.AsyncFunctionDef():
-            return not _names(node.decorator_list) <= harmless
-        case ast.Assign(targets=targets):
-            return not all(map(_is_name, targets))
-        case ast.AnnAssign(target=target):
-            return not _is_name(target)
-        case ast.Import(names=[name]):
-            return name.asname is None  # for its effect, or for other modules of the package
-        case ast.ImportFrom(names=[name]):
-            return name.name == "*"
-        case ast.If(test=test):
-            return ast.unparse(test) != "__name__ == '__main__'"  # the commands of a script
-    return not (isinstance(node, ast.Pass) or _is_text(node))
-
-
-def _names(expressions: Iterable[ast.expr]) -> set[str]:
-    """Return the names of variables in some expressions."""
-    inside = (inner for expression in expressions for inner in ast.walk(expression))
-    return {inner.id for inner in inside if isinstance(inner, ast.Name)}
-
-
-def _is_name(target: ast.expr) -> bool:
-    if isinstance(target, ast.Tuple):
-        return all(map(_is_name, target.elts))
-    return isinstance(target, ast.Name)
-
-
-def _codes(code: CodeType) -> Iterator[CodeType]:
-    """Yield code, and the code nested in it."""
-    yield code
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _codes(constant)
-
-
-def _imports(code: CodeType, package: str) -> Iterator[Reference]:
-    """Yield what imports, and calls of `import_module`, in code refer to."""
-    imports = _IMPORT in code.co_code[::2]  # most code has none, and a scan takes long
-    scanned = _FINDER.scan_opcodes(code) if imports else ()
-    found = [given for what, given in scanned if what != "store"]
-    for *level, names, name in found:
-        owner = _absolute("." * sum(level) + name, package)
-        above = accumulate(owner.split("."), "{}.{}".format)
-        yield from ((owner, one) for one in names) if names else ((one, "") for one in above)
-    if not {"import_module", "__import__"}.isdisjoint(code.co_names):
-        texts = (
-            constant
-            for constant in code.co_consts
-            if isinstance(constant, str) and constant.strip(".")
-        )
-        named = (_absolute(text, package) for text in texts)
-        yield from ((name, "") for name in named if place(name) is not None)
+def _imports(tree: ast.Module, package: str) -> Iterator[Reference]:
+    """Yield what a module imports anywhere, also by `import_module` of a text."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((one.name, "") for one in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            owner = _absolute("." * node.level + (node.module or ""), package)
+            yield from ((owner, one.name) for one in node.names)
+        elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+            name = ast.unparse(node.func).rpartition(".")[2]
+            if name in {"import_module", "__import__"}:
+                yield _absolute(str(node.args[0].value), package), ""
 
 
 def _absolute(name: str, package: str) -> str:
@@ -237,32 +125,67 @@ def _absolute(name: str, package: str) -> str:
         return name
 
 
-def _text(value: object) -> str:
-    """Return a text of compiled code, or of a constant in it; equal for equal ones only."""
-    if isinstance(value, CodeType):
-        numbers = (value.co_argcount, value.co_posonlyargcount, value.co_kwonlyargcount)
-        names = (value.co_name, value.co_names, value.co_varnames, value.co_freevars)
-        rest = (value.co_cellvars, value.co_flags, value.co_code, value.co_exceptiontable)
-        constants = [*value.co_consts]
-        loads = (
-            instruction
-            for instruction in dis.get_instructions(value)
-            if instruction.opname == "LOAD_CONST"
-        )
-        if "__firstlineno__" in value.co_names and sum(load.arg == 1 for load in loads) == 1:
-            constants[1] = None  # the line of a class, which Python keeps from 3.13 on
-        return repr((numbers, names, rest, [_text(constant) for constant in constants]))
-    if isinstance(value, frozenset):
-        return f"frozenset({sorted(map(_text, value))})"
-    if isinstance(value, tuple):
-        return f"({','.join(map(_text, value))})"
-    return repr(value)
+class _Sources:
+    """Modules that were read before, by the hash of their source, in a file of the user's cache.
+
+    Parsing takes most of a digest's time.
+    """
+
+    def __init__(self) -> None:
+        self._objects = Objects(user_cache_path("sweeps"), make=True, mode=0o700, clean=False)
+        self._used: dict[str, Module] = {}
+        self._is_new = False
+
+    @cached_property
+    def _before(self) -> dict[str, Any]:
+        """What the file has; nothing if it is missing, damaged, or another user may write to it."""
+        with suppress(OSError, ValueError):
+            if not self._objects.foreign([SOURCES]):
+                return dict(json.loads(self._objects.get(SOURCES) or b"{}"))
+        return {}
+
+    @cached_property
+    def _rules(self) -> str:
+        return f"{sys.version} {_hash(Path(__file__).read_bytes())}"
+
+    def module(self, source: bytes, package: str) -> Module:
+        """Return the module of a source, parsed now if it was not before."""
+        key = _hash(f"{self._rules} {package} ".encode() + source)
+        try:
+            digest, imports, is_lazy = self._before[key]
+            found = Module(digest, [(owner, name) for owner, name in imports], is_lazy)
+        except (KeyError, TypeError, ValueError):
+            found, self._is_new = Module.of(source, package), True
+        return self._used.setdefault(key, found)
+
+    def keep(self) -> None:
+        """Write the modules that this process uses, if some were parsed in it."""
+        if self._is_new:
+            self._is_new = False
+            with suppress(OSError):
+                self._objects.put(SOURCES, json.dumps(self._used).encode())
+
+
+_SOURCES = _Sources()
+keep_sources = _SOURCES.keep
+
+
+@cache
+def _read(name: str, file: Path, modified: int) -> Module:
+    """Return the module of a file; one compiled by another language counts as it is."""
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    source = file.read_bytes()
+    return (
+        _SOURCES.module(source, package)
+        if file.suffix == ".py"
+        else Module(_hash(source), [], False)
+    )
 
 
 @cache
 def place(name: str) -> ModuleSpec | None:
     """Return the location of a module, found without importing anything."""
-    owner, _, _last = name.rpartition(".")
+    owner = name.rpartition(".")[0]
     try:
         if not owner:
             return find_spec(name)
@@ -278,80 +201,11 @@ def within(name: str, packages: Iterable[str]) -> bool:
     return any(f"{name}.".startswith(f"{package}.") for package in packages)
 
 
-def is_standard(name: str) -> bool:
-    """Return whether a module is of Python's own library."""
-    return name.partition(".")[0] in sys.stdlib_module_names
-
-
-def open_module(name: str, file: Path, stages: frozenset[str]) -> Module:
-    """Return a module; its file is read again after a change."""
-    status = file.stat()
-    return _read(name, file, stages, status.st_mtime_ns, status.st_size)
-
-
-@cache
-def _read(name: str, file: Path, stages: frozenset[str], modified: int, size: int) -> Module:
-    return Module(name, file, file.read_bytes(), stages)
-
-
-class _Sources:
-    """Statements of modules that were compiled before, in a file of the user's cache.
-
-    They are there by the hash of all that they depend on: compiling takes most of a digest's time.
-    """
-
-    def __init__(self) -> None:
-        self._objects = Objects(user_cache_path(ABOVE), make=True, mode=0o700, clean=False)
-        self._used: dict[str, list[Statement]] = {}
-        self._is_new = False
-
-    @cached_property
-    def _rules(self) -> str:
-        return f"{sys.version} {_hash(Path(__file__).read_bytes())}"
-
-    @cached_property
-    def _before(self) -> dict[str, Any]:
-        """What the file has; nothing if it is missing, damaged, or another user may write to it."""
-        with suppress(OSError, ValueError):
-            if not self._objects.foreign([SOURCES]):
-                return dict(json.loads(self._objects.get(SOURCES) or b"{}"))
-        return {}
-
-    def statements(
-        self, of: Sequence[Any], source: bytes, compiled: Callable[[], list[Statement]]
-    ) -> list[Statement]:
-        """Return the statements of a source, compiled now if they were not before."""
-        key = _hash(repr((self._rules, of)).encode() + source)
-        try:
-            found = [
-                Statement(digest, uses, [(a, b) for a, b in imports], binds, acts)
-                for digest, uses, imports, binds, acts in self._before[key]
-            ]
-        except (KeyError, TypeError, ValueError):
-            found, self._is_new = compiled(), True
-        return self._used.setdefault(key, found)
-
-    def keep(self) -> None:
-        """Write the statements that this process uses, if some were compiled in it."""
-        if self._is_new:
-            self._is_new = False
-            used = {key: [astuple(one) for one in found] for key, found in self._used.items()}
-            with suppress(OSError):
-                self._objects.put(SOURCES, json.dumps(used).encode())
-
-
-_SOURCES = _Sources()
-keep_sources = _SOURCES.keep
-
-
-# installed libraries ------------------------------------------------------------------------------
-
-
 @cache
 def versions(top: str) -> tuple[tuple[str, str], ...]:
     """Return distributions of a top-level package with versions; empty if it is only a source."""
     names = {owner.metadata["Name"] for owner in distributions().get(top, ())}
-    if not names and not _is_there(top):
+    if not names and top != MAIN and place(top) is None and top not in sys.modules:
         return ((top, "not installed"),)
     return tuple((name, metadata.version(name)) for name in sorted(names))
 
@@ -371,233 +225,6 @@ def distributions() -> dict[str, list[metadata.Distribution]]:
     return found
 
 
-def _is_there(top: str) -> bool:
-    try:
-        return find_spec(top) is not None
-    except ValueError:  # __main__, or a module created at run time
-        return False
-
-
-SHADERS = frozenset({".vert", ".frag", ".glsl"})
-# They may reach any name, and any attribute of a module.
-ANY_NAME = frozenset(
-    {"eval", "exec", "globals", "modules", "vars", "__globals__", "__subclasses__"}
-)
-ANY_ATTRIBUTE = frozenset({"getattr", "attrgetter", "methodcaller", "__dict__"})
-
-Function = tuple[str, str]  # module and qualified name
-Node = tuple[str, str]  # a module, and a name that it binds, or
-LOADED, WHOLE = "", "*"  # that it is imported, or all of it
-
-
-@dataclass(frozen=True)
-class CodeDigest:
-    """Hash of a function's code, with the modules and libraries that it covers."""
-
-    digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
-    modules: tuple[str, ...]  # that are imported, sorted
-    libraries: Mapping[str, str]  # versions of the distributions that count, by name
-
-
-@dataclass
-class _Edges:
-    """Numbers of the statements of a node, and what these lead to."""
-
-    statements: set[int] = field(default_factory=set)
-    nodes: set[Node] = field(default_factory=set)
-    libraries: set[str] = field(default_factory=set)
-
-
-class Code:
-    """The code behind functions, as of their first use.
-
-    Parameters
-    ----------
-    roots : frozenset of str
-        Packages and modules, by dotted names, whose sources (and shaders) count, with all below
-        them but the engine. Of other imports outside the standard library the version of the
-        distribution counts, or the source when no distribution has it.
-    stages : frozenset of (str, str)
-        Functions of stages, as `place_of` returns them: their decorators only declare.
-    """
-
-    def __init__(self, roots: frozenset[str], stages: frozenset[Function] = frozenset()) -> None:
-        self._roots, self._stages = roots, stages
-        self._started: dict[str, Module] = {}
-        self._module = cache(self._find_module)
-        self._edges = cache(self._find_edges)
-        self._kind = cache(self._find_kind)
-        self._digest = cache(self._find_digest)
-
-    def digest(self, function: Callable[..., Any]) -> CodeDigest:
-        """Return the hash of a function's name and code.
-
-        Parameters
-        ----------
-        function : callable
-            A plain function, decorated or not, or a dataclass. Of its closure count functions,
-            numbers, texts, and tuples of them, as of a function that another returns.
-
-        Raises
-        ------
-        ConfigurationError
-            If the function has no source to read.
-        TypeError
-            If `function` is not a Python function.
-        """
-        return self._digest(function)
-
-    def _find_digest(self, function: Callable[..., Any]) -> CodeDigest:
-        given: Any = function.__dict__["__init__"] if isinstance(function, type) else function
-        plain = inspect.unwrap(given)
-        if not isinstance(plain, FunctionType):
-            raise TypeError(f"{function!r} is not a Python function")
-        functions, values = _held(plain)
-        first, *inner = plain.__qualname__.split(".")
-        # What is wrapped, or inside another function, may be made anywhere in the module.
-        name = WHOLE if given is not plain or "<locals>" in inner else first
-        waiting = [(self._start(plain), name), *((self._start(one), WHOLE) for one in functions)]
-        seen: set[Node] = set()
-        statements: dict[str, set[int]] = {}
-        tops: set[str] = set()
-        while waiting:
-            node = waiting.pop()
-            if node not in seen:
-                seen.add(node)
-                edges = self._edges(*node)
-                waiting += edges.nodes
-                statements.setdefault(node[0], set()).update(edges.statements)
-                tops |= edges.libraries
-        modules = {name: of for name in sorted(statements) if (of := self._module(name))}
-        code = {
-            name: [of.statements[number].digest for number in sorted(statements[name])]
-            for name, of in modules.items()
-        }
-        libraries = dict(pair for top in tops for pair in versions(top))
-        folders = {(of.package, of.folder) for of in modules.values()}
-        shaders = sorted(pair for name, of in folders if name for pair in _files(name, of, SHADERS))
-        parts = [place_of(plain), [*map(place_of, functions)], values, code, shaders, libraries]
-        digest = _hash(json.dumps(parts, sort_keys=True).encode())
-        return CodeDigest(digest, tuple(modules), dict(sorted(libraries.items())))
-
-    def _start(self, function: FunctionType) -> str:
-        """Return the name of the module that defines a function, and open it."""
-        name, qualified = place_of(function)
-        file = Path(function.__globals__.get("__file__") or "")
-        if not file.is_file():
-            raise ConfigurationError(
-                f"function {qualified} of {name} has no source to read: define it in a file"
-            )
-        self._started.setdefault(name, self._open(name, file))
-        return name
-
-    def _open(self, name: str, file: Path) -> Module:
-        stages = frozenset(function for module, function in self._stages if module == name)
-        return open_module(name, file, stages)
-
-    def _find_module(self, name: str) -> Module | None:
-        if name in self._started:
-            return self._started[name]
-        spec = place(name)
-        file = spec.origin if spec and spec.has_location else None
-        return self._open(name, Path(file)) if file else None
-
-    def _find_kind(self, name: str) -> str:
-        """Return whether a module counts by its source, as a library, or not at all."""
-        if within(name, ENGINE):
-            return ""
-        is_library = not is_standard(name) and bool(versions(name.partition(".")[0]))
-        if within(name, self._roots) or not (is_standard(name) or is_library):
-            return "source"
-        return "library" if is_library else ""
-
-    def _find_edges(self, name: str, what: str) -> _Edges:
-        """Return the statements of a node, and where they lead to."""
-        found, of = _Edges(), self._module(name)
-        if of is None:
-            return found
-        if what == LOADED:
-            found.statements.update(n for n, one in enumerate(of.statements) if one.acts)
-            parts = name.split(".")
-            above = {".".join(parts[:end]) for end in range(1, len(parts))}
-            found.nodes |= {(one, LOADED) for one in above if self._kind(one) == "source"}
-        else:
-            found.nodes.add((name, LOADED))
-            if of.is_apart:
-                numbers = range(len(of.statements)) if what == WHOLE else of.bound.get(what, ())
-                found.statements.update(numbers)
-        used = None if of.uses & ANY_ATTRIBUTE else of.uses
-        for statement in (of.statements[number] for number in found.statements):
-            for target in statement.imports:
-                self._refer(target, used, found)
-            if of.is_apart:
-                found.nodes |= {(name, one) for one in of.bound.keys() & statement.uses}
-                found.nodes |= {(name, WHOLE)} if ANY_NAME & {*statement.uses} else set()
-        return found
-
-    def _refer(self, target: Reference, used: Set[str] | None, found: _Edges) -> None:
-        """Add what an import refers to; `used` are the names in its module, None if any may be."""
-        owner, name = target
-        inner = f"{owner}.{name}" if name else owner
-        kind = self._kind(inner)
-        if kind == "library":
-            found.libraries.add(owner.partition(".")[0])
-        if kind != "source":
-            return
-        is_module = not name or (name != WHOLE and place(inner) is not None)
-        package = self._module(owner) if name else None
-        if package is not None:
-            found.nodes.add((owner, name))
-            unknown = package.is_lazy and not is_module and name not in package.bound
-            if name == WHOLE or unknown:
-                self._add_below(package, None, found)
-        of = self._module(inner) if is_module else None
-        if of is not None:
-            names = {WHOLE} if used is None else of.bound.keys() & used
-            found.nodes |= {(inner, one) for one in (LOADED, *names)}
-            if of.is_lazy:
-                self._add_below(of, used, found)
-
-    def _add_below(self, of: Module, used: Set[str] | None, found: _Edges) -> None:
-        """Add the modules below a package, or those with names that are used."""
-        if of.package != of.name:
-            return
-        for file in of.file.parent.rglob("*.py"):
-            parts = file.relative_to(of.file.parent).with_suffix("").parts
-            parts = parts[:-1] if parts[-1] == "__init__" else parts
-            inner = ".".join((of.name, *parts))
-            if (used is None or used >= set(parts)) and self._kind(inner) == "source":
-                found.nodes.add((inner, WHOLE))
-
-
-def _held(function: FunctionType) -> tuple[list[FunctionType], list[str]]:
-    """Return functions, and the texts of plain values, that a closure holds at any depth."""
-    functions, values = [function], []
-    for holder in functions:  # which grows
-        for cell in holder.__closure__ or ():
-            with suppress(ValueError):  # an empty cell
-                value = cell.cell_contents
-                if isinstance(value, FunctionType):
-                    functions += [value] * (value not in functions)
-                elif _is_plain(value):
-                    values.append(repr(value))
-    return functions[1:], values
-
-
-def _is_plain(value: object) -> bool:
-    if isinstance(value, tuple):
-        return all(map(_is_plain, value))
-    return value is None or isinstance(value, bool | int | float | complex | str | bytes)
-
-
-def place_of(function: Callable[..., Any]) -> Function:
-    """Return module and qualified name of a function; of `__main__`, the name that it runs by."""
-    plain: Any = inspect.unwrap(function)
-    space = getattr(plain, "__globals__", {})
-    name = getattr(space.get("__spec__"), "name", None) or plain.__module__
-    return name, plain.__qualname__
-
-
 @cache
 def _files(name: str, folder: str, suffixes: frozenset[str]) -> tuple[tuple[str, str], ...]:
     """Return paths and hashes of the files of some kinds in and below a package's folder."""
@@ -606,6 +233,394 @@ def _files(name: str, folder: str, suffixes: frozenset[str]) -> tuple[tuple[str,
         (f"{name}/{file.relative_to(folder).as_posix()}", _hash(file.read_bytes()))
         for file in sorted(files)
     )
+
+
+class Code:
+    """What functions depend on.
+
+    Parameters
+    ----------
+    roots : frozenset of str
+        Packages and modules, by dotted names, whose sources (and shaders) count, with all below
+        them but the engine. Of other imports outside the standard library the version of the
+        distribution counts, or the source when no distribution has it.
+    homes : frozenset of str
+        Modules of which functions, classes and values count one by one.
+    """
+
+    def __init__(self, roots: frozenset[str], homes: frozenset[str] = frozenset()) -> None:
+        self._roots, self.homes = roots, homes | {MAIN}
+        self._known: dict[int, tuple[Any, CodeDigest]] = {}
+        self.kind, self.module = cache(self._kind), cache(self._module)
+        self.reached, self.edges = cache(self._reached), cache(self._edges)
+
+    def digest(self, function: Callable[..., Any], version: str = "") -> CodeDigest:
+        """Return the hash of what a function depends on, or of a version instead.
+
+        Raises
+        ------
+        ConfigurationError
+            If it holds what has no content to compare.
+        """
+        if version:
+            parts = {"version": version}
+            return CodeDigest(_hash(repr([place_of(function), version])), parts, {})
+        if id(function) not in self._known:
+            walk = _Walk(self, function)
+            libraries = dict(sorted(pair for top in walk.tops for pair in versions(top)))
+            content = json.dumps([walk.root, walk.parts, libraries], sort_keys=True)
+            self._known[id(function)] = function, CodeDigest(_hash(content), walk.parts, libraries)
+        return self._known[id(function)][1]
+
+    def _module(self, name: str) -> Module | None:
+        spec = place(name)
+        file = Path(spec.origin) if spec and spec.has_location and spec.origin else None
+        return _read(name, file, file.stat().st_mtime_ns) if file else None
+
+    def _kind(self, name: str) -> str:
+        """Return whether a module counts by its source, as a library, or not at all."""
+        top = name.partition(".")[0]
+        if within(name, ENGINE):
+            return ""
+        if within(name, self._roots):
+            return "source"
+        if top in sys.stdlib_module_names:
+            return ""
+        return "library" if versions(top) else "source"
+
+    def _reached(self, owner: str, name: str) -> set[str]:
+        """Return sources and libraries that are loaded with a module, or a name of it."""
+        kind = self.kind(owner)
+        if kind != "source":
+            return {owner.partition(".")[0]} if kind else set()
+        found = {*accumulate(owner.split("."), "{}.{}".format)}
+        inner, module = f"{owner}.{name}", self.module(owner)
+        if name and place(inner):
+            found.add(inner)
+        elif module and module.is_lazy and name != "*":
+            spec = place(owner)
+            for folder in (spec and spec.submodule_search_locations) or ():
+                for file in Path(folder).rglob("*.py"):
+                    parts = file.relative_to(folder).with_suffix("").parts
+                    found.add(".".join((owner, *parts)).removesuffix(".__init__"))
+        return {one for one in found if self.kind(one) == "source"}
+
+    def _edges(self, name: str) -> set[str]:
+        module = self.module(name)
+        return set().union(*(self.reached(*one) for one in module.imports)) if module else set()
+
+
+# functions and values -----------------------------------------------------------------------------
+
+
+class _Scan(NamedTuple):
+    """The instructions of code as text, the globals with their attributes, and the imports."""
+
+    text: str
+    chains: list[tuple[str, ...]]
+    imports: list[tuple[str, str]]  # with the dots of relative ones
+    names: frozenset[str]
+
+
+@cache
+def _scan(code: CodeType) -> _Scan:
+    """Return what code does: no docstrings, no lines."""
+    lines = [repr((code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount))]
+    lines += [repr((code.co_varnames, code.co_cellvars, code.co_freevars))]
+    lines += [repr((code.co_flags & _ARGUMENTS, code.co_exceptiontable))]
+    inner = [_scan(one) for one in code.co_consts if isinstance(one, CodeType)]
+    chains = [chain for one in inner for chain in one.chains]
+    imports = [target for one in inner for target in one.imports]
+    steps = [*dis.get_instructions(code)]
+    for number, step in enumerate(steps):
+        if step.opname == "STORE_NAME" and step.argval in _OF_CLASS:
+            lines.pop()
+            continue
+        if step.opcode in dis.hasconst:
+            argument = _constant(step.argval)
+        else:
+            argument = repr(step.argval if step.opcode in _BY_NAME else step.arg)
+        lines.append(f"{step.opname} {argument}")
+        if step.opname in _GLOBALS:
+            after = takewhile(
+                lambda one: one.opname in _ATTRIBUTES, islice(steps, number + 1, None)
+            )
+            chains.append((step.argval, *(one.argval for one in after)))
+        elif step.opname == "IMPORT_NAME":
+            target = "." * steps[number - 2].argval + step.argval
+            imports.append((target, ""))
+        elif step.opname == "IMPORT_FROM":
+            imports.append((target, step.argval))
+    names = frozenset(code.co_names).union(*(one.names for one in inner))
+    return _Scan("\n".join(lines), chains, imports, names)
+
+
+_ATTRIBUTES = frozenset({"LOAD_ATTR", "LOAD_METHOD"})
+
+
+def _constant(value: Any) -> str:
+    """Return the text of a constant in code."""
+    if isinstance(value, CodeType):
+        return f"code {_scan(value).text}"
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_constant, value))})"
+    if isinstance(value, frozenset):
+        return f"{{{', '.join(sorted(map(_constant, value)))}}}"
+    return f"{type(value).__name__} {value!r}"
+
+
+class _Walk:
+    """The parts of what one function depends on: hashes by name, and libraries."""
+
+    def __init__(self, code: Code, root: Callable[..., Any]) -> None:
+        self._code, self._homes = code, code.homes | {place_of(root)[0]}
+        self.parts: dict[str, str] = {}
+        self.tops: set[str] = set()
+        self._labels: dict[int, str] = {}
+        self._counts: dict[str, int] = {}
+        self._open: list[int] = []
+        self._tokens: dict[int, str] = {}
+        self._alive: list[Any] = []  # what ids stand for
+        self._loaded: set[str] = set()
+        self._waiting: list[tuple[str, Any]] = []
+        self.root = self._variable(place_of(root)[1], root)
+        for label, one in self._waiting:  # which grows
+            parts = self._class(label, one) if isinstance(one, type) else self._function(label, one)
+            self.parts[f"code of {label}"] = _hash(repr(parts))
+
+    def _label(self, one: Any, name: str) -> str:
+        """Return the name of a function, class or file; the second of a name has a number."""
+        if id(one) not in self._labels:
+            self._alive.append(one)
+            number = self._counts[name] = self._counts.get(name, 0) + 1
+            self._labels[id(one)] = name if number == 1 else f"{name} {number}"
+            if isinstance(one, FunctionType | type):
+                self._waiting.append((self._labels[id(one)], one))
+        return self._labels[id(one)]
+
+    def _variable(self, name: str, value: Any) -> str:
+        """Return what a variable counts by: its name if its value is a part, or what it refers to.
+
+        Raises ConfigurationError if there is no content to compare.
+        """
+        self._name, self._value = name, value
+        token = self.token(value)
+        if isinstance(value, FunctionType | type | ModuleType):
+            return token
+        self.parts[name] = _hash(token)
+        return name
+
+    def _function(self, label: str, function: FunctionType) -> list[Any]:
+        """Return what is in a function's own part: its code, and what its variables refer to."""
+        code, space = function.__code__, function.__globals__
+        module = space.get("__name__", "")
+        if module == "functools" and hasattr(function, "registry"):  # by type of an argument
+            return [self._variable(f"registry of {label}", function.registry)]
+        defaults, named = function.__defaults__ or (), function.__kwdefaults__ or {}
+        held = dict(
+            zip(code.co_varnames[code.co_argcount - len(defaults) :], defaults, strict=False)
+        )
+        held |= named
+        for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+            with suppress(ValueError):  # an empty cell
+                held[name] = cell.cell_contents
+        held |= vars(function)
+        found = [
+            (name, self._variable(f"{name} of {label}", one)) for name, one in sorted(held.items())
+        ]
+        if self._is_elsewhere(function, module):
+            return found
+        scan, before = _scan(code), self._label(space, module)
+        package = str(space.get("__package__") or module.rpartition(".")[0])
+        for owner, name in scan.imports:
+            self._load(_absolute(owner, package), name)
+        if ANYTHING & scan.names:
+            self._whole(label, space)
+        for first, *attributes in sorted({*scan.chains}):
+            if first in space:
+                path, value = self._resolved(first, space[first], attributes)
+                found.append((path, self._variable(f"{before}.{path}", value)))
+        return [scan.text, *found]
+
+    def _resolved(self, path: str, value: Any, attributes: list[str]) -> tuple[str, Any]:
+        """Return a global, or what it leads to in modules and settings, with its path."""
+        for name in attributes:
+            of_module = (
+                isinstance(value, ModuleType) and self._code.kind(value.__name__) == "source"
+            )
+            if not of_module and not (isinstance(value, type) and issubclass(value, Settings)):
+                break
+            inner = vars(value).get(name)
+            plain = not isinstance(inner, FunctionType | type | ModuleType)
+            if inner is None or (of_module and plain and value.__name__ not in self._homes):
+                break
+            path, value = f"{path}.{name}", inner
+        return path, value
+
+    def _class(self, label: str, one: type) -> list[Any]:
+        """Return what is in a class's own part: its bases, methods and values."""
+        self._name, self._value = label, one
+        found: list[Any] = [self.token(base) for base in (type(one), *one.__bases__)]
+        functions = FunctionType | property | staticmethod | classmethod
+        for name, value in sorted(vars(one).items()):
+            if isinstance(value, functions) or not (name.startswith("__") or name == "_abc_impl"):
+                found.append((name, self.token(value)))
+        return found
+
+    def _whole(self, label: str, space: Mapping[str, Any]) -> None:
+        """Count all of the file of a function that may reach anything there."""
+        name, file = space.get("__name__", ""), Path(space.get("__file__") or "")
+        if file.suffix != ".py" or not file.is_file():
+            raise ConfigurationError(
+                f"{label} uses eval, vars or the like, which may reach anything: name what it uses, "
+                f"{REMEDY}"
+            )
+        module = _read(name, file, file.stat().st_mtime_ns)
+        self.parts[f"code of {name}"] = module.digest
+        for target in module.imports:
+            self._load(*target)
+
+    def _load(self, owner: str, name: str = "") -> None:
+        """Count a module, or what is imported from it, with all that it imports."""
+        waiting = [*self._code.reached(owner, name)]
+        for one in waiting:  # which grows
+            if one in self._loaded:
+                continue
+            self._loaded.add(one)
+            if self._code.kind(one) == "library":
+                self.tops.add(one)
+                continue
+            if module := self._code.module(one):
+                self.parts[f"code of {one}"] = module.digest
+            spec = place(one)
+            for folder in (spec and spec.submodule_search_locations) or ():
+                if "." not in one and (found := _files(one, folder, SHADERS)):
+                    self.parts[f"shaders of {one}"] = _hash(repr(found))
+            waiting += self._code.edges(one)
+
+    def _is_elsewhere(self, one: FunctionType | type, module: str) -> bool:
+        """Return whether a function or class counts by its module."""
+        if module in self._homes or module not in sys.modules:
+            return False
+        if isinstance(one, FunctionType):
+            return vars(sys.modules[module]) is one.__globals__
+        return self._code.kind(module) != "source" or _found(module, one.__qualname__) is one
+
+    def _reference(self, one: Any) -> str:
+        """Return the name of a function, class or module, which counts on its own."""
+        if isinstance(one, ModuleType):
+            if one.__name__ == MAIN:
+                self._whole(self._name, vars(one))
+            self._load(one.__name__)
+            return f"module {one.__name__}"
+        module = (
+            one.__globals__.get("__name__", "") if isinstance(one, FunctionType) else one.__module__
+        )
+        if self._is_elsewhere(one, module):
+            self._load(module)
+            if isinstance(one, type) or _found(module, one.__qualname__) is one:
+                return f"{module}.{one.__qualname__}"
+        return self._label(one, f"{module}.{one.__qualname__}")
+
+    def token(self, value: Any) -> str:
+        """Return a text that is equal for values of equal type and content."""
+        if type(value) in _PLAIN:
+            return f"{type(value).__name__} {value!r}"
+        if isinstance(value, FunctionType | type | ModuleType):
+            return self._reference(value)
+        if id(value) in self._open:
+            return f"circle {len(self._open) - self._open.index(id(value))}"
+        if id(value) not in self._tokens:
+            self._alive.append(value)
+            self._open.append(id(value))
+            try:
+                content = self._content(value)
+            except ConfigurationError:
+                raise
+            except Exception as error:
+                verb = "is" if value is self._value else "holds"
+                raise ConfigurationError(
+                    f"{self._name} {verb} a {type(value).__name__}, which has no content to "
+                    f"compare: hold its values instead, {REMEDY}"
+                ) from error
+            finally:
+                self._open.pop()
+            self._tokens[id(value)] = f"{type(value).__name__} {_hash(repr(content))}"
+        return self._tokens[id(value)]
+
+    def _content(self, value: Any) -> Any:
+        """Return tokens of what a value consists of; any error if it has no content."""
+        kind = type(value)
+        if isinstance(value, Stage):
+            return self.token(value.function)
+        if kind in (list, tuple):
+            return [self.token(one) for one in value]
+        if kind in (set, frozenset):
+            return sorted(self.token(one) for one in value)
+        if kind in (dict, MappingProxyType):
+            return self._items(value)
+        if kind in (property, staticmethod, classmethod, cached_property):
+            return [self.token(getattr(value, name, None)) for name in _DESCRIBED]
+        if kind is np.ndarray:
+            content = value.tolist() if value.dtype.hasobject else value.tobytes()
+            return repr(value.dtype), value.shape, self.token(content)
+        if within(kind.__module__, ENGINE) and is_dataclass(value):
+            names = [one.name for one in fields(value) if one.name not in LABELS]
+            return self.token(kind), [(name, self.token(getattr(value, name))) for name in names]
+        if hasattr(kind, "__dask_tokenize__"):
+            from dask.base import tokenize  # takes long
+
+            return tokenize(value, ensure_deterministic=True)
+        if hasattr(value, "py_func") and hasattr(value, "targetoptions"):  # compiled by numba
+            return self.token(value.py_func), self.token(value.targetoptions)
+        reduced = value.__reduce_ex__(4)
+        if isinstance(reduced, str):
+            self._load(getattr(value, "__module__", None) or kind.__module__)
+            return reduced, self.token(getattr(value, "__wrapped__", None))
+        make, arguments, state, items, pairs, *_ = (*reduced, None, None, None)
+        if isinstance(state, dict):  # without what was computed from the rest
+            state = {k: v for k, v in state.items() if not _is_cache(getattr(kind, str(k), None))}
+        parts = [self.token(one) for one in (make, arguments, state)]
+        return parts, [self.token(one) for one in items or ()], self._items(dict(pairs or ()))
+
+    def _items(self, given: Mapping[Any, Any]) -> list[tuple[str, str]]:
+        """Return tokens of a mapping, whose order does not count."""
+        keys = sorted((self.token(key), number) for number, key in enumerate(given))
+        values = [*given.values()]
+        return [(key, self.token(values[number])) for key, number in keys]
+
+
+_DESCRIBED = ("fget", "fset", "fdel", "__func__", "func")
+REMEDY = "or give version='1', which counts instead of code, and change it with the function"
+
+
+def _is_cache(value: object) -> bool:
+    return isinstance(value, cached_property)
+
+
+def _found(module: str, name: str) -> Any:
+    """Return what a module that is imported has by a dotted name."""
+    found: Any = sys.modules[module]
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    return found
+
+
+def place_of(function: Callable[..., Any]) -> tuple[str, str]:
+    """Return module and qualified name of what is called in the end."""
+    given: Any = function
+    while True:
+        inner = given.func if isinstance(given, partial) else getattr(given, "__wrapped__", None)
+        inner = given.__func__ if isinstance(given, MethodType) else inner
+        if inner is None:
+            break
+        given = inner
+    space = getattr(given, "__globals__", {})
+    given = given if hasattr(given, "__qualname__") else type(given)
+    return str(space.get("__name__") or given.__module__), given.__qualname__
+
+
+# the code of other processes ----------------------------------------------------------------------
 
 
 class OtherCode(RuntimeError):
@@ -620,7 +635,7 @@ def package_digest(name: str) -> str:
     found = [file for of in folders for file in _files(name, of, SHADERS | {".py"})]
     if spec and spec.has_location and spec.origin and not folders:
         found = [(name, _hash(Path(spec.origin).read_bytes()))]
-    return _hash(repr(found).encode()) if found else ""
+    return _hash(repr(found)) if found else ""
 
 
 def check_code(digests: Mapping[str, str]) -> None:
@@ -629,5 +644,5 @@ def check_code(digests: Mapping[str, str]) -> None:
         raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
 
 
-def _hash(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
+def _hash(data: bytes | str) -> str:
+    return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()

@@ -6,8 +6,6 @@ an input they take, and what these are called, is arithmetic with whole arrays o
 
 from __future__ import annotations
 
-import inspect
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -393,38 +391,29 @@ class Plan:
 
     @cached_property
     def identity(self) -> dict[str, str]:
-        """Return by stage the hash of its code and of the names of its function and outputs."""
-        # Two stages of one function share their results: its name counts, not theirs. Functions
-        # of one name, such as lambdas, are distinguished by the names of their stages.
-        functions = {name: inspect.unwrap(one.stage.function) for name, one in self._every.items()}
-        named: dict[tuple[str, str], set[int]] = defaultdict(set)
-        for one in functions.values():
-            named[one.__module__, one.__qualname__].add(id(one))
+        """Return by stage the hash of its code and of the names of its outputs."""
         found = {}
         for name, bound in self.bound.items():
-            place = functions[name].__module__, functions[name].__qualname__
             outputs = [
                 (output.name, output.dtype, repr(output.empty)) for output in bound.stage.outputs
             ]
-            own = [name] if len(named[place]) > 1 else []
             order = (bound.along, bound.gather)  # of the axes of arguments and results
-            found[name] = digest(repr([[*place, *outputs, *own], order, self.digests[name].digest]))
+            found[name] = digest(repr([outputs, order, self.digests[name].digest]))
         return found
 
     @cached_property
     def source_code(self) -> Code:
-        """Return the code of the experiment's packages."""
-        functions = (stage.function for stage in self.experiment.stages)
-        declared = frozenset(
-            place_of(function) for function in functions if inspect.unwrap(function) is function
-        )
-        return Code(frozenset(self.experiment.code), declared)
+        """Return the code of the experiment's packages and of the files of its stages."""
+        homes = {place_of(stage.function)[0] for stage in self.experiment.stages}
+        return Code(frozenset(self.experiment.code), frozenset(homes))
 
     @cached_property
     def digests(self) -> dict[str, CodeDigest]:
-        """Return by stage the code and libraries behind its function."""
-        functions = {name: bound.stage.function for name, bound in self.bound.items()}
-        found = {name: self.source_code.digest(one) for name, one in functions.items()}
+        """Return by stage what its function depends on."""
+        stages = {name: bound.stage for name, bound in self.bound.items()}
+        found = {
+            name: self.source_code.digest(one.function, one.version) for name, one in stages.items()
+        }
         keep_sources()
         return found
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -74,13 +73,10 @@ def _shown_digest(plan: Plan) -> str:
 
 
 def _code_of(function: Callable[..., Any], plan: Plan) -> str:
-    """Return the hash of the code of a table; empty if it is no function of a file."""
-    given: Any = function
-    while isinstance(given, partial):
-        given = given.func
+    """Return the hash of the code of a table; empty if it holds what has none."""
     try:
-        return plan.source_code.digest(given).digest
-    except (ConfigurationError, TypeError):
+        return plan.source_code.digest(function).digest
+    except ConfigurationError:
         return ""
 
 

@@ -180,6 +180,7 @@ class Stage:
     # or none (0), because it is called while planning: a quick function of settings, whose
     # result, a number, text or tuple of them, counts as a value, whatever its inputs.
     keep: float = EVERY
+    version: str = ""  # counts in keys instead of the function's code, if it is given
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:

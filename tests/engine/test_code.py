@@ -43,10 +43,10 @@ def digest_in(monkeypatch):
             if name.split(".")[0] in {"fleet", "yard", "loose"}:
                 del sys.modules[name]
         importlib.invalidate_caches()
-        for cached in (code.place, code._files, versions, distributions):
+        for cached in (code.place, code._files, code._read, versions, distributions):
             cached.cache_clear()
 
-    def digest(folder, module="fleet.measure", function="length", roots=ROOTS, **how):
+    def digest(folder, module="fleet.measure", function="length", roots=ROOTS):
         forget()
         with monkeypatch.context() as patch:
             patch.syspath_prepend(folder)
@@ -54,12 +54,8 @@ def digest_in(monkeypatch):
             assert str(folder) in imported.__file__
             given = getattr(imported, function)
             declared = [one for one in vars(imported).values() if isinstance(one, Stage)]
-            how["stages"] = frozenset(
-                place_of(one.function)
-                for one in declared
-                if inspect.unwrap(one.function) is one.function
-            )
-            return Code(roots, **how).digest(getattr(given, "function", given))
+            homes = {place_of(one.function)[0] for one in declared} | {module}
+            return Code(roots, frozenset(homes)).digest(getattr(given, "function", given))
 
     yield digest
     forget()
