@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
 import signal
@@ -14,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from sweeps.engine.code import ENGINE, OtherCode, check_code, package_digest
+from sweeps.engine.code import ENGINE, SHADERS, files, place
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.forking import fork_server, worth_importing
 from sweeps.engine.places import Objects
@@ -212,6 +213,25 @@ def import_jobqueue() -> Any:
 
 
 # what workers elsewhere share with this command ---------------------------------------------------
+
+
+class OtherCode(RuntimeError):
+    """The code of a process differs from that of the calling process."""
+
+
+@cache
+def package_digest(name: str) -> str:
+    """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
+    found, spec = files(name, SHADERS | {".py"}), place(name)
+    if spec and spec.has_location and spec.origin and not found:
+        found = [(name, hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest())]
+    return hashlib.sha256(repr(found).encode()).hexdigest() if found else ""
+
+
+def check_code(digests: Mapping[str, str]) -> None:
+    """Raise `OtherCode` if the digest of a package differs in this process."""
+    if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
+        raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
 
 
 class Apart(RuntimeError):

@@ -1,13 +1,13 @@
 """What a function's result depends on, as hashes by name: its code, and the values that it holds.
 
 1. If a `version` is given, that alone.
-2. Of a function of a stage's file, a script, a notebook, or made at run time: its instructions, its
-   defaults, its closure, and each global that it names, as they are when the sweep begins.
+2. Of a function of a stage's file, a script or a notebook, or made at run time: its instructions,
+   its defaults, its closure, and each global that it names, as they are when the sweep begins.
    Functions and classes of such files count by this rule, what comes from other modules, or is
-   imported inside, by the next, and any other value by its content (`_Walk.token`).
-3. Of a module in `Experiment.code`, or of no distribution: its syntax tree without docstrings,
-   comments and what is only for types, and that of all modules that it imports. Of other modules:
-   the version of their distribution. Python's own, and the engine, do not count.
+   imported inside, by the next, and any other value by its content.
+3. Of a module of the packages in `Experiment.code`, or of no distribution: its syntax tree without
+   docstrings, comments and what is only for types, and that of all modules that it imports. Of
+   other modules: the version of the distribution. Python's own, and the engine, do not count.
 4. What has no content to compare, such as an open file or a lock, is refused.
 """
 
@@ -21,12 +21,12 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache, cached_property, partial
 from importlib import metadata
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec, resolve_name
-from itertools import accumulate, islice, takewhile
+from itertools import accumulate
 from pathlib import Path
 from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any, NamedTuple
@@ -36,35 +36,21 @@ from platformdirs import user_cache_path
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.places import Objects
-from sweeps.engine.settings import Settings
-from sweeps.engine.stage import Stage
 
 ENGINE = frozenset({__name__.rpartition(".")[0]})
-SOURCES = "sources.json"  # in the user's cache
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
-MAIN = "__main__"
-# Functions that name one of these may reach anything in their file.
-ANYTHING = frozenset(
-    {"eval", "exec", "globals", "vars", "modules", "__globals__", "__subclasses__"}
-)
-LABELS = frozenset({"help", "label"})  # of settings: they are only shown
-_GLOBALS = frozenset({"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"})
-_BY_NAME = {*dis.hasname, *dis.haslocal, *dis.hasfree, *dis.hasjrel, *dis.hasjabs}
-# What a class in a function says of itself: its text, and its line.
-_OF_CLASS = frozenset({"__doc__", "__firstlineno__", "__static_attributes__"})
-_ARGUMENTS = 0x3FF  # flags of code: kinds of arguments and of functions
-_PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...), type(NotImplemented))
+LABELS = {"help", "label"}  # of settings: they are only shown
+# A function that names one of these may reach anything in its file.
+ANYTHING = {"eval", "exec", "globals", "vars", "modules", "__globals__", "__subclasses__"}
+REMEDY = "or give version='1', which counts instead of the code, and change it with the function"
+SOURCES, MOST_SOURCES = "sources.json", 4000  # how many are kept
+CACHE = Objects(user_cache_path("sweeps"), make=True, mode=0o700, clean=False)
 
-Reference = tuple[str, str]  # a module, and a name imported from it; "" for none
+Reference = tuple[str, str]  # a module, and a name that is imported from it; "" for none
 
 
-@dataclass(frozen=True)
-class CodeDigest:
-    """Hash of what a function depends on, with its parts by name and the libraries among them."""
-
-    digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
-    parts: Mapping[str, str]
-    libraries: Mapping[str, str]  # versions of distributions
+def _hash(data: bytes | str) -> str:
+    return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
 
 
 # modules ------------------------------------------------------------------------------------------
@@ -77,26 +63,23 @@ class Module(NamedTuple):
     imports: list[Reference]
     is_lazy: bool
 
-    @classmethod
-    def of(cls, source: bytes, package: str) -> Module:
-        """Return a module by its source."""
-        tree = ast.parse(source)
-        for node in ast.walk(tree):
-            if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
-                is_not = isinstance(node.test, ast.UnaryOp)
-                node.body = node.body if is_not else []
-                node.orelse = [] if is_not else node.orelse
-            if isinstance(node, ast.FunctionDef) and not node.decorator_list:
+
+def _parsed(source: bytes, package: str) -> Module:
+    """Return a module by its source."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        match node:
+            case ast.If(test=ast.Name("TYPE_CHECKING") | ast.Attribute(attr="TYPE_CHECKING")):
+                node.body = []
+            case ast.FunctionDef(decorator_list=[]):
                 node.returns = None
                 for one in ast.walk(node.args):
                     if isinstance(one, ast.arg):
                         one.annotation = None
-            if isinstance(body := getattr(node, "body", None), list):
-                node.body = [one for one in body if not _is_text(one)]
-        lazy = any(
-            isinstance(one, ast.FunctionDef) and one.name == "__getattr__" for one in tree.body
-        )
-        return cls(_hash(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
+        if isinstance(body := getattr(node, "body", None), list):
+            body[:] = [one for one in body if not _is_text(one)]
+    lazy = any(getattr(one, "name", "") == "__getattr__" for one in tree.body)
+    return Module(_hash(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
 
 
 def _is_text(node: ast.AST) -> bool:
@@ -106,108 +89,92 @@ def _is_text(node: ast.AST) -> bool:
 def _imports(tree: ast.Module, package: str) -> Iterator[Reference]:
     """Yield what a module imports anywhere, also by `import_module` of a text."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from ((one.name, "") for one in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            owner = _absolute("." * node.level + (node.module or ""), package)
-            yield from ((owner, one.name) for one in node.names)
-        elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
-            name = ast.unparse(node.func).rpartition(".")[2]
-            if name in {"import_module", "__import__"}:
-                yield _absolute(str(node.args[0].value), package), ""
+        match node:
+            case ast.Import():
+                yield from ((one.name, "") for one in node.names)
+            case ast.ImportFrom():
+                owner = _absolute("." * node.level + (node.module or ""), package)
+                yield from ((owner, one.name) for one in node.names)
+            case ast.Call(ast.Name(name) | ast.Attribute(attr=name), [ast.Constant(str(text)), *_]):
+                if name in {"import_module", "__import__"}:
+                    yield _absolute(text, package), ""
 
 
 def _absolute(name: str, package: str) -> str:
     """Return the absolute name of a module; unchanged if Python would refuse it."""
-    try:
+    with suppress(ImportError):
         return resolve_name(name, package)
-    except ImportError:
-        return name
+    return name
 
 
-class _Sources:
-    """Modules that were read before, by the hash of their source, in a file of the user's cache.
+@cache
+def _before() -> dict[str, Any]:
+    """Return modules by the hash of their source, of which parsing takes long, from the cache.
 
-    Parsing takes most of a digest's time.
+    Nothing if the file is missing, damaged, or another user may write to it.
     """
-
-    def __init__(self) -> None:
-        self._objects = Objects(user_cache_path("sweeps"), make=True, mode=0o700, clean=False)
-        self._used: dict[str, Module] = {}
-        self._is_new = False
-
-    @cached_property
-    def _before(self) -> dict[str, Any]:
-        """What the file has; nothing if it is missing, damaged, or another user may write to it."""
-        with suppress(OSError, ValueError):
-            if not self._objects.foreign([SOURCES]):
-                return dict(json.loads(self._objects.get(SOURCES) or b"{}"))
-        return {}
-
-    @cached_property
-    def _rules(self) -> str:
-        return f"{sys.version} {_hash(Path(__file__).read_bytes())}"
-
-    def module(self, source: bytes, package: str) -> Module:
-        """Return the module of a source, parsed now if it was not before."""
-        key = _hash(f"{self._rules} {package} ".encode() + source)
-        try:
-            digest, imports, is_lazy = self._before[key]
-            found = Module(digest, [(owner, name) for owner, name in imports], is_lazy)
-        except (KeyError, TypeError, ValueError):
-            found, self._is_new = Module.of(source, package), True
-        return self._used.setdefault(key, found)
-
-    def keep(self) -> None:
-        """Write the modules that this process uses, if some were parsed in it."""
-        if self._is_new:
-            self._is_new = False
-            with suppress(OSError):
-                self._objects.put(SOURCES, json.dumps(self._used).encode())
+    with suppress(OSError, ValueError):
+        if not CACHE.foreign([SOURCES]):
+            return dict(json.loads(CACHE.get(SOURCES) or b"{}"))
+    return {}
 
 
-_SOURCES = _Sources()
-keep_sources = _SOURCES.keep
+_new: dict[str, Module] = {}
+
+
+def keep_sources() -> None:
+    """Write modules that were parsed in this process to the user's cache."""
+    if _new:
+        _before().update(_new)
+        _new.clear()
+        with suppress(OSError):
+            CACHE.put(SOURCES, json.dumps(dict([*_before().items()][-MOST_SOURCES:])).encode())
 
 
 @cache
 def _read(name: str, file: Path, modified: int) -> Module:
-    """Return the module of a file; one compiled by another language counts as it is."""
-    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    """Return the module of a file; what another language compiled counts as it is."""
     source = file.read_bytes()
-    return (
-        _SOURCES.module(source, package)
-        if file.suffix == ".py"
-        else Module(_hash(source), [], False)
-    )
+    if file.suffix != ".py":
+        return Module(_hash(source), [], False)
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    key = _hash(repr((sys.version, _hash(Path(__file__).read_bytes()), package, source)))
+    if key not in _before():
+        _new[key] = _parsed(source, package)
+    return _new.get(key) or Module(*_before()[key])
 
 
 @cache
 def place(name: str) -> ModuleSpec | None:
     """Return the location of a module, found without importing anything."""
     owner = name.rpartition(".")[0]
-    try:
-        if not owner:
-            return find_spec(name)
-        above = place(owner)
-        folders = above.submodule_search_locations if above else None
-        return PathFinder.find_spec(name, [*folders]) if folders else None
-    except ValueError:  # __main__, or a module created at run time
-        return None
+    with suppress(ValueError):  # __main__, or a module created at run time
+        folders = folders_of(owner) if owner else []
+        return PathFinder.find_spec(name, folders) if owner else find_spec(name)
+    return None
 
 
-def within(name: str, packages: Iterable[str]) -> bool:
-    """Return whether a module is in, or is itself, one of some packages."""
-    return any(f"{name}.".startswith(f"{package}.") for package in packages)
+def folders_of(name: str) -> list[str]:
+    """Return the folders of a package; none of a module."""
+    spec = place(name)
+    return list(spec.submodule_search_locations or ()) if spec else []
 
 
 @cache
-def versions(top: str) -> tuple[tuple[str, str], ...]:
+def files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
+    """Return paths and hashes of the files of some kinds in and below a package's folders."""
+    found = [(of, one) for of in folders_of(name) for one in sorted(Path(of).rglob("*"))]
+    return [
+        (f"{name}/{one.relative_to(of).as_posix()}", _hash(one.read_bytes()))
+        for of, one in found
+        if one.suffix in suffixes
+    ]
+
+
+@cache
+def versions(top: str) -> dict[str, str]:
     """Return distributions of a top-level package with versions; empty if it is only a source."""
-    names = {owner.metadata["Name"] for owner in distributions().get(top, ())}
-    if not names and top != MAIN and place(top) is None and top not in sys.modules:
-        return ((top, "not installed"),)
-    return tuple((name, metadata.version(name)) for name in sorted(names))
+    return {owner.metadata["Name"]: owner.version for owner in distributions().get(top, ())}
 
 
 @cache
@@ -219,20 +186,18 @@ def distributions() -> dict[str, list[metadata.Distribution]]:
     """
     found: dict[str, list[metadata.Distribution]] = {}
     for owner in metadata.distributions():
-        files = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
-        for top in {name.partition(".")[0] for name in re.findall("\n([^/,\n]+)", f"\n{files}")}:
+        listed = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
+        for top in {name.partition(".")[0] for name in re.findall("\n([^/,\n]+)", f"\n{listed}")}:
             found.setdefault(top, []).append(owner)
     return found
 
 
-@cache
-def _files(name: str, folder: str, suffixes: frozenset[str]) -> tuple[tuple[str, str], ...]:
-    """Return paths and hashes of the files of some kinds in and below a package's folder."""
-    files = (file for file in Path(folder).rglob("*") if file.suffix in suffixes)
-    return tuple(
-        (f"{name}/{file.relative_to(folder).as_posix()}", _hash(file.read_bytes()))
-        for file in sorted(files)
-    )
+class CodeDigest(NamedTuple):
+    """Hash of what a function depends on, with its parts by name and the libraries among them."""
+
+    digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
+    parts: Mapping[str, str]
+    libraries: Mapping[str, str]  # versions of distributions
 
 
 class Code:
@@ -242,239 +207,217 @@ class Code:
     ----------
     roots : frozenset of str
         Packages and modules, by dotted names, whose sources (and shaders) count, with all below
-        them but the engine. Of other imports outside the standard library the version of the
-        distribution counts, or the source when no distribution has it.
+        them but the engine.
     homes : frozenset of str
-        Modules of which functions, classes and values count one by one.
+        Modules whose functions, classes and values count one by one: those of stages.
     """
 
     def __init__(self, roots: frozenset[str], homes: frozenset[str] = frozenset()) -> None:
-        self._roots, self.homes = roots, homes | {MAIN}
-        self._known: dict[int, tuple[Any, CodeDigest]] = {}
-        self.kind, self.module = cache(self._kind), cache(self._module)
+        self._roots, self.homes = roots, homes | {"__main__"}
         self.reached, self.edges = cache(self._reached), cache(self._edges)
 
     def digest(self, function: Callable[..., Any], version: str = "") -> CodeDigest:
         """Return the hash of what a function depends on, or of a version instead.
 
-        Raises
-        ------
-        ConfigurationError
-            If it holds what has no content to compare.
+        Raises ConfigurationError if it holds what has no content to compare.
         """
         if version:
-            parts = {"version": version}
-            return CodeDigest(_hash(repr([place_of(function), version])), parts, {})
-        if id(function) not in self._known:
-            walk = _Walk(self, function)
-            libraries = dict(sorted(pair for top in walk.tops for pair in versions(top)))
-            content = json.dumps([walk.root, walk.parts, libraries], sort_keys=True)
-            self._known[id(function)] = function, CodeDigest(_hash(content), walk.parts, libraries)
-        return self._known[id(function)][1]
+            return CodeDigest(_hash(repr((place_of(function), version))), {"version": version}, {})
+        walk = _Walk(self, function)
+        content = json.dumps([walk.root, walk.parts, walk.libraries], sort_keys=True)
+        return CodeDigest(_hash(content), walk.parts, walk.libraries)
 
-    def _module(self, name: str) -> Module | None:
+    def module(self, name: str) -> Module | None:
+        """Return a module; None if it has no file."""
         spec = place(name)
         file = Path(spec.origin) if spec and spec.has_location and spec.origin else None
         return _read(name, file, file.stat().st_mtime_ns) if file else None
 
-    def _kind(self, name: str) -> str:
-        """Return whether a module counts by its source, as a library, or not at all."""
+    def is_source(self, name: str) -> bool:
+        """Return whether a module counts by its source."""
         top = name.partition(".")[0]
-        if within(name, ENGINE):
-            return ""
-        if within(name, self._roots):
-            return "source"
-        if top in sys.stdlib_module_names:
-            return ""
-        return "library" if versions(top) else "source"
+        if _within(name, ENGINE) or (top in sys.stdlib_module_names and top not in self._roots):
+            return False
+        return _within(name, self._roots) or not versions(top)
 
     def _reached(self, owner: str, name: str) -> set[str]:
-        """Return sources and libraries that are loaded with a module, or a name of it."""
-        kind = self.kind(owner)
-        if kind != "source":
-            return {owner.partition(".")[0]} if kind else set()
-        found = {*accumulate(owner.split("."), "{}.{}".format)}
-        inner, module = f"{owner}.{name}", self.module(owner)
-        if name and place(inner):
-            found.add(inner)
-        elif module and module.is_lazy and name != "*":
-            spec = place(owner)
-            for folder in (spec and spec.submodule_search_locations) or ():
-                for file in Path(folder).rglob("*.py"):
-                    parts = file.relative_to(folder).with_suffix("").parts
-                    found.add(".".join((owner, *parts)).removesuffix(".__init__"))
-        return {one for one in found if self.kind(one) == "source"}
+        """Return sources, or the library, that are loaded with a module or a name of it."""
+        if not self.is_source(owner):
+            return {owner.partition(".")[0]}
+        found, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)
+        if name and place(f"{owner}.{name}"):
+            found.add(f"{owner}.{name}")
+        elif module and module.is_lazy:
+            below = [path.removesuffix(".py") for path, _ in files(owner, frozenset({".py"}))]
+            found |= {path.replace("/", ".").removesuffix(".__init__") for path in below}
+        return {*filter(self.is_source, found)}
 
     def _edges(self, name: str) -> set[str]:
+        """Return what a module imports."""
         module = self.module(name)
         return set().union(*(self.reached(*one) for one in module.imports)) if module else set()
+
+
+def _within(name: str, packages: Iterable[str]) -> bool:
+    return any(f"{name}.".startswith(f"{package}.") for package in packages)
 
 
 # functions and values -----------------------------------------------------------------------------
 
 
 class _Scan(NamedTuple):
-    """The instructions of code as text, the globals with their attributes, and the imports."""
+    """Instructions of code as text, the globals that it names with attributes, and imports."""
 
     text: str
     chains: list[tuple[str, ...]]
-    imports: list[tuple[str, str]]  # with the dots of relative ones
-    names: frozenset[str]
+    imports: list[Reference]
+    names: set[str]
+
+
+_GLOBALS = {"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"}
+_ATTRIBUTES = {"LOAD_ATTR", "LOAD_METHOD"}
+_BY_NAME = {*dis.hasname, *dis.haslocal, *dis.hasfree, *dis.hasjrel, *dis.hasjabs}
+# What a class inside a function is told of its text and lines, in the two instructions of each.
+_OF_CLASS = {"__doc__", "__firstlineno__", "__static_attributes__"}
+_KINDS = 0x3FF  # flags of code: kinds of arguments and of functions
 
 
 @cache
 def _scan(code: CodeType) -> _Scan:
-    """Return what code does: no docstrings, no lines."""
-    lines = [repr((code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount))]
-    lines += [repr((code.co_varnames, code.co_cellvars, code.co_freevars))]
-    lines += [repr((code.co_flags & _ARGUMENTS, code.co_exceptiontable))]
+    """Return what code does, without docstrings and lines."""
+    counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount)
+    names = (code.co_varnames, code.co_cellvars, code.co_freevars)
+    lines = [repr((counts, names, code.co_flags & _KINDS, code.co_exceptiontable))]
     inner = [_scan(one) for one in code.co_consts if isinstance(one, CodeType)]
     chains = [chain for one in inner for chain in one.chains]
     imports = [target for one in inner for target in one.imports]
-    steps = [*dis.get_instructions(code)]
+    steps, chained = [*dis.get_instructions(code)], False
     for number, step in enumerate(steps):
-        if step.opname == "STORE_NAME" and step.argval in _OF_CLASS:
-            lines.pop()
-            continue
-        if step.opcode in dis.hasconst:
-            argument = _constant(step.argval)
-        else:
-            argument = repr(step.argval if step.opcode in _BY_NAME else step.arg)
-        lines.append(f"{step.opname} {argument}")
-        if step.opname in _GLOBALS:
-            after = takewhile(
-                lambda one: one.opname in _ATTRIBUTES, islice(steps, number + 1, None)
-            )
-            chains.append((step.argval, *(one.argval for one in after)))
+        given = step.argval if step.opcode in _BY_NAME else step.arg
+        constant = step.opcode in dis.hasconst
+        lines.append(f"{step.opname} {_constant(step.argval) if constant else given}")
+        chained &= step.opname in _ATTRIBUTES
+        if chained:
+            chains[-1] += (step.argval,)
+        elif step.opname in _GLOBALS:
+            chains.append((step.argval,))
+            chained = True
         elif step.opname == "IMPORT_NAME":
-            target = "." * steps[number - 2].argval + step.argval
-            imports.append((target, ""))
+            imports.append(("." * steps[number - 2].argval + step.argval, ""))
         elif step.opname == "IMPORT_FROM":
-            imports.append((target, step.argval))
-    names = frozenset(code.co_names).union(*(one.names for one in inner))
-    return _Scan("\n".join(lines), chains, imports, names)
-
-
-_ATTRIBUTES = frozenset({"LOAD_ATTR", "LOAD_METHOD"})
+            imports.append((imports[-1][0], step.argval))
+        elif step.opname == "STORE_NAME" and step.argval in _OF_CLASS:
+            del lines[-2:]
+    every = {*code.co_names}.union(*(one.names for one in inner))
+    return _Scan("\n".join(lines), chains, imports, every)
 
 
 def _constant(value: Any) -> str:
     """Return the text of a constant in code."""
     if isinstance(value, CodeType):
-        return f"code {_scan(value).text}"
-    if isinstance(value, tuple):
-        return f"({', '.join(map(_constant, value))})"
-    if isinstance(value, frozenset):
-        return f"{{{', '.join(sorted(map(_constant, value)))}}}"
+        return _scan(value).text
+    if isinstance(value, tuple | frozenset):
+        parts = [*map(_constant, value)]
+        return repr(parts if isinstance(value, tuple) else {"set": sorted(parts)})
     return f"{type(value).__name__} {value!r}"
+
+
+_PLAIN = {type(None), bool, int, float, complex, str, bytes, type(...), type(NotImplemented)}
+_NAMED = FunctionType | type | ModuleType  # parts of their own
+_DESCRIBED = ("fget", "fset", "fdel", "__func__", "func")
 
 
 class _Walk:
     """The parts of what one function depends on: hashes by name, and libraries."""
 
     def __init__(self, code: Code, root: Callable[..., Any]) -> None:
-        self._code, self._homes = code, code.homes | {place_of(root)[0]}
+        module, name = place_of(root)
+        self._code, self._homes = code, code.homes | {module}
         self.parts: dict[str, str] = {}
-        self.tops: set[str] = set()
-        self._labels: dict[int, str] = {}
-        self._counts: dict[str, int] = {}
-        self._open: list[int] = []
-        self._tokens: dict[int, str] = {}
-        self._alive: list[Any] = []  # what ids stand for
+        self.libraries: dict[str, str] = {}
         self._loaded: set[str] = set()
-        self._waiting: list[tuple[str, Any]] = []
-        self.root = self._variable(place_of(root)[1], root)
+        self._labels: dict[int, str] = {}
+        self._waiting: list[tuple[str, Any]] = []  # functions and classes
+        self._tokens: dict[int, str] = {}
+        self._open: list[int] = []
+        self._alive: list[Any] = []  # what ids stand for
+        self.root = self._variable(name, root)
         for label, one in self._waiting:  # which grows
-            parts = self._class(label, one) if isinstance(one, type) else self._function(label, one)
-            self.parts[f"code of {label}"] = _hash(repr(parts))
+            part = self._class(label, one) if isinstance(one, type) else self._function(label, one)
+            self.parts[f"code of {label}"] = _hash(repr(part))
 
     def _label(self, one: Any, name: str) -> str:
         """Return the name of a function, class or file; the second of a name has a number."""
         if id(one) not in self._labels:
             self._alive.append(one)
-            number = self._counts[name] = self._counts.get(name, 0) + 1
-            self._labels[id(one)] = name if number == 1 else f"{name} {number}"
-            if isinstance(one, FunctionType | type):
+            same = sum(label.partition(" ")[0] == name for label in self._labels.values())
+            self._labels[id(one)] = f"{name} {same + 1}" if same else name
+            if isinstance(one, _NAMED):
                 self._waiting.append((self._labels[id(one)], one))
         return self._labels[id(one)]
 
     def _variable(self, name: str, value: Any) -> str:
-        """Return what a variable counts by: its name if its value is a part, or what it refers to.
-
-        Raises ConfigurationError if there is no content to compare.
-        """
+        """Return what a variable refers to; if that is a value, the name of its part."""
         self._name, self._value = name, value
         token = self.token(value)
-        if isinstance(value, FunctionType | type | ModuleType):
-            return token
-        self.parts[name] = _hash(token)
-        return name
+        if not isinstance(value, _NAMED):
+            self.parts[name], token = _hash(token), name
+        return token
 
-    def _function(self, label: str, function: FunctionType) -> list[Any]:
-        """Return what is in a function's own part: its code, and what its variables refer to."""
+    def _function(self, label: str, function: FunctionType) -> Any:
+        """Return the code of a function, and what its variables refer to."""
         code, space = function.__code__, function.__globals__
         module = space.get("__name__", "")
-        if module == "functools" and hasattr(function, "registry"):  # by type of an argument
-            return [self._variable(f"registry of {label}", function.registry)]
-        defaults, named = function.__defaults__ or (), function.__kwdefaults__ or {}
-        held = dict(
-            zip(code.co_varnames[code.co_argcount - len(defaults) :], defaults, strict=False)
-        )
-        held |= named
+        if module == "functools" and hasattr(function, "registry"):  # one for each type
+            return self._variable(f"registry of {label}", function.registry)
+        defaults = function.__defaults__ or ()
+        held = dict(zip(code.co_varnames[: code.co_argcount][::-1], defaults[::-1], strict=False))
+        held |= {**(function.__kwdefaults__ or {}), **vars(function)}
         for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             with suppress(ValueError):  # an empty cell
                 held[name] = cell.cell_contents
-        held |= vars(function)
-        found = [
-            (name, self._variable(f"{name} of {label}", one)) for name, one in sorted(held.items())
-        ]
+        found = [(one, self._variable(f"{one} of {label}", held[one])) for one in sorted(held)]
         if self._is_elsewhere(function, module):
             return found
         scan, before = _scan(code), self._label(space, module)
-        package = str(space.get("__package__") or module.rpartition(".")[0])
         for owner, name in scan.imports:
-            self._load(_absolute(owner, package), name)
+            self._load(_absolute(owner, space.get("__package__") or module), name)
         if ANYTHING & scan.names:
             self._whole(label, space)
-        for first, *attributes in sorted({*scan.chains}):
-            if first in space:
-                path, value = self._resolved(first, space[first], attributes)
-                found.append((path, self._variable(f"{before}.{path}", value)))
-        return [scan.text, *found]
+        for path, *attributes in sorted({*scan.chains}):
+            if path in space:
+                value = space[path]
+                while (
+                    attributes
+                    and getattr(value, "__spec__", None)
+                    and value.__name__ in self._homes
+                ):
+                    path, value = f"{path}.{attributes[0]}", getattr(value, attributes.pop(0), None)
+                if isinstance(value, ModuleType):
+                    for number, name in enumerate(attributes or [""]):
+                        self._load(".".join((value.__name__, *attributes[:number])), name)
+                    found.append((path, f"module {value.__name__}"))
+                else:
+                    found.append((path, self._variable(f"{before}.{path}", value)))
+        return scan.text, found
 
-    def _resolved(self, path: str, value: Any, attributes: list[str]) -> tuple[str, Any]:
-        """Return a global, or what it leads to in modules and settings, with its path."""
-        for name in attributes:
-            of_module = (
-                isinstance(value, ModuleType) and self._code.kind(value.__name__) == "source"
-            )
-            if not of_module and not (isinstance(value, type) and issubclass(value, Settings)):
-                break
-            inner = vars(value).get(name)
-            plain = not isinstance(inner, FunctionType | type | ModuleType)
-            if inner is None or (of_module and plain and value.__name__ not in self._homes):
-                break
-            path, value = f"{path}.{name}", inner
-        return path, value
-
-    def _class(self, label: str, one: type) -> list[Any]:
-        """Return what is in a class's own part: its bases, methods and values."""
+    def _class(self, label: str, one: type) -> Any:
+        """Return bases, methods and values of a class."""
         self._name, self._value = label, one
-        found: list[Any] = [self.token(base) for base in (type(one), *one.__bases__)]
         functions = FunctionType | property | staticmethod | classmethod
-        for name, value in sorted(vars(one).items()):
-            if isinstance(value, functions) or not (name.startswith("__") or name == "_abc_impl"):
-                found.append((name, self.token(value)))
-        return found
+        own = {
+            name: value
+            for name, value in vars(one).items()
+            if isinstance(value, functions) or not (name.startswith("__") or name == "_abc_impl")
+        }
+        return self.token((type(one), *one.__bases__)), self.token(own)
 
     def _whole(self, label: str, space: Mapping[str, Any]) -> None:
         """Count all of the file of a function that may reach anything there."""
         name, file = space.get("__name__", ""), Path(space.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
-            raise ConfigurationError(
-                f"{label} uses eval, vars or the like, which may reach anything: name what it uses, "
-                f"{REMEDY}"
-            )
+            what = f"{label} uses eval, vars or the like, and is in no file"
+            raise ConfigurationError(f"{what}: name the values that it takes, {REMEDY}")
         module = _read(name, file, file.stat().st_mtime_ns)
         self.parts[f"code of {name}"] = module.digest
         for target in module.imports:
@@ -487,15 +430,13 @@ class _Walk:
             if one in self._loaded:
                 continue
             self._loaded.add(one)
-            if self._code.kind(one) == "library":
-                self.tops.add(one)
+            if not self._code.is_source(one):
+                self.libraries |= {} if one in sys.stdlib_module_names else versions(one)
                 continue
             if module := self._code.module(one):
                 self.parts[f"code of {one}"] = module.digest
-            spec = place(one)
-            for folder in (spec and spec.submodule_search_locations) or ():
-                if "." not in one and (found := _files(one, folder, SHADERS)):
-                    self.parts[f"shaders of {one}"] = _hash(repr(found))
+            if "." not in one and (shaders := files(one, SHADERS)):
+                self.parts[f"shaders of {one}"] = _hash(repr(shaders))
             waiting += self._code.edges(one)
 
     def _is_elsewhere(self, one: FunctionType | type, module: str) -> bool:
@@ -504,18 +445,15 @@ class _Walk:
             return False
         if isinstance(one, FunctionType):
             return vars(sys.modules[module]) is one.__globals__
-        return self._code.kind(module) != "source" or _found(module, one.__qualname__) is one
+        return not self._code.is_source(module) or _found(module, one.__qualname__) is one
 
     def _reference(self, one: Any) -> str:
         """Return the name of a function, class or module, which counts on its own."""
         if isinstance(one, ModuleType):
-            if one.__name__ == MAIN:
-                self._whole(self._name, vars(one))
             self._load(one.__name__)
             return f"module {one.__name__}"
-        module = (
-            one.__globals__.get("__name__", "") if isinstance(one, FunctionType) else one.__module__
-        )
+        space = one.__globals__ if isinstance(one, FunctionType) else {}
+        module = str(space.get("__name__", one.__module__))
         if self._is_elsewhere(one, module):
             self._load(module)
             if isinstance(one, type) or _found(module, one.__qualname__) is one:
@@ -526,7 +464,7 @@ class _Walk:
         """Return a text that is equal for values of equal type and content."""
         if type(value) in _PLAIN:
             return f"{type(value).__name__} {value!r}"
-        if isinstance(value, FunctionType | type | ModuleType):
+        if isinstance(value, _NAMED):
             return self._reference(value)
         if id(value) in self._open:
             return f"circle {len(self._open) - self._open.index(id(value))}"
@@ -539,34 +477,31 @@ class _Walk:
                 raise
             except Exception as error:
                 verb = "is" if value is self._value else "holds"
-                raise ConfigurationError(
-                    f"{self._name} {verb} a {type(value).__name__}, which has no content to "
-                    f"compare: hold its values instead, {REMEDY}"
-                ) from error
-            finally:
-                self._open.pop()
+                what = f"{self._name} {verb} {type(value).__name__!r}, which has no content to"
+                remedy = f"compare: take out of it what the function needs, {REMEDY}"
+                raise ConfigurationError(f"{what} {remedy}") from error
+            self._open.pop()
             self._tokens[id(value)] = f"{type(value).__name__} {_hash(repr(content))}"
         return self._tokens[id(value)]
 
     def _content(self, value: Any) -> Any:
         """Return tokens of what a value consists of; any error if it has no content."""
         kind = type(value)
-        if isinstance(value, Stage):
-            return self.token(value.function)
         if kind in (list, tuple):
-            return [self.token(one) for one in value]
+            return [*map(self.token, value)]
         if kind in (set, frozenset):
-            return sorted(self.token(one) for one in value)
+            return sorted(map(self.token, value))
         if kind in (dict, MappingProxyType):
-            return self._items(value)
+            keys = sorted(value, key=self.token)  # the order of a mapping does not count
+            return [(self.token(key), self.token(value[key])) for key in keys]
         if kind in (property, staticmethod, classmethod, cached_property):
             return [self.token(getattr(value, name, None)) for name in _DESCRIBED]
         if kind is np.ndarray:
             content = value.tolist() if value.dtype.hasobject else value.tobytes()
             return repr(value.dtype), value.shape, self.token(content)
-        if within(kind.__module__, ENGINE) and is_dataclass(value):
-            names = [one.name for one in fields(value) if one.name not in LABELS]
-            return self.token(kind), [(name, self.token(getattr(value, name))) for name in names]
+        if _within(kind.__module__, ENGINE) and is_dataclass(value):
+            names = {one.name for one in fields(value)} - LABELS
+            return self.token(kind), self.token({name: getattr(value, name) for name in names})
         if hasattr(kind, "__dask_tokenize__"):
             from dask.base import tokenize  # takes long
 
@@ -577,25 +512,13 @@ class _Walk:
         if isinstance(reduced, str):
             self._load(getattr(value, "__module__", None) or kind.__module__)
             return reduced, self.token(getattr(value, "__wrapped__", None))
-        make, arguments, state, items, pairs, *_ = (*reduced, None, None, None)
-        if isinstance(state, dict):  # without what was computed from the rest
-            state = {k: v for k, v in state.items() if not _is_cache(getattr(kind, str(k), None))}
-        parts = [self.token(one) for one in (make, arguments, state)]
-        return parts, [self.token(one) for one in items or ()], self._items(dict(pairs or ()))
-
-    def _items(self, given: Mapping[Any, Any]) -> list[tuple[str, str]]:
-        """Return tokens of a mapping, whose order does not count."""
-        keys = sorted((self.token(key), number) for number, key in enumerate(given))
-        values = [*given.values()]
-        return [(key, self.token(values[number])) for key, number in keys]
-
-
-_DESCRIBED = ("fget", "fset", "fdel", "__func__", "func")
-REMEDY = "or give version='1', which counts instead of code, and change it with the function"
-
-
-def _is_cache(value: object) -> bool:
-    return isinstance(value, cached_property)
+        make, arguments, *rest = reduced
+        state, items, pairs = (*rest, None, None, None)[:3]
+        if isinstance(state, dict):  # but for what was computed from the rest
+            kinds = {name: type(getattr(kind, str(name), None)) for name in state}
+            state = {name: state[name] for name in state if kinds[name] is not cached_property}
+        parts = (make, arguments, state, [*(items or ())], dict(pairs or ()))
+        return [*map(self.token, parts)]
 
 
 def _found(module: str, name: str) -> Any:
@@ -609,40 +532,11 @@ def _found(module: str, name: str) -> Any:
 def place_of(function: Callable[..., Any]) -> tuple[str, str]:
     """Return module and qualified name of what is called in the end."""
     given: Any = function
-    while True:
+    inner: Any = function
+    while inner is not None:
+        given = inner
         inner = given.func if isinstance(given, partial) else getattr(given, "__wrapped__", None)
         inner = given.__func__ if isinstance(given, MethodType) else inner
-        if inner is None:
-            break
-        given = inner
     space = getattr(given, "__globals__", {})
     given = given if hasattr(given, "__qualname__") else type(given)
     return str(space.get("__name__") or given.__module__), given.__qualname__
-
-
-# the code of other processes ----------------------------------------------------------------------
-
-
-class OtherCode(RuntimeError):
-    """The code of a process differs from that of the calling process."""
-
-
-@cache
-def package_digest(name: str) -> str:
-    """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
-    spec = place(name)
-    folders = list(spec.submodule_search_locations or ()) if spec else []
-    found = [file for of in folders for file in _files(name, of, SHADERS | {".py"})]
-    if spec and spec.has_location and spec.origin and not folders:
-        found = [(name, _hash(Path(spec.origin).read_bytes()))]
-    return _hash(repr(found)) if found else ""
-
-
-def check_code(digests: Mapping[str, str]) -> None:
-    """Raise `OtherCode` if the digest of a package differs in this process."""
-    if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
-        raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
-
-
-def _hash(data: bytes | str) -> str:
-    return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()

@@ -43,7 +43,7 @@ def digest_in(monkeypatch):
             if name.split(".")[0] in {"fleet", "yard", "loose"}:
                 del sys.modules[name]
         importlib.invalidate_caches()
-        for cached in (code.place, code._files, code._read, versions, distributions):
+        for cached in (code.place, code.files, code._read, versions, distributions):
             cached.cache_clear()
 
     def digest(folder, module="fleet.measure", function="length", roots=ROOTS):
