@@ -14,6 +14,7 @@
 from __future__ import annotations
 
 import ast
+import copyreg
 import dis
 import hashlib
 import json
@@ -38,6 +39,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.places import Objects
 
 ENGINE = frozenset({__name__.rpartition(".")[0]})
+MAIN = "__main__"
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
 LABELS = {"help", "label"}  # of settings: they are only shown
 # A function that names one of these may reach anything in its file.
@@ -213,7 +215,7 @@ class Code:
     """
 
     def __init__(self, roots: frozenset[str], homes: frozenset[str] = frozenset()) -> None:
-        self._roots, self.homes = roots, homes | {"__main__"}
+        self._roots, self.homes = roots, homes | {MAIN}
         self.reached, self.edges = cache(self._reached), cache(self._edges)
 
     def digest(self, function: Callable[..., Any], version: str = "") -> CodeDigest:
@@ -367,7 +369,7 @@ class _Walk:
     def _function(self, label: str, function: FunctionType) -> Any:
         """Return the code of a function, and what its variables refer to."""
         code, space = function.__code__, function.__globals__
-        module = space.get("__name__", "")
+        module = _module_of(function)
         if module == "functools" and hasattr(function, "registry"):  # one for each type
             return self._variable(f"registry of {label}", function.registry)
         defaults = function.__defaults__ or ()
@@ -414,7 +416,7 @@ class _Walk:
 
     def _whole(self, label: str, space: Mapping[str, Any]) -> None:
         """Count all of the file of a function that may reach anything there."""
-        name, file = space.get("__name__", ""), Path(space.get("__file__") or "")
+        name, file = space.get("__name__", MAIN), Path(space.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
             what = f"{label} uses eval, vars or the like, and is in no file"
             raise ConfigurationError(f"{what}: name the values that it takes, {REMEDY}")
@@ -445,18 +447,17 @@ class _Walk:
             return False
         if isinstance(one, FunctionType):
             return vars(sys.modules[module]) is one.__globals__
-        return not self._code.is_source(module) or _found(module, one.__qualname__) is one
+        return not self._code.is_source(module) or looked_up(module, one.__qualname__) is one
 
     def _reference(self, one: Any) -> str:
         """Return the name of a function, class or module, which counts on its own."""
         if isinstance(one, ModuleType):
             self._load(one.__name__)
             return f"module {one.__name__}"
-        space = one.__globals__ if isinstance(one, FunctionType) else {}
-        module = str(space.get("__name__", one.__module__))
+        module = _module_of(one)
         if self._is_elsewhere(one, module):
             self._load(module)
-            if isinstance(one, type) or _found(module, one.__qualname__) is one:
+            if isinstance(one, type) or looked_up(module, one.__qualname__) is one:
                 return f"{module}.{one.__qualname__}"
         return self._label(one, f"{module}.{one.__qualname__}")
 
@@ -508,7 +509,7 @@ class _Walk:
             return tokenize(value, ensure_deterministic=True)
         if hasattr(value, "py_func") and hasattr(value, "targetoptions"):  # compiled by numba
             return self.token(value.py_func), self.token(value.targetoptions)
-        reduced = value.__reduce_ex__(4)
+        reduced = copyreg.dispatch_table.get(kind, lambda one: one.__reduce_ex__(4))(value)
         if isinstance(reduced, str):
             self._load(getattr(value, "__module__", None) or kind.__module__)
             return reduced, self.token(getattr(value, "__wrapped__", None))
@@ -521,22 +522,26 @@ class _Walk:
         return [*map(self.token, parts)]
 
 
-def _found(module: str, name: str) -> Any:
-    """Return what a module that is imported has by a dotted name."""
-    found: Any = sys.modules[module]
+def looked_up(module: str, name: str) -> Any:
+    """Return what a module has by a dotted name, if it is imported; None if there is none."""
+    one: Any = sys.modules.get(module)
     for part in name.split("."):
-        found = getattr(found, part, None)
-    return found
+        one = getattr(one, part, None)
+    return one
 
 
 def place_of(function: Callable[..., Any]) -> tuple[str, str]:
     """Return module and qualified name of what is called in the end."""
-    given: Any = function
+    given: Any = None
     inner: Any = function
     while inner is not None:
-        given = inner
-        inner = given.func if isinstance(given, partial) else getattr(given, "__wrapped__", None)
+        given, is_partial = inner, isinstance(inner, partial)
+        inner = getattr(given, "func" if is_partial else "__wrapped__", None)
         inner = given.__func__ if isinstance(given, MethodType) else inner
-    space = getattr(given, "__globals__", {})
     given = given if hasattr(given, "__qualname__") else type(given)
-    return str(space.get("__name__") or given.__module__), given.__qualname__
+    return _module_of(given), given.__qualname__
+
+
+def _module_of(one: Any) -> str:
+    """Return the name of the module in which a function or class was made."""
+    return getattr(one, "__globals__", {}).get("__name__") or one.__module__ or MAIN

@@ -39,9 +39,11 @@ from sweeps.engine.packs import PACK, SHORTAGES, cells_of
 from sweeps.engine.places import UNREACHED, Where, namesake, where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment, forgiving, say, show
+from sweeps.engine.provenance import why
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
 from sweeps.engine.settings import Choices, Cluster, Run
 from sweeps.engine.stage import Experiment
+from sweeps.engine.store import read_attributes
 from sweeps.engine.usage import listing, usage
 from sweeps.engine.watching import NAMED_FAILURES, counted, described, summary, watching
 
@@ -123,6 +125,9 @@ class Command:
             for shown in described(*self._places(given, "--status")):
                 show(shown)
             return
+        if "--why" in given:
+            self._why([word for word in given if word != "--why"])
+            return
         if not any(map(_is_for_hydra, given)):
             overrides = [word for word in given if word not in SEVERAL]
             jobs = read_jobs(experiment, overrides, several=len(overrides) < len(given))
@@ -168,6 +173,14 @@ class Command:
                     existing(self.experiment, store, plan)
                 sweeps.append((plan, place))
         return sweeps
+
+    def _why(self, words: Sequence[str]) -> None:
+        """Print what of each stage's keys differs from the store of a sweep."""
+        [job] = read_jobs(self.experiment, words, several=False)
+        choices, place = self.experiment.check(job.choices), where("store", job.store)
+        with environment(choices.variables):
+            for name, found in why(Plan(self.experiment, choices), read_attributes(place) or {}):
+                show(f"{name}: {', '.join(found) or 'nothing differs'}")
 
     def _places(self, given: Sequence[str], *options: str) -> tuple[Where, Where]:
         """Return the store and the cache of a command line beside some options."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from platformdirs import user_cache_path
 
 from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.code import place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.kinds import Count, Kind, Number, Switch, Text
 from sweeps.engine.places import where
@@ -35,6 +36,7 @@ def sweep(
     seed: int = 0,
     cluster: str = "inline",
     cache: str | Path | None = None,
+    version: str = "",
 ) -> xr.Dataset:
     """Return the results of a function for all combinations of some values, as in its store.
 
@@ -45,7 +47,8 @@ def sweep(
     ----------
     function : callable
         Its arguments are those named in `values`, further ones with a default, and `rng`, a
-        generator of random numbers of its own for each combination. It is defined in a file.
+        generator of random numbers of its own for each combination. A lambda, a method, a
+        `functools.partial`, a decorated function and one of a notebook are as good as any.
     values : mapping of str to iterable
         Values of each argument: numbers, whole numbers, texts, or truth values.
     store : path
@@ -62,6 +65,8 @@ def sweep(
     cache : path, optional
         Place of finished results; the user's cache folder when not given. A store grows by what
         this has.
+    version : str
+        Counts instead of the function's code, if it is given: change it when results change.
 
     Returns
     -------
@@ -71,24 +76,44 @@ def sweep(
     Raises
     ------
     ConfigurationError
-        If a value, an argument or the store cannot be used.
+        If a value, an argument or the store cannot be used, or the function holds what has no
+        content to compare, such as an open file.
     SweepIncomplete
         If some calls failed. All others are in the store, and these are tried again next time.
+
+    Notes
+    -----
+    A result is reused while all that it depends on is the same, as it is when the sweep begins: the
+    values; the function's code, defaults and closure; each global that it names, functions and
+    classes of its file in the same way, other values by content; the modules of its package, and
+    those that are installed nowhere, by their code; and the versions of installed packages.
+
+    No rule sees a file that is read, the clock, an environment variable, what `input` or a server
+    returns, or what an import does besides. Give what they say as an argument or a global (the
+    content of the file, or its hash), or change `version`. A global that the function itself
+    changes, such as a list that it appends to, is another one in the next sweep, which computes all
+    again.
     """
-    name = getattr(function, "__name__", "")
-    if not inspect.isfunction(inspect.unwrap(function)) or not name.isidentifier():
-        raise ConfigurationError(f"function is {name or function}, but must be defined by def")
+    if not callable(function):
+        raise ConfigurationError(f"function is {function!r}, but must be what can be called")
+    module, qualified = place_of(function)
+    name = qualified.rpartition(".")[2]
+    name = name if name.isidentifier() else "result"
+    try:
+        known = inspect.signature(function).parameters
+    except ValueError:
+        what = f"function is {name}, of which Python does not tell the arguments"
+        raise ConfigurationError(f"{what}; call it in a function of your own") from None
     settings = {one: _setting(f"{name}.{one}", given) for one, given in values.items()}
-    known = inspect.signature(function).parameters
     if unknown := [setting for setting in settings if setting not in known]:
         raise ConfigurationError(f"values has {unknown[0]!r}, but {name} takes {', '.join(known)}")
     result = Output(name, dims, dtype, label=name)
-    stage = Stage(name, function, (result,), reads=settings, group=Group(name))
+    stage = Stage(name, function, (result,), reads=settings, group=Group(name), version=version)
     if lacking := [argument for argument in stage.arguments if argument not in (*settings, RNG)]:
         raise ConfigurationError(f"values lacks {lacking[0]!r}, which {name} takes")
-    package = function.__module__.partition(".")[0]
+    packages = (module.partition(".")[0],)
     try:
-        experiment = Experiment(name, name, (*settings.values(), stage), code=(package,))
+        experiment = Experiment(name, name, (*settings.values(), stage), code=packages)
     except DeclarationError as error:
         raise ConfigurationError(str(error)) from None
     given = {Run.seed.key: seed, Cluster.kind.key: cluster}

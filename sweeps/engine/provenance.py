@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -46,6 +46,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "seed": written(Run.seed, choices[Run.seed]),
         "versions": versions(plan),
         "code": dict(sorted(plan.code.items())),
+        "parts": {key: part for parts in _parts(plan).values() for key, part in parts.items()},
         "shown": _shown_digest(plan),
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
         **experiment.attributes(choices),
@@ -58,6 +59,42 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     if failures:
         attributes["failures"] = dict(sorted(failures.items()))
     return attributes
+
+
+def _parts(plan: Plan) -> dict[str, dict[str, str]]:
+    """Return by stage what counts of its function, each by name with a part of its hash.
+
+    Where a name stands for several things, it has that of the stage, too.
+    """
+    known: dict[str, str] = {}
+    found: dict[str, dict[str, str]] = {}
+    for stage, code in sorted(plan.digests.items()):
+        for name, value in sorted(code.parts.items()):
+            key = name if known.setdefault(name, value) == value else f"{name} ({stage})"
+            found.setdefault(stage, {})[key] = value[:12]
+    return found
+
+
+def why(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Yield each stage, and what of its keys differs from those of a store, by its attributes."""
+    own, parts, now = _identity(plan.experiment), _parts(plan), versions(plan)
+    before = read_choices(own, flatten(own, old.get("configuration", {})))
+    keys = {one.key for one in own if before[one] != plan.choices[one]}
+    code, told, were = (old.get(name, {}) for name in ("code", "parts", "versions"))
+    other: set[str] = set()
+    for name, bound in plan.bound.items():
+        libraries = [*plan.digests[name].libraries, *(["numpy"] if bound.random else [])]
+        changed = {one: f"{one} {were[one]} -> {now[one]}" for one in libraries if one in were}
+        found = [text for one, text in sorted(changed.items()) if were[one] != now[one]]
+        if name not in code:
+            found = ["the store has none of it"]
+        elif code[name] != plan.code[name]:
+            named = [key for key, part in parts.get(name, {}).items() if told.get(key) != part]
+            found += named or ([] if found else ["what it no longer uses"])
+        found += sorted(keys.intersection((*bound.needs, *bound.gather)))
+        found += [f"its input {one.name}" for one in bound.inputs if one.name in other]
+        other |= {name} if found else set()
+        yield name, found
 
 
 def _shown_digest(plan: Plan) -> str:
@@ -145,7 +182,9 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
     for kind, word in (("code", "code of"), ("versions", "version of")):
         for name, value in old.get(kind, {}).items():
             if now[kind].get(name, value) != value:
+                differs = ", ".join(dict(why(plan, old)).get(name, ())[:3])
+                named = f"{name} ({differs})" if differs else name
                 raise ConfigurationError(
-                    f"store is {path!r}, which was made by another {word} {name}; give another "
+                    f"store is {path!r}, which was made by another {word} {named}; give another "
                     "store, or remove it"
                 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from sweeps.engine.cluster import ClusterChoice, Executor, executor, import_jobqueue
+from sweeps.engine.code import place_of
 from sweeps.engine.cube import Cube
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, reason, traceback_of
@@ -28,7 +30,7 @@ from sweeps.engine.packs import MISSING, cells_of, each_cell
 from sweeps.engine.places import Objects, Where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
-from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance
+from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance, why
 from sweeps.engine.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.settings import Choices
 from sweeps.engine.sharing import using
@@ -41,6 +43,8 @@ ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
 QUICK = 1.0  # s of work that finishes before worker processes would have started
+
+LOG = logging.getLogger(__name__)
 
 PARTIAL = "partial"
 """Attribute of a store and its groups that says how many cells are missing."""
@@ -117,7 +121,11 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         use = stack.enter_context(using(place.packs))
         index = CellIndex(place.packs, watch.say, use)
         old = existing(experiment, place.store, plan)
+        if LOG.isEnabledFor(logging.DEBUG):
+            for name, found in why(plan, old or {}):
+                LOG.debug("%s differs from the store in: %s", name, ", ".join(found) or "nothing")
         if old is not None and is_whole(plan, place.store, old, watch.say):
+            LOG.debug("store is reused: it has all of the sweep, and is undamaged")
             finished = _unchanged(plan, index, watch)
         elif place.partial and old is not None and PARTIAL not in old:
             raise ConfigurationError(
@@ -185,6 +193,10 @@ def _compute(
         watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
         return [], None
     watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
+    for bound, number, calls in missing:
+        LOG.debug(
+            "%s: %d cells are in no pack, and computed by %d calls", bound.name, number, calls
+        )
     watch.step(schedule)
     if not missing:
         return [], None
@@ -198,7 +210,7 @@ def _compute(
         choice,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
-        modules=sorted({one.stage.function.__module__ for one in plan.bound.values()}),
+        modules=sorted({place_of(one.stage.function)[0] for one in plan.bound.values()}),
         packs=index.cells,
         mark=index.use.name if index.use else "",
         say=watch.say,
@@ -286,7 +298,10 @@ def is_whole(
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
     heed()
-    if "failures" in old or dict(old) != nested(plain(provenance(plan))):
+    new = nested(plain(provenance(plan)))
+    if "failures" in old or dict(old) != new:
+        keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
+        LOG.debug("store is written again: its %s differ", ", ".join(keys))
         return False
     bad = verify(path)
     if bad:

@@ -8,6 +8,7 @@ share: all that one of them gathers, or all that an in-memory object is made of.
 from __future__ import annotations
 
 import heapq
+import logging
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
@@ -27,6 +28,7 @@ from sweeps.engine.settings import Setting
 from sweeps.engine.stage import VALID, At, Bound
 from sweeps.engine.tasks import Calls, Column, Made, Outcome, Read, Step
 
+LOG = logging.getLogger(__name__)
 MOST_CELLS = 4096  # of one task
 
 Job = tuple[Bound, Cells]  # cells of a stage that one call computes
@@ -394,7 +396,10 @@ class Schedule:
         left = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
         size = min(max(left / (3 * workers), SHORTEST), LONGEST)
         together = min(TOGETHER, max(left / workers / 2, size))
-        return self._task(self._calls.next(costs, size, together))
+        task = self._task(self._calls.next(costs, size, together))
+        told = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
+        LOG.debug(told, [part.bound.name for part in task.parts], size, left, workers)
+        return task
 
     def _task(self, jobs: Iterable[Job]) -> Task:
         """Return a task of calls: the stage of each, and the cells that it computes."""

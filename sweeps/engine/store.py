@@ -10,6 +10,7 @@ that it had stay until the store is written once more.
 from __future__ import annotations
 
 import json
+import logging
 import math
 import zlib
 from collections import deque
@@ -40,6 +41,7 @@ from sweeps.engine.zarr_array import (
     regions,
 )
 
+LOG = logging.getLogger(__name__)
 MOST_SENT = 64  # chunks of a task of another process
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
@@ -93,6 +95,8 @@ def write_store(
             raise
         files |= {name: zlib.crc32(content) for name, content in _documents(nodes).items()}
         files = dict(sorted(files.items()))  # whoever wrote them
+        kept = len(chunks) - len(coming)
+        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(coming), kept)
         made_of = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
             for path, (space, of_array) in laid.items()

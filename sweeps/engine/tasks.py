@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sweeps.engine.code import MAIN, looked_up, place_of
 from sweeps.engine.errors import DeclarationError
 from sweeps.engine.failures import Failure, described, reason, traceback_of
 from sweeps.engine.keys import Keys, cell_rng
@@ -46,18 +47,17 @@ class Step:
     @cache
     def of(cls, stage: Stage) -> Step:
         """Return the description of a stage."""
-        function = stage.function
-        place = f"{function.__module__}:{function.__qualname__}"
-        imported = "<" not in place and not place.startswith("__main__:")
-        given = None if imported else function
+        function, (module, name) = stage.function, place_of(stage.function)
+        there = looked_up(module, name) if module != MAIN else None
+        given = None if getattr(there, "function", there) is function else function
         even = tuple(o.name for o in stage.outputs if stage.place_of(o) and stage.is_even(o))
-        return cls(stage.name, place, given, stage.outputs, even, stage.keep)
+        return cls(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
 
     @property
     def call(self) -> Callable[..., Any]:
         """The function."""
-        found: Any = self.function or resolve_name(self.place)
-        return found.function if isinstance(found, Stage) else found
+        one: Any = self.function or resolve_name(self.place)
+        return one.function if isinstance(one, Stage) else one
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ OPTIONS = (
     ("--cfg job", "print the whole configuration, without running it"),
     ("--settings [WORD]", "print every key, or those of a word, with default, bounds, meaning"),
     ("--cache [clear]", "print what is in the cache, or empty it"),
+    ("--why", "print what of each stage's keys differs from those of store=PATH"),
     ("--status", "print how far the sweep of store=PATH is, from another terminal"),
     ("--version", "print the version"),
     ("--hydra-help", "print the other options, such as --shell-completion"),
