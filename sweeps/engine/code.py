@@ -67,8 +67,11 @@ class Module(NamedTuple):
 
 
 def _parsed(source: bytes, package: str) -> Module:
-    """Return a module by its source."""
-    tree = ast.parse(source)
+    """Return a module by its source; what is not Python's, such as compiled C, counts as it is."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):
+        return Module(_hash(source), [], False)
     for node in ast.walk(tree):
         match node:
             case ast.If(test=ast.Name("TYPE_CHECKING") | ast.Attribute(attr="TYPE_CHECKING")):
@@ -135,10 +138,8 @@ def keep_sources() -> None:
 
 @cache
 def _read(name: str, file: Path, modified: int) -> Module:
-    """Return the module of a file; what another language compiled counts as it is."""
+    """Return the module of a file."""
     source = file.read_bytes()
-    if file.suffix != ".py":
-        return Module(_hash(source), [], False)
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
     key = _hash(repr((sys.version, _hash(Path(__file__).read_bytes()), package, source)))
     if key not in _before():
@@ -150,7 +151,7 @@ def _read(name: str, file: Path, modified: int) -> Module:
 def place(name: str) -> ModuleSpec | None:
     """Return the location of a module, found without importing anything."""
     owner = name.rpartition(".")[0]
-    with suppress(ValueError):  # __main__, or a module created at run time
+    with suppress(ValueError, KeyError):  # __main__, or a module created at run time
         folders = folders_of(owner) if owner else []
         return PathFinder.find_spec(name, folders) if owner else find_spec(name)
     return None
@@ -507,8 +508,8 @@ class _Walk:
             from dask.base import tokenize  # takes long
 
             return tokenize(value, ensure_deterministic=True)
-        if hasattr(value, "py_func") and hasattr(value, "targetoptions"):  # compiled by numba
-            return self.token(value.py_func), self.token(value.targetoptions)
+        if hasattr(value, "__wrapped__") and hasattr(value, "targetoptions"):  # numba's
+            return self.token(value.__wrapped__), self.token(value.targetoptions)
         reduced = copyreg.dispatch_table.get(kind, lambda one: one.__reduce_ex__(4))(value)
         if isinstance(reduced, str):
             self._load(getattr(value, "__module__", None) or kind.__module__)
