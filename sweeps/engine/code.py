@@ -118,7 +118,7 @@ def _before() -> dict[str, Any]:
 
     Nothing if the file is missing, damaged, or another user may write to it.
     """
-    with suppress(OSError, ValueError):
+    with suppress(OSError, TypeError, ValueError):
         if not CACHE.foreign([SOURCES]):
             return dict(json.loads(CACHE.get(SOURCES) or b"{}"))
     return {}
@@ -246,7 +246,7 @@ class Code:
     def _reached(self, owner: str, name: str) -> set[str]:
         """Return sources, or the library, that are loaded with a module or a name of it."""
         if not self.is_source(owner):
-            return {owner.partition(".")[0]}
+            return set() if _within(owner, ENGINE) else {owner.partition(".")[0]}
         found, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)
         if name and place(f"{owner}.{name}"):
             found.add(f"{owner}.{name}")
@@ -518,7 +518,8 @@ class _Walk:
         state, items, pairs = (*rest, None, None, None)[:3]
         if isinstance(state, dict):  # but for what was computed from the rest
             kinds = {name: type(getattr(kind, str(name), None)) for name in state}
-            state = {name: state[name] for name in state if kinds[name] is not cached_property}
+            own = {name: state[name] for name in state if kinds[name] is not cached_property}
+            state = own or None
         parts = (make, arguments, state, [*(items or ())], dict(pairs or ()))
         return [*map(self.token, parts)]
 

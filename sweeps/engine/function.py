@@ -100,11 +100,12 @@ def sweep(
     name = qualified.rpartition(".")[2]
     name = name if name.isidentifier() else "result"
     try:
-        known = inspect.signature(function).parameters
+        parameters = inspect.signature(function).parameters.values()
     except ValueError:
         what = f"function is {name}, of which Python does not tell the arguments"
         raise ConfigurationError(f"{what}; call it in a function of your own") from None
     settings = {one: _setting(f"{name}.{one}", given) for one, given in values.items()}
+    known = [one.name for one in parameters if one.kind is not one.POSITIONAL_ONLY]
     if unknown := [setting for setting in settings if setting not in known]:
         raise ConfigurationError(f"values has {unknown[0]!r}, but {name} takes {', '.join(known)}")
     result = Output(name, dims, dtype, label=name)

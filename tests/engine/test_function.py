@@ -88,9 +88,10 @@ def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
         (product, {"x": [1]}, "values lacks 'y', which product takes"),
         (product, {"product": [1]}, "values has 'product', but product takes x, y, scale"),
         (own, {"own": [1]}, "own is named like the setting own.own; rename one of them"),
-        (lambda x: x, {"x": [1]}, "function is <lambda>, but must be defined by def"),
-        (np.sin, {"x": [1]}, "function is sin, but must be defined by def"),
-        (partial(product, 1), {"y": [1]}, "functools.partial.* must be defined by def"),
+        (np.sin, {"x": [1]}, "values has 'x', but sin takes out, where"),
+        (partial(product, 1), {"x": [1]}, "values has 'x', but product takes y, scale"),
+        (min, {"x": [1]}, "function is min, of which Python does not tell the arguments"),
+        (3, {"x": [1]}, "function is 3, but must be what can be called"),
     ],
 )
 def test_mistakes_are_named(tmp_path, function, values, sentence):

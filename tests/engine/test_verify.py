@@ -15,7 +15,7 @@ FOUR = {"few.size": [1, 2, 3, 4]}
 COUNTED = {"calls": 0}
 
 
-@stage(Output("x", ("place",), label="x", dtype="f8"), uses=(Few,), group=Group("all"))
+@stage(Output("x", ("place",), label="x", dtype="f8"), uses=(Few,), group=Group("all"), version="1")
 def counting(size):
     """A result that depends on how often something was computed, for one size."""
     COUNTED["calls"] += size == 3

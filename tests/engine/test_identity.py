@@ -1,0 +1,424 @@
+"""What a function holds counts by its content, however it holds it; what has none is refused."""
+
+import collections
+import dataclasses
+import enum
+import functools
+import json
+import math
+import threading
+import typing
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from running import ROOT, python
+
+import sweeps
+from sweeps.engine.code import Code
+from sweeps.engine.errors import ConfigurationError
+
+NUMBERS = [1.0, 2.0]
+PATHS = f"{ROOT}:{ROOT}/tests:{Path(__file__).parent}"
+
+
+def digest(function, version=""):
+    return Code(frozenset()).digest(function, version).digest
+
+
+# twelve ways to hold a value ----------------------------------------------------------------------
+
+
+@dataclasses.dataclass
+class Scale:
+    factor: float
+
+
+class Scaling:
+    def __init__(self, factor):
+        self.factor = factor
+
+    def scaled(self, x):
+        return x * self.factor
+
+    def __call__(self, x):
+        return x * self.factor
+
+
+def by_default(k):
+    def scaled(x, factor=k):
+        return x * factor
+
+    return scaled
+
+
+def by_named_default(k):
+    def scaled(x, *, factor=k):
+        return x * factor
+
+    return scaled
+
+
+def by_closure(k, of=lambda k: k):
+    def scaled(x):
+        return x * of(k)
+
+    return scaled
+
+
+def by_wrapper(k):
+    def wrap(function):
+        @functools.wraps(function)
+        def times(x):
+            return k * function(x)
+
+        return times
+
+    @wrap
+    def scaled(x):
+        return x
+
+    return scaled
+
+
+def by_global(k):
+    space = {"__name__": "given", "K": k}
+    exec("def scaled(x):\n    return x * float(K[0])", space)
+    return space["scaled"]
+
+
+def by_attribute(k):
+    def scaled(x):
+        return x * scaled.factor
+
+    scaled.factor = k
+    return scaled
+
+
+HELD = {
+    "a default": by_default,
+    "a default of a keyword": by_named_default,
+    "a number in a closure": by_closure,
+    "a number of numpy": lambda k: by_closure(np.float32(k), float),
+    "an array": lambda k: by_closure(np.array([k]), lambda a: a[0]),
+    "a list": lambda k: by_closure([k], lambda a: a[0]),
+    "a mapping": lambda k: by_closure({"k": [k]}, lambda a: a["k"][0]),
+    "a data class": lambda k: by_closure(Scale(k), lambda a: a.factor),
+    "a function": lambda k: by_closure(lambda: k, lambda a: a()),
+    "a wrapper": by_wrapper,
+    "a global list": lambda k: by_global([k]),
+    "a global array": lambda k: by_global(np.array([k])),
+    "a partial": lambda k: functools.partial(lambda x, factor: x * factor, factor=k),
+    "a lambda": lambda k: lambda x: x * k,
+    "a method": lambda k: Scaling(k).scaled,
+    "an object": Scaling,
+    "an attribute": by_attribute,
+    "a cached function": lambda k: functools.cache(by_closure(k)),
+}
+
+
+@pytest.mark.parametrize("how", HELD)
+def test_another_value_gives_its_own_results(tmp_path, how):
+    for k in (2.0, 5.0, 2.0):
+        found = sweeps.sweep(
+            HELD[how](k), {"x": NUMBERS}, store=tmp_path / f"{k}.zarr", cache=tmp_path / "cache"
+        )
+        [name] = found.data_vars
+        assert found[name].values.tolist() == [k * x for x in NUMBERS]
+    assert digest(HELD[how](2.0)) == digest(HELD[how](2.0)) != digest(HELD[how](3.0))
+
+
+def test_a_global_that_is_set_from_the_command_line_counts(tmp_path):
+    (tmp_path / "scan.py").write_text(
+        "import sys, sweeps\nGAIN = float(sys.argv[1])\ndef amplify(a):\n    return a * GAIN\n"
+        "if __name__ == '__main__':\n    BIAS = GAIN\n"
+        "    def biased(a):\n        return a + BIAS\n"
+        "    for function in (amplify, biased):\n"
+        "        at = f'{function.__name__}{GAIN}.zarr'\n"
+        "        found = sweeps.sweep(function, {'a': [1.0]}, store=at, cache='cache')\n"
+        "        print(float(found[function.__name__][0]))\n"
+    )
+    printed = [python("scan.py", gain, cwd=tmp_path).stdout.split() for gain in "25"]
+    assert printed == [["2.0", "3.0"], ["5.0", "6.0"]]
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        "def f(x): return 7 * x",
+        "f = lambda x: 7 * x",
+        "class F:\n  def f(s, x): return 7 * x\nf = F().f",
+    ],
+)
+def test_functions_without_a_file_are_swept(tmp_path, made):
+    how = f"store={str(tmp_path / 's.zarr')!r}, cache={str(tmp_path / 'c')!r}"
+    swept = (
+        f"found = sweeps.sweep(f, {{'x': [1.0, 2.0]}}, {how})\nprint([*found.values()][0].values)"
+    )
+    assert python("-c", f"import sweeps\n{made}\n{swept}").stdout == "[ 7. 14.]\n"
+
+
+def test_a_lambda_is_shipped_to_other_processes(tmp_path):
+    values, held = {"x": NUMBERS}, {"k": 3.0}
+    found = sweeps.sweep(
+        lambda x: x * held["k"],
+        values,
+        store=tmp_path / "s.zarr",
+        cache=tmp_path / "c",
+        cluster="local",
+    )
+    assert found.result.values.tolist() == [3.0, 6.0]
+
+
+# values -------------------------------------------------------------------------------------------
+
+
+PLAIN = (
+    st.none() | st.booleans() | st.integers(-3, 3) | st.floats(width=16) | st.text("ab", max_size=2)
+    | st.binary(max_size=2) | st.sampled_from([1j, np.float32(1), np.int64(1), np.str_("a")])
+)  # fmt: skip
+VALUES = st.recursive(
+    PLAIN,
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.lists(inner, max_size=3).map(tuple)
+        | st.dictionaries(st.text("ab", max_size=2), inner, max_size=3)
+        | st.frozensets(st.integers(-3, 3) | st.text("ab", max_size=1), max_size=3)
+        | st.builds(Scale, inner)
+        | st.lists(st.floats(width=16), max_size=3).map(np.array)
+    ),
+    max_leaves=8,
+)
+
+
+def same(one, other):
+    """Whether two values are of equal types and contents; numbers as they are printed."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        return (
+            one.dtype == other.dtype
+            and one.shape == other.shape
+            and one.tobytes() == other.tobytes()
+        )
+    if isinstance(one, Scale):
+        return same(one.factor, other.factor)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, frozenset):
+        return {(type(v), v) for v in one} == {(type(v), v) for v in other}
+    return repr(one) == repr(other)
+
+
+@given(VALUES, VALUES)
+def test_digests_are_equal_where_values_are(one, other):
+    assert (digest(by_default(one)) == digest(by_default(other))) == same(one, other)
+
+
+@given(VALUES)
+def test_a_copy_in_another_order_has_the_same_digest(value):
+    def copied(one):
+        if isinstance(one, dict):
+            return {"".join(key): copied(one[key]) for key in reversed(one)}
+        if isinstance(one, list | tuple):
+            return type(one)(map(copied, one))
+        if isinstance(one, frozenset):
+            return frozenset(sorted(one, key=repr, reverse=True))
+        return one.copy() if isinstance(one, np.ndarray) else one
+
+    assert digest(by_default(value)) == digest(by_default(copied(value)))
+
+
+PRINTED = """
+import dataclasses, json
+import test_identity as here
+print(json.dumps(here.in_this_process()))
+"""
+
+
+class Colour(enum.Enum):
+    RED = 1
+
+
+class Pair(typing.NamedTuple):
+    a: int
+    b: int = 2
+
+
+@functools.singledispatch
+def kind(x):
+    return x
+
+
+@kind.register
+def _(x: int):
+    return 2 * x
+
+
+@functools.lru_cache(maxsize=3)
+def cached(x):
+    return 2 * x
+
+
+@np.vectorize
+def several(x):
+    return 2 * x
+
+
+class Lazy:
+    @functools.cached_property
+    def half(self):
+        return 0.5
+
+    @property
+    def third(self):
+        return 1 / 3
+
+    @staticmethod
+    def quarter():
+        return 0.25
+
+
+SEVERAL = {
+    "sets": {"bow", "stern", ("a", 1), frozenset("xyz")},
+    "nested": {"b": [{"x", "y"}], "a": (1, {"c", "d"})},
+    "array of objects": np.array([1, "a", None, {"x", "y"}], dtype=object),
+    "record": np.zeros(2, [("a", "f8"), ("b", "i4")]),
+    "masked": np.ma.masked_array([1, 2], [0, 1]),
+    "generator": np.random.default_rng(3),
+    "frame": pd.DataFrame({"a": [1.0, 2.0]}, index=["x", "y"]),
+    "array with labels": xr.DataArray([1.0], dims="x", coords={"x": [3]}),
+    "member": Colour.RED,
+    "pair": Pair(1),
+    "counter": collections.Counter("aab"),
+    "class": Scale,
+    "by type": kind,
+    "cached": cached,
+    "vectorized": several,
+    "lazy": Lazy(),
+    "builtin": math.sin,
+    "ufunc": np.sin,
+    "method": "bow".upper,
+    "module": math,
+}
+
+
+def in_this_process():
+    return {name: digest(by_default(value)) for name, value in SEVERAL.items()}
+
+
+def test_digests_are_the_same_in_another_process():
+    found = [
+        json.loads(python("-c", PRINTED, PYTHONPATH=PATHS, PYTHONHASHSEED=seed).stdout)
+        for seed in "12"
+    ]
+    assert found[0] == found[1] and len({*found[0].values()}) == len(SEVERAL)
+
+
+def test_what_was_computed_from_an_object_is_no_part_of_it():
+    lazy = Lazy()
+    before = digest(by_default(lazy))
+    assert lazy.half == 0.5 and digest(by_default(lazy)) == before
+
+
+# code ---------------------------------------------------------------------------------------------
+
+
+def made(text, name="f", **space):
+    """A function of a text, as of a notebook."""
+    space = {"__name__": "__main__", "np": np, **space}
+    exec(text, space)
+    return space[name]
+
+
+FUNCTIONS = yaml.safe_load(Path(__file__).with_name("functions.yaml").read_text())
+
+
+@pytest.mark.parametrize(("one", "other"), FUNCTIONS["same"])
+def test_the_same_code_has_the_same_digest(one, other):
+    assert digest(made(one)) == digest(made(other))
+
+
+@pytest.mark.parametrize(("one", "other"), FUNCTIONS["other"])
+def test_other_code_has_another_digest(one, other):
+    assert digest(made(one)) != digest(made(other))
+    assert digest(made(one)) == digest(made(one))
+
+
+def test_circles_and_shared_values_end():
+    circle: list[object] = [1]
+    circle.append({"circle": circle})
+    other: list[object] = [1]
+    other.append({"circle": other})
+    assert digest(by_default(circle)) == digest(by_default(other)) != digest(by_default([1]))
+
+    def recursive(k):
+        def down(x):
+            return up(x - 1) if x else k
+
+        def up(x):
+            return down(x)
+
+        return down
+
+    assert digest(recursive(1)) == digest(recursive(1)) != digest(recursive(2))
+    shared: list[object] = [1.0]
+    for _ in range(60):
+        shared = [shared, shared]
+    assert digest(by_default(shared)) == digest(by_default(shared))
+    assert digest(by_default([[1], [1]])) == digest(by_default([[1]] * 2))
+
+
+# what has no content ------------------------------------------------------------------------------
+
+
+def deep():
+    found: list[object] = []
+    for _ in range(100_000):
+        found = [found]
+    return found
+
+
+NONE = {
+    "TextIOWrapper": lambda: open(__file__),  # noqa: SIM115
+    "generator": lambda: (x for x in NUMBERS),
+    "lock": threading.Lock,
+    "list": deep,
+}
+
+
+@pytest.mark.parametrize("kind_of", NONE)
+def test_what_has_no_content_is_refused_by_its_name(tmp_path, kind_of):
+    value = NONE[kind_of]()
+    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    given = {"x": NUMBERS}
+    function = made("def f(x): return x if K else 0", K=value)
+    with pytest.raises(ConfigurationError, match=f"^__main__.K .*'{kind_of}'.*give version='1'"):
+        sweeps.sweep(function, given, **how)
+    with pytest.raises(ConfigurationError, match=rf"^factor of .*scaled .*{kind_of}.*version="):
+        sweeps.sweep(by_default([value]), given, **how)
+    assert not (tmp_path / "s.zarr").exists()
+    assert sweeps.sweep(function, given, version="1", **how).f.values.tolist() == NUMBERS
+
+
+def test_eval_in_no_file_is_refused():
+    with pytest.raises(
+        ConfigurationError, match=r"^__main__.f uses eval.* is in no file.*version="
+    ):
+        digest(made("def f(x): return eval('x')"))
+
+
+def test_a_version_counts_instead_of_code(tmp_path):
+    def run(k, version):
+        function = by_default(k)
+        how = {"store": tmp_path / f"{version}{k}.zarr", "cache": tmp_path / "c"}
+        return sweeps.sweep(function, {"x": [1.0]}, version=version, **how).scaled.item()
+
+    assert [run(2.0, "1"), run(3.0, "1"), run(3.0, "2"), run(4.0, "")] == [2, 2, 3, 4]
