@@ -179,8 +179,12 @@ class Command:
         [job] = read_jobs(self.experiment, words, several=False)
         choices, place = self.experiment.check(job.choices), where("store", job.store)
         with environment(choices.variables):
-            for name, found in why(Plan(self.experiment, choices), read_attributes(place) or {}):
-                show(f"{name}: {', '.join(found) or 'nothing differs'}")
+            plan, old = Plan(self.experiment, choices), read_attributes(place)
+            if old is None:
+                raise ConfigurationError(f"store is {str(place)!r}, but must be one, for --why")
+            found = [f"{name}: {', '.join(parts)}" for name, parts in why(plan, old)]
+            for line in found or ["nothing differs: the store has all of the sweep"]:
+                show(line)
 
     def _places(self, given: Sequence[str], *options: str) -> tuple[Where, Where]:
         """Return the store and the cache of a command line beside some options."""

@@ -76,7 +76,7 @@ def _parts(plan: Plan) -> dict[str, dict[str, str]]:
 
 
 def why(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
-    """Yield each stage, and what of its keys differs from those of a store, by its attributes."""
+    """Yield stages, and what of their keys differs from those of a store, by its attributes."""
     own, parts, now = _identity(plan.experiment), _parts(plan), versions(plan)
     before = read_choices(own, flatten(own, old.get("configuration", {})))
     keys = {one.key for one in own if before[one] != plan.choices[one]}
@@ -90,11 +90,13 @@ def why(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
             found = ["the store has none of it"]
         elif code[name] != plan.code[name]:
             named = [key for key, part in parts.get(name, {}).items() if told.get(key) != part]
-            found += named or ([] if found else ["what it no longer uses"])
-        found += sorted(keys.intersection((*bound.needs, *bound.gather)))
-        found += [f"its input {one.name}" for one in bound.inputs if one.name in other]
-        other |= {name} if found else set()
-        yield name, found
+            found += named or ([] if found else ["which parts it has"])
+        inputs = {one.name: {*one.needs} for one in bound.inputs if one.name in other}
+        found += sorted(keys & {*bound.needs, *bound.gather} - set().union(*inputs.values()))
+        found += [f"its input {one}" for one in inputs]
+        if found:
+            other.add(name)
+            yield name, found if name in code else found[:1]
 
 
 def _shown_digest(plan: Plan) -> str:

@@ -123,7 +123,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         old = existing(experiment, place.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
             for name, found in why(plan, old or {}):
-                LOG.debug("%s differs from the store in: %s", name, ", ".join(found) or "nothing")
+                LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
         if old is not None and is_whole(plan, place.store, old, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
             finished = _unchanged(plan, index, watch)

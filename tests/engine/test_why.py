@@ -1,0 +1,97 @@
+"""What of a key differs from the last sweep of a store, and why the engine did what it did."""
+
+import logging
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from toys import SPRINGS, Few, go, of, run_few
+
+from sweeps.engine.command import Command
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.plan import Plan
+from sweeps.engine.provenance import check_extends, why
+from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Group, Output, Stage, stage
+from sweeps.engine.store import read_attributes
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    go(tmp_path / "s.zarr", tmp_path / "c")
+    return tmp_path / "s.zarr"
+
+
+def test_what_differs_is_named_by_stage(store):
+    old, plan = read_attributes(store), Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
+    assert not dict(why(plan, old))
+    more = Plan(SPRINGS, read_choices(SPRINGS.declared, {"spring.mass": [1, 2, 3]}))
+    found = dict(why(more, old))
+    assert found["rate"] == ["spring.mass"] and found["solver"] == ["its input rate"]
+    then = deepcopy(old)
+    then["versions"]["numpy"] = "2.3"
+    assert dict(why(plan, then))["noisy"] == [f"numpy 2.3 -> {np.__version__}", "its input period"]
+    then = deepcopy(old)
+    then["code"]["period"] = then["parts"]["code of toys.period"] = "0"
+    assert dict(why(plan, then))["period"] == ["code of toys.period"]
+    assert dict(why(plan, {}))["period"] == ["the store has none of it"]
+    with pytest.raises(ConfigurationError, match=r"code of period \(code of toys.period\); give"):
+        check_extends(SPRINGS, "s.zarr", then, plan)
+
+
+def test_the_command_prints_what_differs(store, capsys):
+    main = Command(SPRINGS).main
+    assert main(["--why", "store=s.zarr"]) == 0
+    assert capsys.readouterr().out == "nothing differs: the store has all of the sweep\n"
+    assert main(["--why", "store=s.zarr", "spring.mass=[1,2,3]"]) == 0
+    assert "rate: spring.mass\nsolver: its input rate\n" in capsys.readouterr().out
+    assert main(["--why", "store=none.zarr"]) == 2
+    assert "store is 'none.zarr', but must be one" in capsys.readouterr().err
+
+
+def squared(by):
+    def square(size):
+        return by * size**2
+
+    return Stage("square", square, (Output("square"),), uses=(Few,), group=Group("all"))
+
+
+def test_a_value_that_a_stage_holds_is_named(tmp_path):
+    run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c")
+    plan = Plan(of(squared(3)), read_choices(of(squared(3)).declared, {"few.size": [1, 2, 3]}))
+    [(name, found)] = why(plan, read_attributes(tmp_path / "s.zarr"))
+    assert name == "square" and found == ["by of test_why.squared.<locals>.square"]
+
+
+def test_a_version_counts_instead_of_the_code_of_a_stage(tmp_path):
+    def made(version, factor):
+        declare = stage(Output("a"), uses=(Few,), group=Group("all"), name="a", version=version)
+        return declare(lambda size: factor * size)
+
+    def plan(version, factor):
+        few = of(made(version, factor))
+        return Plan(few, read_choices(few.declared, {}))
+
+    assert plan("1", 2).code == plan("1", 3).code != plan("2", 2).code
+    assert plan("", 2).code != plan("", 3).code
+    assert plan("1", 2).digests["a"].parts == {"version": "1"}
+
+
+def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, caplog):
+    def told(sizes):
+        caplog.clear()
+        with caplog.at_level(logging.DEBUG, "sweeps"):
+            run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c", sizes)
+        return [record.getMessage() for record in caplog.records]
+
+    first = told((1, 2))
+    assert "square differs from the store in: the store has none of it" in first
+    assert "square: 2 cells are in no pack, and computed by 2 calls" in first
+    assert any(line.startswith("task of ['square']: calls of ") for line in first)
+    assert any("chunks are written, 0 stay" in line for line in first)
+    assert told((1, 2)) == ["store is reused: it has all of the sweep, and is undamaged"]
+    more = told((1, 2, 3))
+    assert "square differs from the store in: few.size" in more
+    assert "square: 1 cells are in no pack, and computed by 1 calls" in more
+    assert "store is written again: its cells, configuration differ" in more
