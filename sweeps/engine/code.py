@@ -43,7 +43,7 @@ MAIN = "__main__"
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
 LABELS = {"help", "label"}  # of settings: they are only shown
 # A function that names one of these may reach anything in its file.
-ANYTHING = {"eval", "exec", "globals", "vars", "modules", "__globals__", "__subclasses__"}
+ANYTHING = {"eval", "exec", "globals", "modules", "__globals__", "__subclasses__"}
 REMEDY = "or give version='1', which counts instead of the code, and change it with the function"
 SOURCES, MOST_SOURCES = "sources.json", 4000  # how many are kept
 CACHE = Objects(user_cache_path("sweeps"), make=True, mode=0o700, clean=False)
@@ -419,7 +419,7 @@ class _Walk:
         """Count all of the file of a function that may reach anything there."""
         name, file = space.get("__name__", MAIN), Path(space.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
-            what = f"{label} uses eval, vars or the like, and is in no file"
+            what = f"{label} uses eval or the like, and is in no file"
             raise ConfigurationError(f"{what}: name the values that it takes, {REMEDY}")
         module = _read(name, file, file.stat().st_mtime_ns)
         self.parts[f"code of {name}"] = module.digest
@@ -511,9 +511,11 @@ class _Walk:
         if hasattr(value, "__wrapped__") and hasattr(value, "targetoptions"):  # numba's
             return self.token(value.__wrapped__), self.token(value.targetoptions)
         reduced = copyreg.dispatch_table.get(kind, lambda one: one.__reduce_ex__(4))(value)
-        if isinstance(reduced, str):
-            self._load(getattr(value, "__module__", None) or kind.__module__)
-            return reduced, self.token(getattr(value, "__wrapped__", None))
+        if isinstance(reduced, str):  # a name of a module, or a cached function
+            inner = getattr(value, "__wrapped__", None)
+            if inner is None:
+                self._load(getattr(value, "__module__", None) or kind.__module__)
+            return reduced, self.token(inner)
         make, arguments, *rest = reduced
         state, items, pairs = (*rest, None, None, None)[:3]
         if isinstance(state, dict):  # but for what was computed from the rest
