@@ -15,9 +15,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from sweeps.engine.code import ENGINE, SHADERS, files, place
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.forking import fork_server, worth_importing
+from sweeps.engine.modules import ENGINE, SHADERS, files, place
 from sweeps.engine.places import Objects
 from sweeps.engine.process import one_thread
 

@@ -13,186 +13,39 @@
 
 from __future__ import annotations
 
-import ast
 import copyreg
 import dis
-import hashlib
 import json
-import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, cached_property, partial
-from importlib import metadata
-from importlib.machinery import ModuleSpec, PathFinder
-from importlib.util import find_spec, resolve_name
-from itertools import accumulate
 from pathlib import Path
 from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
-from platformdirs import user_cache_path
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.places import Objects
+from sweeps.engine.modules import (
+    ENGINE,
+    SHADERS,
+    Modules,
+    Reference,
+    absolute,
+    files,
+    hash_of,
+    read,
+    versions,
+    within,
+)
 
-ENGINE = frozenset({__name__.rpartition(".")[0]})
 MAIN = "__main__"
-SHADERS = frozenset({".vert", ".frag", ".glsl"})
 LABELS = {"help", "label"}  # of settings: they are only shown
 # A function that names one of these may reach anything in its file.
 ANYTHING = {"eval", "exec", "globals", "modules", "__globals__", "__subclasses__"}
 REMEDY = "or give version='1', which counts instead of the code, and change it with the function"
-SOURCES, MOST_SOURCES = "sources.json", 4000  # how many are kept
-CACHE = Objects(user_cache_path("sweeps"), make=True, mode=0o700, clean=False)
-
-Reference = tuple[str, str]  # a module, and a name that is imported from it; "" for none
-
-
-def _hash(data: bytes | str) -> str:
-    return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
-
-
-# modules ------------------------------------------------------------------------------------------
-
-
-class Module(NamedTuple):
-    """Hash of a module's syntax tree, what it imports, and whether it imports on demand."""
-
-    digest: str
-    imports: list[Reference]
-    is_lazy: bool
-
-
-def _parsed(source: bytes, package: str) -> Module:
-    """Return a module by its source; what is not Python's, such as compiled C, counts as it is."""
-    try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError):
-        return Module(_hash(source), [], False)
-    for node in ast.walk(tree):
-        match node:
-            case ast.If(test=ast.Name("TYPE_CHECKING") | ast.Attribute(attr="TYPE_CHECKING")):
-                node.body = []
-            case ast.FunctionDef(decorator_list=[]):
-                node.returns = None
-                for one in ast.walk(node.args):
-                    if isinstance(one, ast.arg):
-                        one.annotation = None
-        if isinstance(body := getattr(node, "body", None), list):
-            body[:] = [one for one in body if not _is_text(one)]
-    lazy = any(getattr(one, "name", "") == "__getattr__" for one in tree.body)
-    return Module(_hash(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
-
-
-def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-
-
-def _imports(tree: ast.Module, package: str) -> Iterator[Reference]:
-    """Yield what a module imports anywhere, also by `import_module` of a text."""
-    for node in ast.walk(tree):
-        match node:
-            case ast.Import():
-                yield from ((one.name, "") for one in node.names)
-            case ast.ImportFrom():
-                owner = _absolute("." * node.level + (node.module or ""), package)
-                yield from ((owner, one.name) for one in node.names)
-            case ast.Call(ast.Name(name) | ast.Attribute(attr=name), [ast.Constant(str(text)), *_]):
-                if name in {"import_module", "__import__"}:
-                    yield _absolute(text, package), ""
-
-
-def _absolute(name: str, package: str) -> str:
-    """Return the absolute name of a module; unchanged if Python would refuse it."""
-    with suppress(ImportError):
-        return resolve_name(name, package)
-    return name
-
-
-@cache
-def _before() -> dict[str, Any]:
-    """Return modules by the hash of their source, of which parsing takes long, from the cache.
-
-    Nothing if the file is missing, damaged, or another user may write to it.
-    """
-    with suppress(OSError, TypeError, ValueError):
-        if not CACHE.foreign([SOURCES]):
-            return dict(json.loads(CACHE.get(SOURCES) or b"{}"))
-    return {}
-
-
-_new: dict[str, Module] = {}
-
-
-def keep_sources() -> None:
-    """Write modules that were parsed in this process to the user's cache."""
-    if _new:
-        _before().update(_new)
-        _new.clear()
-        with suppress(OSError):
-            CACHE.put(SOURCES, json.dumps(dict([*_before().items()][-MOST_SOURCES:])).encode())
-
-
-@cache
-def _read(name: str, file: Path, modified: int) -> Module:
-    """Return the module of a file."""
-    source = file.read_bytes()
-    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    key = _hash(repr((sys.version, _hash(Path(__file__).read_bytes()), package, source)))
-    if key not in _before():
-        _new[key] = _parsed(source, package)
-    return _new.get(key) or Module(*_before()[key])
-
-
-@cache
-def place(name: str) -> ModuleSpec | None:
-    """Return the location of a module, found without importing anything."""
-    owner = name.rpartition(".")[0]
-    with suppress(ValueError, KeyError):  # __main__, or a module created at run time
-        folders = folders_of(owner) if owner else []
-        return PathFinder.find_spec(name, folders) if owner else find_spec(name)
-    return None
-
-
-def folders_of(name: str) -> list[str]:
-    """Return the folders of a package; none of a module."""
-    spec = place(name)
-    return list(spec.submodule_search_locations or ()) if spec else []
-
-
-@cache
-def files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
-    """Return paths and hashes of the files of some kinds in and below a package's folders."""
-    found = [(of, one) for of in folders_of(name) for one in sorted(Path(of).rglob("*"))]
-    return [
-        (f"{name}/{one.relative_to(of).as_posix()}", _hash(one.read_bytes()))
-        for of, one in found
-        if one.suffix in suffixes
-    ]
-
-
-@cache
-def versions(top: str) -> dict[str, str]:
-    """Return distributions of a top-level package with versions; empty if it is only a source."""
-    return {owner.metadata["Name"]: owner.version for owner in distributions().get(top, ())}
-
-
-@cache
-def distributions() -> dict[str, list[metadata.Distribution]]:
-    """Return the distributions that provide each top-level package.
-
-    Like `metadata.packages_distributions`, which is slow and, in Python 3.11, omits packages
-    that are a single compiled file.
-    """
-    found: dict[str, list[metadata.Distribution]] = {}
-    for owner in metadata.distributions():
-        listed = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
-        for top in {name.partition(".")[0] for name in re.findall("\n([^/,\n]+)", f"\n{listed}")}:
-            found.setdefault(top, []).append(owner)
-    return found
 
 
 class CodeDigest(NamedTuple):
@@ -216,8 +69,7 @@ class Code:
     """
 
     def __init__(self, roots: frozenset[str], homes: frozenset[str] = frozenset()) -> None:
-        self._roots, self.homes = roots, homes | {MAIN}
-        self.reached, self.edges = cache(self._reached), cache(self._edges)
+        self.modules, self.homes = Modules(roots), homes | {MAIN}
 
     def digest(self, function: Callable[..., Any], version: str = "") -> CodeDigest:
         """Return the hash of what a function depends on, or of a version instead.
@@ -225,47 +77,12 @@ class Code:
         Raises ConfigurationError if it holds what has no content to compare.
         """
         if version:
-            return CodeDigest(_hash(repr((place_of(function), version))), {"version": version}, {})
+            return CodeDigest(
+                hash_of(repr((place_of(function), version))), {"version": version}, {}
+            )
         walk = _Walk(self, function)
         content = json.dumps([walk.root, walk.parts, walk.libraries], sort_keys=True)
-        return CodeDigest(_hash(content), walk.parts, walk.libraries)
-
-    def module(self, name: str) -> Module | None:
-        """Return a module; None if it has no file."""
-        spec = place(name)
-        file = Path(spec.origin) if spec and spec.has_location and spec.origin else None
-        return _read(name, file, file.stat().st_mtime_ns) if file else None
-
-    def is_source(self, name: str) -> bool:
-        """Return whether a module counts by its source."""
-        top = name.partition(".")[0]
-        if _within(name, ENGINE) or (top in sys.stdlib_module_names and top not in self._roots):
-            return False
-        return _within(name, self._roots) or not versions(top)
-
-    def _reached(self, owner: str, name: str) -> set[str]:
-        """Return sources, or the library, that are loaded with a module or a name of it."""
-        if not self.is_source(owner):
-            return set() if _within(owner, ENGINE) else {owner.partition(".")[0]}
-        found, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)
-        if name and place(f"{owner}.{name}"):
-            found.add(f"{owner}.{name}")
-        elif module and module.is_lazy:
-            below = [path.removesuffix(".py") for path, _ in files(owner, frozenset({".py"}))]
-            found |= {path.replace("/", ".").removesuffix(".__init__") for path in below}
-        return {*filter(self.is_source, found)}
-
-    def _edges(self, name: str) -> set[str]:
-        """Return what a module imports."""
-        module = self.module(name)
-        return set().union(*(self.reached(*one) for one in module.imports)) if module else set()
-
-
-def _within(name: str, packages: Iterable[str]) -> bool:
-    return any(f"{name}.".startswith(f"{package}.") for package in packages)
-
-
-# functions and values -----------------------------------------------------------------------------
+        return CodeDigest(hash_of(content), walk.parts, walk.libraries)
 
 
 class _Scan(NamedTuple):
@@ -335,7 +152,7 @@ class _Walk:
 
     def __init__(self, code: Code, root: Callable[..., Any]) -> None:
         module, name = place_of(root)
-        self._code, self._homes = code, code.homes | {module}
+        self._modules, self._homes = code.modules, code.homes | {module}
         self.parts: dict[str, str] = {}
         self.libraries: dict[str, str] = {}
         self._loaded: set[str] = set()
@@ -347,7 +164,7 @@ class _Walk:
         self.root = self._variable(name, root)
         for label, one in self._waiting:  # which grows
             part = self._class(label, one) if isinstance(one, type) else self._function(label, one)
-            self.parts[f"code of {label}"] = _hash(repr(part))
+            self.parts[f"code of {label}"] = hash_of(repr(part))
 
     def _label(self, one: Any, name: str) -> str:
         """Return the name of a function, class or file; the second of a name has a number."""
@@ -364,7 +181,7 @@ class _Walk:
         self._name, self._value = name, value
         token = self.token(value)
         if not isinstance(value, _NAMED):
-            self.parts[name], token = _hash(token), name
+            self.parts[name], token = hash_of(token), name
         return token
 
     def _function(self, label: str, function: FunctionType) -> Any:
@@ -384,7 +201,7 @@ class _Walk:
             return found
         scan, before = _scan(code), self._label(space, module)
         for owner, name in scan.imports:
-            self._load(_absolute(owner, space.get("__package__") or module), name)
+            self._load(absolute(owner, space.get("__package__") or module), name)
         if ANYTHING & scan.names:
             self._whole(label, space)
         for path, *attributes in sorted({*scan.chains}):
@@ -421,26 +238,26 @@ class _Walk:
         if file.suffix != ".py" or not file.is_file():
             what = f"{label} uses eval or the like, and is in no file"
             raise ConfigurationError(f"{what}: name the values that it takes, {REMEDY}")
-        module = _read(name, file, file.stat().st_mtime_ns)
+        module = read(name, file, file.stat().st_mtime_ns)
         self.parts[f"code of {name}"] = module.digest
         for target in module.imports:
             self._load(*target)
 
     def _load(self, owner: str, name: str = "") -> None:
         """Count a module, or what is imported from it, with all that it imports."""
-        waiting = [*self._code.reached(owner, name)]
+        waiting = [*self._modules.reached(owner, name)]
         for one in waiting:  # which grows
             if one in self._loaded:
                 continue
             self._loaded.add(one)
-            if not self._code.is_source(one):
+            if not self._modules.is_source(one):
                 self.libraries |= {} if one in sys.stdlib_module_names else versions(one)
                 continue
-            if module := self._code.module(one):
+            if module := self._modules.module(one):
                 self.parts[f"code of {one}"] = module.digest
             if "." not in one and (shaders := files(one, SHADERS)):
-                self.parts[f"shaders of {one}"] = _hash(repr(shaders))
-            waiting += self._code.edges(one)
+                self.parts[f"shaders of {one}"] = hash_of(repr(shaders))
+            waiting += self._modules.edges(one)
 
     def _is_elsewhere(self, one: FunctionType | type, module: str) -> bool:
         """Return whether a function or class counts by its module."""
@@ -448,7 +265,7 @@ class _Walk:
             return False
         if isinstance(one, FunctionType):
             return vars(sys.modules[module]) is one.__globals__
-        return not self._code.is_source(module) or looked_up(module, one.__qualname__) is one
+        return not self._modules.is_source(module) or looked_up(module, one.__qualname__) is one
 
     def _reference(self, one: Any) -> str:
         """Return the name of a function, class or module, which counts on its own."""
@@ -483,7 +300,7 @@ class _Walk:
                 remedy = f"compare: take out of it what the function needs, {REMEDY}"
                 raise ConfigurationError(f"{what} {remedy}") from error
             self._open.pop()
-            self._tokens[id(value)] = f"{type(value).__name__} {_hash(repr(content))}"
+            self._tokens[id(value)] = f"{type(value).__name__} {hash_of(repr(content))}"
         return self._tokens[id(value)]
 
     def _content(self, value: Any) -> Any:
@@ -501,7 +318,7 @@ class _Walk:
         if kind is np.ndarray:
             content = value.tolist() if value.dtype.hasobject else value.tobytes()
             return repr(value.dtype), value.shape, self.token(content)
-        if _within(kind.__module__, ENGINE) and is_dataclass(value):
+        if within(kind.__module__, ENGINE) and is_dataclass(value):
             names = {one.name for one in fields(value)} - LABELS
             return self.token(kind), self.token({name: getattr(value, name) for name in names})
         if hasattr(kind, "__dask_tokenize__"):

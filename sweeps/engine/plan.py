@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.code import Code, CodeDigest, keep_sources, place_of
+from sweeps.engine.code import Code, CodeDigest, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
 from sweeps.engine.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.kinds import Value, spelt
+from sweeps.engine.modules import keep_sources
 from sweeps.engine.settings import Choices, Run, Setting
 from sweeps.engine.stage import Bound, Experiment, bind, value_token
 

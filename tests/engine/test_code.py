@@ -11,8 +11,9 @@ import pytest
 import yaml
 from running import ROOT, python
 
-from sweeps.engine import code
-from sweeps.engine.code import Code, distributions, place_of, versions
+from sweeps.engine import code, modules
+from sweeps.engine.code import Code, place_of
+from sweeps.engine.modules import SOURCES, distributions, place, versions
 from sweeps.engine.stage import Stage
 
 ROOTS = frozenset({"fleet", "yard"})
@@ -39,7 +40,7 @@ def digest_in(monkeypatch):
             if name.split(".")[0] in {"fleet", "yard", "loose"}:
                 del sys.modules[name]
         importlib.invalidate_caches()
-        for cached in (code.place, code.files, code._read, versions, distributions):
+        for cached in (place, modules.files, modules.read, versions, distributions):
             cached.cache_clear()
 
     def digest(folder, module="fleet.measure", function="length", roots=ROOTS):
@@ -85,9 +86,9 @@ def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, diges
 def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
     folder = write(tmp_path / "here", PROJECT)
     script = (
-        "import fleet.measure, sweeps.engine.code as code;"
+        "import fleet.measure; from sweeps.engine import code, modules;"
         "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest);"
-        "code.keep_sources()"
+        "modules.keep_sources()"
     )
 
     def digest() -> str:
@@ -95,7 +96,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
         return python("-c", script, **where).stdout.strip()
 
     plain = digest()
-    [file] = (tmp_path / "home").rglob(code.SOURCES)
+    [file] = (tmp_path / "home").rglob(SOURCES)
     whole = file.read_text()
     assert not file.stat().st_mode & 0o077
     assert digest() == plain and file.read_text() == whole
