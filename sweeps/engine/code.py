@@ -111,7 +111,8 @@ def _scan(code: CodeType) -> _Scan:
     inner = [_scan(one) for one in code.co_consts if isinstance(one, CodeType)]
     chains = [chain for one in inner for chain in one.chains]
     imports = [target for one in inner for target in one.imports]
-    steps, chained = [*dis.get_instructions(code)], False
+    steps = [one for one in dis.get_instructions(code) if one.opname != "EXTENDED_ARG"]
+    chained = False
     for number, step in enumerate(steps):
         given = step.argval if step.opcode in _BY_NAME else step.arg
         constant = step.opcode in dis.hasconst
@@ -207,11 +208,9 @@ class _Walk:
         for path, *attributes in sorted({*scan.chains}):
             if path in space:
                 value = space[path]
-                while (
-                    attributes
-                    and getattr(value, "__spec__", None)
-                    and value.__name__ in self._homes
-                ):
+                while attributes and isinstance(value, ModuleType):
+                    if value.__name__ not in self._homes:
+                        break
                     path, value = f"{path}.{attributes[0]}", getattr(value, attributes.pop(0), None)
                 if isinstance(value, ModuleType):
                     for number, name in enumerate(attributes or [""]):
@@ -316,8 +315,9 @@ class _Walk:
         if kind in (property, staticmethod, classmethod, cached_property):
             return [self.token(getattr(value, name, None)) for name in _DESCRIBED]
         if kind is np.ndarray:
-            content = value.tolist() if value.dtype.hasobject else value.tobytes()
-            return repr(value.dtype), value.shape, self.token(content)
+            objects = value.dtype.hasobject
+            content = self.token(value.tolist()) if objects else hash_of(value.tobytes())
+            return repr(value.dtype), value.shape, content
         if within(kind.__module__, ENGINE) and is_dataclass(value):
             names = {one.name for one in fields(value)} - LABELS
             return self.token(kind), self.token({name: getattr(value, name) for name in names})
