@@ -45,7 +45,14 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
     )
 
 
-BROKEN = {"values": frozenset()}
+class Broken(dict):
+    """Values for which stages fail, whose results do not depend on it: it counts by its name."""
+
+    def __reduce__(self):
+        return "BROKEN"
+
+
+BROKEN = Broken(values=frozenset())
 ALL = Group("all", status=Status("state:all", "state of all", (Few.size,)))
 
 
