@@ -101,6 +101,8 @@ def test_what_is_on_the_page_runs(
             if not re.search(r" (--|-sc)", line):  # options that print something and end
                 name = re.search(r"\+experiment=(\w+)", line)
                 smaller = COMPOSED.get(name[1], ()) if name else ()
+                # Each ship that is generated takes five seconds to build.
+                line = re.sub(r"(classifier\.generated)=\d+", r"\1=1", line)
                 assert prepared(*stored(shlex.split(line)[1:]), *smaller), line
         for line in commands(block, "python") if language == "sh" else ():
             name, *arguments = shlex.split(line)[1:]
