@@ -91,7 +91,7 @@ def digest(name_or_path: str | Path, **transform: Any) -> str:
     name_or_path : str or Path
         As for `load`.
     **transform
-        `up`, `forward`, `scale` and `offset`, as for `load`.
+        `up`, `forward`, `scale`, `offset` and `repair`, as for `load`.
 
     Returns
     -------
@@ -126,6 +126,7 @@ def load(
     forward: str | None = None,
     scale: float = 1.0,
     offset: Sequence[float] = (0.0, 0.0, 0.0),
+    repair: bool = False,
     cache: str | Path | None = None,
 ) -> trimesh.Trimesh:
     """Return the mesh of a ship, watertight and with outward facets.
@@ -143,6 +144,9 @@ def load(
         Metres in a unit of the file: 0.001 for millimetres.
     offset : (3,) sequence of float
         Added after turning and scaling [m]: forward, to port, up.
+    repair : bool
+        Whether openings of a mesh of a file are closed: those of at most 5 % of its surface
+        together, and any below the waterline.
     cache : str or Path, optional
         Folder of built ships; by default in the user's cache folder.
 
@@ -152,7 +156,7 @@ def load(
         Vertices in ship axes [m]: x to the bow, y to port, z up, origin amidships on the
         waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
         and `beam` [m], which for a sheet are those of the hull without overhanging parts,
-        `findings` and `mend` of `describe`, and `variant_of`, the ship of a variant, or None.
+        `findings`, `mend` and `faults` of `describe`, and `variant_of`, the ship of a variant, or None.
 
     Raises
     ------
@@ -180,13 +184,14 @@ def load(
     import trimesh
 
     source = _find(name_or_path)
-    transform = Transform(up=up, forward=forward, scale=scale, offset=offset)
-    ship, diagnosis = _solid(source, transform, cache)
+    transform = Transform(up=up, forward=forward, scale=scale, offset=offset, repair=repair)
+    ship, diagnosis, faults = _solid(source, transform, cache)
     mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
     mesh.metadata.update(name=source.name, digest=transform.digest(source.digest))
     mesh.metadata.update(loa=ship.loa, beam=ship.beam)
     mesh.metadata.update(variant_of=source.variant.base if source.variant else None)
     mesh.metadata.update(findings=diagnosis.findings, mend=_whole(transform, diagnosis))
+    mesh.metadata.update(faults=faults)
     return mesh
 
 
@@ -288,6 +293,8 @@ class Description:
         What looks wrong, as "lies on its side"; empty where nothing does.
     mend : Transform or None
         Transform of the file that would correct all of that, instead of the one given.
+    faults : tuple of str
+        Faults of the surface, which are mended, as "1 of 2 bodies inside out".
 
     See Also
     --------
@@ -309,6 +316,7 @@ class Description:
     vertices: NDArray[np.float64] = field(repr=False)
     findings: tuple[str, ...] = ()
     mend: Transform | None = None
+    faults: tuple[str, ...] = ()
 
     @property
     def measures(self) -> str:
@@ -324,13 +332,14 @@ def describe(
     forward: str | None = None,
     scale: float = 1.0,
     offset: Sequence[float] = (0.0, 0.0, 0.0),
+    repair: bool = False,
     cache: str | Path | None = None,
 ) -> Description:
     """Return the measures of a ship, and what looks wrong with the axes or origin of its mesh.
 
     Parameters
     ----------
-    name_or_path, up, forward, scale, offset, cache
+    name_or_path, up, forward, scale, offset, repair, cache
         As for `load`.
 
     Returns
@@ -350,6 +359,10 @@ def describe(
 
     Notes
     -----
+    Where more than two facets meet at an edge of a file, bodies that touch are told apart; bodies
+    that are inside out are turned, and vertices along open edges merged that differ by less than
+    1e-5 of the longest extent. All bodies are united.
+
     Suspicious is a ship that floats above the water, lies on its side or stands on end, is upside
     down, has its length along y, its origin outside the middle half of its length or beam, or no
     hull below a waterline at the height of its keel. A mesh that is right may be suspicious, so
@@ -367,8 +380,8 @@ def describe(
     True
     """
     source = _find(name_or_path)
-    transform = Transform(up=up, forward=forward, scale=scale, offset=offset)
-    ship, diagnosis = _solid(source, transform, cache)
+    transform = Transform(up=up, forward=forward, scale=scale, offset=offset, repair=repair)
+    ship, diagnosis, faults = _solid(source, transform, cache)
     length, beam, height = (float(extent) for extent in np.ptp(ship.vertices, axis=0))
     return Description(
         source.name,
@@ -379,6 +392,7 @@ def describe(
         ship.vertices,
         diagnosis.findings,
         _whole(transform, diagnosis),
+        faults,
     )
 
 
@@ -389,12 +403,12 @@ def _whole(given: Transform, diagnosis: Diagnosis) -> Transform | None:
 
 def _solid(
     source: _Source, transform: Transform, cache: str | Path | None
-) -> tuple[Ship, Diagnosis]:
+) -> tuple[Ship, Diagnosis, tuple[str, ...]]:
     if not source.is_sheet:
         where = f"mesh {source.name}"
         placed = meshes.read(source.content, source.suffix, transform, where=where)
         loa, beam, _ = (float(extent) for extent in np.ptp(placed.vertices, axis=0))
-        return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis
+        return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis, placed.faults
     folder = store.default_folder() if cache is None else Path(cache)
     path = folder / f"{source.digest}.npz"
     ship = store.read(path)
@@ -402,10 +416,10 @@ def _solid(
         ship = _built(source)
         store.write(path, ship)
     if transform.is_identity:
-        return ship, Diagnosis()
+        return ship, Diagnosis(), ()
     placed = meshes.place(ship.vertices, ship.faces, transform, where=f"ship {source.name}")
     loa, beam = ship.loa * transform.scale, ship.beam * transform.scale
-    return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis
+    return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis, placed.faults
 
 
 def _built(source: _Source) -> Ship:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from manifold3d import Error, Manifold, Mesh64
+from manifold3d import Error, Manifold
 from numpy.typing import NDArray
 
+from ncti.ships.bodies import Body, closed_bodies
 from ncti.ships.errors import ShipError
 from ncti.ships.lofting import union
 from ncti.ships.orientation import Diagnosis, diagnose
@@ -38,18 +40,22 @@ class Placed:
         Corners of each facet, counter-clockwise from outside.
     diagnosis : Diagnosis
         Of the mesh with what lies below the waterline.
+    faults : tuple of str
+        Of the file, which are mended.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     diagnosis: Diagnosis
+    faults: tuple[str, ...] = ()
 
 
 def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Placed:
     """Return the mesh of a file: closed, wound outward, above the waterline.
 
-    Several geometries, each closed, are united; geometries that are closed only together (a hull
-    split by material) are joined. Parts below the waterline are cut off and the cut is closed.
+    Closed bodies, of one geometry or several, are united; geometries that are closed only together
+    (a hull split by material) are joined. Parts below the waterline are cut off and the cut is
+    closed.
 
     Parameters
     ----------
@@ -58,7 +64,7 @@ def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Place
     suffix : str
         Its kind: ".stl", ".obj" or ".glb".
     transform : Transform
-        From the file's coordinates to the ship frame.
+        From the file's coordinates to the ship frame, and whether openings are closed.
     where : str
         Name of the mesh in messages.
 
@@ -70,23 +76,30 @@ def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Place
     Raises
     ------
     ShipError
-        If the file is corrupt, or its mesh is empty, not finite, not in metres, open, wound
-        inconsistently or inside out, or lies under water.
+        If the file is corrupt, or its mesh is empty, not finite, not in metres, open, one-sided or
+        without inside, or lies under water.
     """
-    return _placed(_parts(data, suffix, where), transform, where)
+    parts = _in_ship_frame(_parts(data, suffix, where), transform, where)
+    bodies, faults = _bodies(parts, transform, where)
+    return _above_water(bodies, transform, where, faults)
 
 
 def place(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], transform: Transform, *, where: str
 ) -> Placed:
-    """Return a built ship after a transform, as `read` does; raises the same."""
+    """Return a built ship, whose surface is closed, after a transform; raises as `read` does."""
     # Imported where it is used: trimesh takes half a second.
     import trimesh
 
-    return _placed([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
+    ship = [trimesh.Trimesh(vertices, faces, process=False)]
+    (whole,) = _in_ship_frame(ship, transform, where)
+    return _above_water([Body(np.asarray(whole.vertices), whole.faces)], transform, where, ())
 
 
-def _placed(parts: list[trimesh.Trimesh], transform: Transform, where: str) -> Placed:
+def _in_ship_frame(
+    parts: list[trimesh.Trimesh], transform: Transform, where: str
+) -> list[trimesh.Trimesh]:
+    """Return transformed geometries; refuse those that are no ship by their size."""
     import trimesh
 
     if not transform.is_identity:
@@ -95,29 +108,63 @@ def _placed(parts: list[trimesh.Trimesh], transform: Transform, where: str) -> P
                 part.vertices = transform.apply(part.vertices)
     if not all(np.isfinite(part.vertices).all() for part in parts):
         raise ShipError(f"{where} has vertices that are NaN or infinite, but all must be finite.")
-    whole = _merged(trimesh.util.concatenate(parts))
+    whole = trimesh.util.concatenate(parts)
     if len(whole.faces) == 0:
         raise ShipError(f"{where} is empty, but must have facets.")
     _check_size(float(whole.extents.max()), transform.scale, where)
-    parts = [_merged(part) for part in parts]
-    unite = len(parts) > 1 and all(part.is_watertight for part in parts)
-    diagnosis = diagnose(np.asarray(whole.vertices), np.asarray(whole.faces))
-    if whole.vertices[:, 2].max() <= 0:
+    return parts
+
+
+def _bodies(
+    parts: list[trimesh.Trimesh], transform: Transform, where: str
+) -> tuple[list[Body], tuple[str, ...]]:
+    """Return the closed bodies of geometries, and their faults that are mended."""
+    import trimesh
+
+    merged = [_merged(part) for part in parts]
+    if len(parts) > 1 and not all(part.is_watertight for part in merged):
+        merged = [_merged(trimesh.util.concatenate(parts))]
+    if not sum(len(part.faces) for part in merged):
+        raise ShipError(f"{where} is empty, but must have facets.")
+    whole = trimesh.util.concatenate(merged)
+    return closed_bodies(
+        np.asarray(whole.vertices),
+        whole.faces,
+        where=where,
+        locate=transform.undo,
+        repair=transform.repair,
+    )
+
+
+def _above_water(
+    bodies: list[Body], transform: Transform, where: str, faults: tuple[str, ...]
+) -> Placed:
+    """Return the union of bodies above the waterline."""
+    whole = reduce(Body.joined, bodies)
+    low, high = (float(height) for height in whole.bounds[:, 2])
+    diagnosis = diagnose(whole.vertices, whole.faces)
+    if high <= 0:
         mend = diagnosis.mend and transform.then(diagnosis.mend)
         findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
         advice = f" ({{{mend}}} would correct that)" if mend else ""
         raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")
-    for part in parts if unite else [whole]:
-        check_closed(part, where)
-    if not unite and whole.vertices[:, 2].min() >= 0:
-        vertices = np.array(whole.vertices, dtype=np.float64)
-        return Placed(vertices, np.array(whole.faces, dtype=np.int32), diagnosis)
-    solid = union([_solid(part, where) for part in (parts if unite else [whole])])
-    if whole.vertices[:, 2].min() < 0:
-        solid = solid.trim_by_plane((0, 0, 1), 0)
-    mesh = solid.to_mesh64()
-    vertices = np.array(mesh.vert_properties[:, :3])
-    return Placed(vertices, np.array(mesh.tri_verts, dtype=np.int32), diagnosis)
+    given = [body for body in bodies if body.volume]
+    if not given:
+        raise ShipError(f"{where} has no inside, but must be the surface of a solid.")
+    if len(given) > 1 or low < 0:
+        solid = union([_solid(body, where) for body in given])
+        if low < 0:
+            solid = solid.trim_by_plane((0, 0, 1), 0)
+        mesh = solid.to_mesh64()
+        above = Body(np.array(mesh.vert_properties[:, :3]), np.array(mesh.tri_verts, np.int64))
+        flat = [body for body in bodies if not body.volume and body.bounds[0, 2] >= 0]
+        whole = reduce(Body.joined, flat, above)
+    return Placed(
+        np.array(whole.vertices, dtype=np.float64),
+        np.array(whole.faces, dtype=np.int32),
+        diagnosis,
+        faults,
+    )
 
 
 def _check_size(extent: float, scale: float, where: str) -> None:
@@ -181,18 +228,17 @@ def _merged(mesh: Any) -> trimesh.Trimesh:
 
 
 def check_closed(mesh: trimesh.Trimesh, where: str) -> None:
-    """Refuse (`ShipError`) a mesh that is not a closed surface with outward facets."""
-    if not mesh.is_watertight:
-        raise ShipError(f"{where} is open, but must be a closed surface.")
-    if not mesh.is_winding_consistent:
-        raise ShipError(f"{where} has facets wound both ways, but all must face outward.")
-    if mesh.volume <= 0:
-        raise ShipError(f"{where} is inside out, but its facets must face outward.")
+    """Refuse (`ShipError`) a mesh whose bodies are not all closed surfaces with outward facets."""
+    closed = mesh.is_watertight and mesh.is_winding_consistent
+    if closed and mesh.body_count == 1 and mesh.volume > 0:
+        return
+    faults = closed_bodies(np.asarray(mesh.vertices), mesh.faces, where=where)[1]
+    if faults:
+        raise ShipError(f"{where} has {faults[0]}, but must be closed, with outward facets.")
 
 
-def _solid(mesh: trimesh.Trimesh, where: str) -> Manifold:
-    faces = np.array(mesh.faces, dtype=np.uint64)
-    solid = Manifold(Mesh64(np.array(mesh.vertices, dtype=np.float64), faces))
+def _solid(body: Body, where: str) -> Manifold:
+    solid = body.solid()
     if solid.status() != Error.NoError:
         raise ShipError(f"{where} is not the surface of a solid, but must be one.")
     return solid

@@ -33,6 +33,9 @@ class Transform:
         Metres in a unit of the file, above 0.
     offset : (3,) sequence of float
         Added after turning and scaling [m]: forward, to port, up.
+    repair : bool
+        Whether openings of the surface are then closed: those of at most 5 % of it together, and
+        any below the waterline.
 
     Raises
     ------
@@ -64,6 +67,7 @@ class Transform:
     forward: str | None = None
     scale: float = 1.0
     offset: Sequence[float] = _ORIGIN
+    repair: bool = False
 
     def __post_init__(self) -> None:
         for name, axis in (("up", self.up), ("forward", self.forward)):
@@ -79,6 +83,8 @@ class Transform:
             require_each("offset", self.offset, 3, minimum=-FARTHEST, maximum=FARTHEST)
         except ValueError as error:
             raise ShipError(f"{error}.") from None
+        if not isinstance(self.repair, bool):
+            raise ShipError(f"repair is {shown(self.repair)}, but must be True or False.")
         # Added to 0.0, so that no -0.0 makes equal transforms differ.
         offset = tuple(float(shift) + 0.0 for shift in self.offset)
         for name, value in (("forward", forward), ("scale", float(self.scale)), ("offset", offset)):
@@ -100,6 +106,11 @@ class Transform:
         turned = np.asarray(points, dtype=np.float64) @ self.axes.T
         return self.scale * turned + np.array(self.offset)
 
+    def undo(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return points in the file's coordinates from those in the ship frame, (point, 3) [m]."""
+        back = (np.asarray(points, dtype=np.float64) - np.array(self.offset)) / self.scale
+        return back @ self.axes
+
     def then(self, other: Transform) -> Transform:
         """Return the one transform that equals this one followed by another."""
         axes = other.axes @ self.axes
@@ -109,13 +120,14 @@ class Transform:
             forward=_named(axes[0]),
             scale=self.scale * other.scale,
             offset=shift.round(9).tolist(),
+            repair=self.repair or other.repair,
         )
 
     def digest(self, content: str) -> str:
         """Return the hash of a transformed mesh, given that of the mesh; its own by identity."""
         if self.is_identity:
             return content
-        given = repr((content, self.up, self.forward, self.scale, self.offset))
+        given = repr((content, self.up, self.forward, self.scale, self.offset, self.repair))
         return hashlib.sha256(given.encode()).hexdigest()
 
     def __str__(self) -> str:
@@ -127,6 +139,7 @@ class Transform:
             words.append(f"scale: {self.scale:.12g}")
         if self.offset != _ORIGIN:
             words.append(f"offset: [{', '.join(f'{shift:.12g}' for shift in self.offset)}]")
+        words += ["repair: true"] if self.repair else []
         return ", ".join(words)
 
 

@@ -118,6 +118,11 @@ def about(choices: Choices) -> list[str]:
     if left := [about.length for _, about in ships[MOST_LINES:]]:
         lines.append(f"and {len(left)} more ships, {min(left):.1f} to {max(left):.1f} m long")
     lines += [
+        f"{ship} had {fault}, which {'are' if len(about.faults) > 1 else 'is'} mended"
+        for ship, about in ships
+        if (fault := " and ".join(about.faults))
+    ]
+    lines += [
         f"warning: {ship} {warning(about.findings, about.mend, ship)}"
         for ship, about in ships
         if about.findings

@@ -12,7 +12,7 @@ from ncti.ships.loading import LONGEST_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
 from ncti.ships.transform import AXES, FARTHEST, LARGEST_SCALE, SMALLEST_SCALE
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Text, Value, Word, ascending, shown
-from sweeps.engine.settings import Setting, Settings, number, read_entries, text, vector, word
+from sweeps.engine.settings import Setting, Settings, number, read_entries, switch, text, vector, word
 
 SUFFIXES = SHEET_SUFFIXES + MESH_SUFFIXES
 _ONE = "it is of one ship"
@@ -43,6 +43,12 @@ class ShipFile(Settings, key="grid.ship"):
         unit="m",
         label="shift forward, to port and up",
         help="after turning and scaling; the origin is amidships on the waterline",
+    )
+    repair = switch(
+        False,
+        label="close openings of the mesh",
+        help="those of at most 5 % of its surface together, and any below the waterline",
+        fixed=_ONE,
     )
 
 

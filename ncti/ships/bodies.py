@@ -1,0 +1,284 @@
+"""Closed bodies of a mesh: told apart where they touch, turned outward, small openings closed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from manifold3d import Manifold, Mesh64
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ncti.ships.errors import ShipError
+from ncti.ships.surfaces import (
+    Faces,
+    Floats,
+    Surface,
+    components,
+    neighbours,
+    openings,
+    surface_of,
+    triangle_areas,
+)
+
+APART = 1e-5  # of the longest extent, up to which vertices along open edges are one
+MOST_OPEN = 0.05  # of the surface, up to which openings are closed on request
+FLAT = 1e-7  # volume over surface and longest extent, up to which a body has no inside
+WITHIN = 1e-6  # of a body's volume, which rounding leaves outside the body around it
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A closed surface; with its cavities, if it has any.
+
+    Attributes
+    ----------
+    vertices : (vertex, 3) float64 ndarray
+        Corners [m].
+    faces : (facet, 3) int64 ndarray
+        Corners of each facet, counter-clockwise from outside.
+    """
+
+    vertices: Floats
+    faces: Faces
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume [m3], negative if the facets face inward; 0 of a plate without thickness."""
+        a, b, c = (self.vertices - self.vertices[:1])[self.faces].transpose(1, 0, 2)
+        volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+        extent = float(np.ptp(self.vertices, axis=0).max())
+        flat = FLAT * extent * float(triangle_areas(self.vertices[self.faces]).sum())
+        return volume if abs(volume) > flat else 0.0
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """(2, 3) float64 ndarray: least and greatest coordinates [m]."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @property
+    def turned(self) -> Body:
+        """The same with all facets facing the other way."""
+        return Body(self.vertices, self.faces[:, ::-1])
+
+    def solid(self) -> Manifold:
+        """Return it as a solid, empty if it has no inside."""
+        return Manifold(Mesh64(np.array(self.vertices), np.array(self.faces, dtype=np.uint64)))
+
+    def joined(self, other: Body) -> Body:
+        """Return both as one."""
+        return Body(
+            np.concatenate([self.vertices, other.vertices]),
+            np.concatenate([self.faces, other.faces + len(self.vertices)]),
+        )
+
+    def is_within(self, other: Body) -> bool:
+        """Return whether it lies inside another; both face outward."""
+        low, high = other.bounds
+        if (self.bounds[0] < low).any() or (self.bounds[1] > high).any():
+            return False
+        if self.volume >= (1 - WITHIN) * other.volume:
+            return False  # the same
+        return bool((self.solid() - other.solid()).volume() <= WITHIN * self.volume)
+
+
+@dataclass
+class Workshop:
+    """What is known of a mesh while its bodies are found, and its faults that are mended."""
+
+    where: str  # name of the mesh in messages
+    locate: Callable[[Floats], Floats]  # from [m] to the file's coordinates
+    repair: bool
+    faults: list[str] = field(default_factory=list)
+
+    def place(self, points: Floats) -> str:
+        """Return the middle of some points in the file's coordinates, as text."""
+        middle = self.locate(((points.min(axis=0) + points.max(axis=0)) / 2)[None])[0]
+        return f"({', '.join(f'{coordinate + 0.0:.4g}' for coordinate in middle)})"
+
+
+def closed_bodies(
+    vertices: Floats,
+    faces: NDArray[np.integer],
+    *,
+    where: str,
+    locate: Callable[[Floats], Floats] = lambda points: points,
+    repair: bool = False,
+) -> tuple[list[Body], tuple[str, ...]]:
+    """Return the closed bodies of a mesh, wound outward, and its faults that are mended.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float64 ndarray
+        Corners [m], all different; z = 0 is the waterline.
+    faces : (facet, 3) integer ndarray
+        Corners of each facet, all different.
+    where : str
+        Name of the mesh in messages.
+    locate : callable
+        Returns points in the file's coordinates, in which messages say where something is.
+    repair : bool
+        Whether openings of at most `MOST_OPEN` of the surface, and any below the waterline, are
+        closed.
+
+    Returns
+    -------
+    bodies : list of Body
+        Those with a volume first.
+    faults : tuple of str
+        What was wrong, as "1 of 2 bodies inside out".
+
+    Raises
+    ------
+    ShipError
+        If the mesh is open, or has a side that is both inner and outer.
+    """
+    work = Workshop(where, locate, repair)
+    surface = surface_of(vertices, _wound_alike(vertices, np.asarray(faces, np.int64), work))
+    if surface.open.size:
+        surface = _welded(surface, work)
+    if surface.open.size:
+        surface = _without_openings(surface.split(), work)
+    labels = surface.labels()
+    by_label = np.argsort(labels, kind="stable")
+    members = np.split(by_label, np.flatnonzero(np.diff(labels[by_label])) + 1)
+    members = _distinct(surface.faces, members, work)
+    if surface.is_pinched or len(members) > 1:
+        surface = surface.split()
+    return _outward([_body(surface, facets) for facets in members], work), tuple(work.faults)
+
+
+def _body(surface: Surface, facets: NDArray[np.int64]) -> Body:
+    used, faces = np.unique(surface.faces[facets], return_inverse=True)
+    return Body(surface.vertices[used], faces.reshape(-1, 3).astype(np.int64))
+
+
+def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
+    """Return facets wound as those around them, the fewer of a body turned."""
+    one, other, opposed = neighbours(len(vertices), faces)
+    if opposed.all():
+        return faces
+    # Each facet twice, as it is and turned: neighbours are linked where they are wound alike.
+    count = len(faces)
+    turned = np.where(opposed, 0, count)
+    labels = components(
+        np.concatenate([one, one + count]),
+        np.concatenate([other + turned, other + count - turned]),
+        2 * count,
+    ).reshape(2, count)
+    if one_sided := np.flatnonzero(labels[0] == labels[1]).tolist():
+        place = work.place(vertices[faces[one_sided[0]]])
+        raise ShipError(
+            f"{work.where} has facets wound both ways at {place} of its file, but must have an "
+            "inner and an outer side."
+        )
+    sizes = np.bincount(labels[0], minlength=labels.max() + 1)
+    here, there = sizes[labels]
+    wrong = (here < there) | ((here == there) & (labels[0] > labels[1]))
+    place = work.place(vertices[faces[wrong][0]])
+    work.faults.append(
+        f"{_counted(int(wrong.sum()), 'facet')} wound the other way than those around "
+        f"(the first at {place} of the file)"
+    )
+    return np.where(wrong[:, None], faces[:, ::-1], faces)
+
+
+def _welded(surface: Surface, work: Workshop) -> Surface:
+    """Return a surface in which close vertices along open edges are one."""
+    vertices, faces = surface.vertices, surface.faces
+    distance = APART * float(np.ptp(vertices, axis=0).max())
+    edges = surface.open
+    rim = np.unique(np.concatenate([faces.ravel()[edges], faces[edges // 3, (edges + 1) % 3]]))
+    pairs = cKDTree(vertices[rim]).query_pairs(distance, output_type="ndarray")
+    if not len(pairs):
+        return surface
+    group = components(pairs[:, 0], pairs[:, 1], len(rim))
+    first = np.unique(group, return_index=True)[1]
+    kept = np.arange(len(vertices))
+    kept[rim] = rim[first[group]]
+    merged = kept[faces]
+    merged = merged[(np.diff(np.sort(merged, axis=1), axis=1) > 0).all(axis=1)]
+    work.faults.append(
+        f"{_counted(len(rim) - len(first), 'vertex', 'vertices')} less than {1000 * distance:.2g} "
+        "mm from another, both on open edges"
+    )
+    return surface_of(vertices, _wound_alike(vertices, merged, work))
+
+
+def _without_openings(surface: Surface, work: Workshop) -> Surface:
+    """Return a split surface whose openings are closed; refuse it if they may not be."""
+    found = openings(surface)
+    whole = float(triangle_areas(surface.corners).sum())
+    seen = np.array([surface.vertices[loop, 2].max() > 0 for loop in found.loops])
+    share = float(found.areas[seen].sum()) / whole
+    largest = int(np.argmax(found.areas))
+    measures = (
+        f"{_counted(len(found.loops), 'opening')} ({100 * share:.2g} % of its surface, the largest "
+        f"{found.areas[largest]:.2g} m2 at "
+        f"{work.place(surface.vertices[found.loops[largest]])} of the file)"
+    )
+    if not work.repair or share > MOST_OPEN:
+        advice = (
+            "{repair: true} closes it"
+            if share <= MOST_OPEN
+            else f"{{repair: true}} closes at most {100 * MOST_OPEN:g} %: close it in a modeller"
+        )
+        raise ShipError(
+            f"{work.where} is open along {_counted(surface.open.size, 'edge')} in {measures}, but "
+            f"must be a closed surface ({advice})."
+        )
+    closed = surface_of(surface.vertices, np.concatenate([surface.faces, *found.patches]))
+    if closed.open.size:
+        raise ShipError(f"{work.where} is open in {measures}, which cannot be closed.")
+    work.faults.append(measures)
+    return closed
+
+
+def _distinct(
+    faces: Faces, members: list[NDArray[np.int64]], work: Workshop
+) -> list[NDArray[np.int64]]:
+    """Return the facets of each body, of equal bodies once."""
+    if len(members) == 1:
+        return members
+    known: dict[bytes, NDArray[np.int64]] = {}
+    for facets in members:
+        corners = np.sort(faces[facets], axis=1)
+        known.setdefault(corners[np.lexsort(corners.T)].tobytes(), facets)
+    if doubles := len(members) - len(known):
+        work.faults.append(f"{_counted(doubles, 'body', 'bodies')} given twice")
+    return list(known.values())
+
+
+def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
+    """Return bodies turned outward, each with its cavities, and those without inside at the end."""
+    given, flat = [one for one in bodies if one.volume], [one for one in bodies if not one.volume]
+    inverse = sum(one.volume for one in given) < 0
+    outward = [one if one.volume > 0 else one.turned for one in given]
+    kept, cavities, wrong = [], [], []
+    for number, (body, one) in enumerate(zip(given, outward, strict=True)):
+        around = []
+        if (body.volume < 0) != inverse:
+            around = [k for k, other in enumerate(outward) if k != number and one.is_within(other)]
+        if len(around) % 2:
+            cavities.append((number, around))
+        else:
+            kept.append(number)
+        if (body.volume < 0) != (len(around) % 2 == 1):
+            wrong.append(number)
+    whole = dict(zip(kept, (outward[number] for number in kept), strict=True))
+    for number, around in cavities:
+        container = min((k for k in around if k in whole), key=lambda k: outward[k].volume)
+        whole[container] = whole[container].joined(outward[number].turned)
+    if wrong:
+        place = work.place(given[wrong[0]].vertices)
+        work.faults.append(
+            f"{len(wrong)} of {_counted(len(bodies), 'body', 'bodies')} inside out "
+            f"(the first at {place} of the file)"
+        )
+    return [*whole.values(), *flat]
+
+
+def _counted(number: int, one: str, several: str = "") -> str:
+    return f"{number:,} {one if number == 1 else several or f'{one}s'}"

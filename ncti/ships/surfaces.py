@@ -1,0 +1,219 @@
+"""Surfaces: facets with their neighbours, which tell touching bodies apart, and openings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from manifold3d import triangulate
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+Floats = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+ALIKE = 1e-3  # angle between facets at an edge, up to which they lie on each other [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A mesh with the neighbour of each facet across each of its edges.
+
+    Edge `3 f + k` of facet f leads from its corner k to the next; -1 stands for no neighbour.
+    """
+
+    vertices: Floats
+    faces: Faces
+    partners: NDArray[np.int64]
+    is_pinched: bool = False  # whether more than two facets meet at an edge
+
+    @property
+    def open(self) -> NDArray[np.int64]:
+        """Edges without neighbour."""
+        return np.flatnonzero(self.partners < 0)
+
+    @property
+    def corners(self) -> Floats:
+        """(facet, 3, 3) ndarray: coordinates of corners."""
+        return self.vertices[self.faces]
+
+    def labels(self) -> NDArray[np.int32]:
+        """Return the number of the body of each facet."""
+        linked = np.flatnonzero(self.partners >= 0)
+        return components(linked // 3, self.partners[linked] // 3, len(self.faces))
+
+    def split(self) -> Surface:
+        """Return it with vertices of their own where facets meet that are no neighbours."""
+        linked = np.flatnonzero(self.partners >= 0)
+        mine, theirs = linked, self.partners[linked]
+        starts = np.concatenate([mine, _next(mine)])
+        ends = np.concatenate([_next(theirs), theirs])
+        corner = components(starts, ends, self.faces.size)
+        vertices = np.empty((int(corner.max()) + 1, 3))
+        vertices[corner] = self.vertices[self.faces.ravel()]
+        return Surface(vertices, corner.reshape(-1, 3).astype(np.int64), self.partners)
+
+
+def surface_of(vertices: Floats, faces: Faces) -> Surface:
+    """Return the surface of facets; where more than two meet, those that bound the same solid."""
+    ends, order, starts, counts = _sorted_edges(len(vertices), faces)
+    partners = np.full(len(ends), -1)
+    one, other = _in_twos(order, starts, counts)
+    opposed = ends[one, 0] != ends[other, 0]
+    partners[one[opposed]], partners[other[opposed]] = other[opposed], one[opposed]
+    several = counts > 2
+    angles, forward = _angles(vertices, faces, ends), ends[:, 0] < ends[:, 1]
+    for start, count in zip(starts[several].tolist(), counts[several].tolist(), strict=True):
+        at = order[start : start + count]
+        for one_edge, other_edge in _matched(at, angles(at), forward[at]):
+            partners[one_edge], partners[other_edge] = other_edge, one_edge
+    return Surface(vertices, faces, partners, is_pinched=bool(several.any()))
+
+
+def neighbours(
+    count: int, faces: Faces
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the two facets of each edge that has two, and whether they are wound alike."""
+    ends, order, starts, counts = _sorted_edges(count, faces)
+    one, other = _in_twos(order, starts, counts)
+    return one // 3, other // 3, ends[one, 0] != ends[other, 0]
+
+
+def _sorted_edges(
+    count: int, faces: Faces
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the ends of all edges, an order in which those on one line follow each other,
+    and where in it each line begins and how many edges it has."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    key = ends.min(axis=1) * count + ends.max(axis=1)
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    return ends, order, starts, np.diff(starts, append=len(order))
+
+
+def _in_twos(
+    order: NDArray[np.int64], starts: NDArray[np.int64], counts: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    first = starts[counts == 2]
+    return order[first], order[first + 1]
+
+
+def _angles(
+    vertices: Floats, faces: Faces, ends: NDArray[np.int64]
+) -> Callable[[NDArray[np.int64]], Floats]:
+    """Return a function: angles of the facets of some edges about the line that these lie on."""
+    apexes = np.roll(faces, -2, axis=1).ravel()
+
+    def angles(at: NDArray[np.int64]) -> Floats:
+        low, high = vertices[np.sort(ends[at[0]])]
+        axis = (high - low) / np.linalg.norm(high - low)
+        out = vertices[apexes[at]] - low
+        out = out - (out @ axis)[:, None] * axis
+        side = np.cross(axis, out[0])
+        angle: Floats = np.arctan2(out @ side, out @ out[0]) % (2 * np.pi)
+        return np.where(angle > 2 * np.pi - ALIKE, angle - 2 * np.pi, angle)
+
+    return angles
+
+
+def _matched(
+    at: NDArray[np.int64], angles: Floats, forward: NDArray[np.bool_]
+) -> Iterator[tuple[int, int]]:
+    """Yield pairs of edges on one line between whose facets there is solid.
+
+    Going round the line, a facet whose edge runs backward opens a solid and one whose edge runs
+    forward closes the latest that is open, as brackets do. Of facets that lie on each other, those
+    that close come first; of equal ones, copies of a body are matched in the order of the file.
+    """
+    by_angle = np.argsort(angles, kind="stable")
+    group = np.cumsum(np.diff(angles[by_angle], prepend=angles[by_angle[0]]) > ALIKE)
+    closes = forward[by_angle]
+    order = by_angle[np.lexsort((np.where(closes, -at[by_angle], at[by_angle]), ~closes, group))]
+    opened: list[int] = []
+    left: list[int] = []
+    for edge, closing in zip(at[order].tolist(), forward[order].tolist(), strict=True):
+        if not closing:
+            opened.append(edge)
+        elif opened:
+            yield opened.pop(), edge
+        else:
+            left.append(edge)
+    for edge in left:
+        if opened:
+            yield opened.pop(), edge
+
+
+def _next(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the edges that follow some in their facets."""
+    return edges - edges % 3 + (edges + 1) % 3
+
+
+def components(
+    one: NDArray[np.int64], other: NDArray[np.int64], count: int
+) -> NDArray[np.int32]:
+    """Return the number of the component of each node of a graph, given the ends of its links."""
+    links = coo_array((np.ones(len(one), bool), (one, other)), shape=(count, count))
+    labels: NDArray[np.int32] = connected_components(links, directed=False)[1]
+    return labels
+
+
+def triangle_areas(corners: Floats) -> Floats:
+    """Return areas of triangles, (..., 3, 3)."""
+    edges = corners[:, 1:] - corners[:, :1]
+    areas: Floats = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    return areas
+
+
+# openings -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Openings:
+    """Facets that would close each opening of a surface, and their areas [m2]."""
+
+    loops: list[NDArray[np.int64]]  # vertices around each
+    patches: list[Faces]
+    areas: Floats
+
+
+def openings(surface: Surface) -> Openings:
+    """Return the openings of a split surface, each closed by triangles across its plane.
+
+    A vertex of a split surface has one open edge that leaves it, or none.
+    """
+    follows = dict(
+        zip(
+            surface.faces.ravel()[surface.open].tolist(),
+            surface.faces.ravel()[_next(surface.open)].tolist(),
+            strict=True,
+        )
+    )
+    loops = []
+    while follows:
+        first, after = follows.popitem()
+        loop = [first]
+        while after != first:
+            loop.append(after)
+            after = follows.pop(after)
+        loops.append(np.array(loop[::-1]))  # a patch turns the other way than the facets around it
+    patches = [loop[_across(surface.vertices[loop])] for loop in loops]
+    areas = [float(triangle_areas(surface.vertices[patch]).sum()) for patch in patches]
+    return Openings(loops, patches, np.array(areas))
+
+
+def _across(points: Floats) -> NDArray[np.int64]:
+    """Return triangles that close a loop of points, as seen along its mean normal."""
+    points = points - points.mean(axis=0)
+    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    axes = np.linalg.svd(np.vstack([points, points[:1]]), full_matrices=False)[2]
+    right = axes[0]
+    if np.linalg.norm(normal) > 0:
+        right = right - (right @ normal) * normal / (normal @ normal)
+        right = right / np.linalg.norm(right) if np.linalg.norm(right) > 0 else axes[0]
+        up = np.cross(normal / np.linalg.norm(normal), right)
+    else:
+        up = axes[1]
+    triangles = triangulate([points @ np.column_stack([right, up])], allow_convex=False)
+    return np.asarray(triangles, dtype=np.int64)
