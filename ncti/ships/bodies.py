@@ -44,6 +44,12 @@ class Body:
     vertices: Floats
     faces: Faces
 
+    @classmethod
+    def of(cls, solid: Manifold) -> Body:
+        """Return the surface of a solid."""
+        mesh = solid.to_mesh64()
+        return cls(np.array(mesh.vert_properties[:, :3]), np.array(mesh.tri_verts, np.int64))
+
     @cached_property
     def volume(self) -> float:
         """Volume [m3], negative if the facets face inward; 0 of a plate without thickness."""
@@ -147,12 +153,27 @@ def closed_bodies(
     members = _distinct(surface.faces, members, work)
     if surface.is_pinched or len(members) > 1:
         surface = surface.split()
-    return _outward([_body(surface, facets) for facets in members], work), tuple(work.faults)
+    found = _outward([_body(surface, facets) for facets in members], work)
+    if surface.is_pinched:
+        found = [_unpinched(body) for body in found]
+    return found, tuple(work.faults)
 
 
 def _body(surface: Surface, facets: NDArray[np.int64]) -> Body:
     used, faces = np.unique(surface.faces[facets], return_inverse=True)
     return Body(surface.vertices[used], faces.reshape(-1, 3).astype(np.int64))
+
+
+def _unpinched(body: Body) -> Body:
+    """Return a body in which two facets meet at each edge, though it touches itself along one."""
+    if not surface_of(body.vertices, body.faces).is_pinched:
+        return body
+    if body.volume:
+        return Body.of(body.solid())
+    # A plate: each of its triangles becomes a plate of its own, with a front and a back.
+    corners = body.vertices[np.unique(np.sort(body.faces, axis=1), axis=0)]
+    front = np.arange(3 * len(corners)).reshape(-1, 3)
+    return Body(corners.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]))
 
 
 def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
@@ -215,15 +236,15 @@ def _without_openings(surface: Surface, work: Workshop) -> Surface:
     share = float(found.areas[seen].sum()) / whole
     largest = int(np.argmax(found.areas))
     measures = (
-        f"{_counted(len(found.loops), 'opening')} ({100 * share:.2g} % of its surface, the largest "
-        f"{found.areas[largest]:.2g} m2 at "
+        f"{_counted(len(found.loops), 'opening')} (above water {100 * share:.2g} % of its surface; "
+        f"the largest is {found.areas[largest]:,.1f} m2, at "
         f"{work.place(surface.vertices[found.loops[largest]])} of the file)"
     )
     if not work.repair or share > MOST_OPEN:
         advice = (
-            "{repair: true} closes it"
+            "repair: true would close it"
             if share <= MOST_OPEN
-            else f"{{repair: true}} closes at most {100 * MOST_OPEN:g} %: close it in a modeller"
+            else f"repair: true closes at most {100 * MOST_OPEN:g} %; add the missing facets"
         )
         raise ShipError(
             f"{work.where} is open along {_counted(surface.open.size, 'edge')} in {measures}, but "
@@ -274,8 +295,9 @@ def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
     if wrong:
         place = work.place(given[wrong[0]].vertices)
         work.faults.append(
-            f"{len(wrong)} of {_counted(len(bodies), 'body', 'bodies')} inside out "
-            f"(the first at {place} of the file)"
+            "all facets facing inward"
+            if len(wrong) == len(bodies)
+            else f"{len(wrong)} of {len(bodies)} bodies inside out (the first at {place} of the file)"
         )
     return [*whole.values(), *flat]
 

@@ -155,10 +155,8 @@ def _above_water(
         solid = union([_solid(body, where) for body in given])
         if low < 0:
             solid = solid.trim_by_plane((0, 0, 1), 0)
-        mesh = solid.to_mesh64()
-        above = Body(np.array(mesh.vert_properties[:, :3]), np.array(mesh.tri_verts, np.int64))
-        flat = [body for body in bodies if not body.volume and body.bounds[0, 2] >= 0]
-        whole = reduce(Body.joined, flat, above)
+        plates = [body for body in bodies if not body.volume and body.bounds[0, 2] >= 0]
+        whole = reduce(Body.joined, plates, Body.of(solid))
     return Placed(
         np.array(whole.vertices, dtype=np.float64),
         np.array(whole.faces, dtype=np.int32),

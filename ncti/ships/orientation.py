@@ -17,12 +17,14 @@ Floats = NDArray[np.float64]
 
 SECTIONS = 64  # along each axis
 UNLIKE = 0.3  # asymmetry from which an axis may be the vertical one; six ships: 0.96, others 0.2
+TALL = 2.0  # height over length and beam from which no ship stands upright
 LONGER = 1.1  # by which y must be longer than x to be the length
 HEAVY = 0.55  # place of the centre of volume, of the height, above which a ship may be upside down
 SHORT = 0.5  # length of the lowest sections over that of the highest, below which it is
 FINER = 1.3  # ratio of sections at both ends from which the finer one is taken as the bow
 OFF_CENTRE = 0.25  # distance of the origin from the middle, of length or beam
 AFLOAT = 0.005  # height of the lowest point above the water, of the height, that rounding leaves
+LEAST_LIFT = 0.005  # that is worth a word, as offsets are given to 0.01 m [m]
 KEEL = 0.75  # area of the lowest section over that of one higher, below which the lowest is a keel
 DRAUGHT = 1 / 3  # of the beam, where it is not known
 
@@ -66,7 +68,7 @@ def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
     if not len(vertices) or not (np.ptp(vertices, axis=0) > 0).all():
         return Diagnosis()
     turn, findings = _turn(vertices, faces)
-    shift, others = _shift(turn.apply(vertices), faces)
+    shift, others = _shift(turn.apply(vertices), faces, turn.up)
     findings += others
     if not findings:
         return Diagnosis()
@@ -106,6 +108,8 @@ def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, i
     # A length may be as unlike at its ends, but no height is the longest of three in a hull.
     if least != int(np.argmax(extent)) and asymmetry[least] > max(UNLIKE, 2 * asymmetry[2]):
         vertical = least
+    elif extent[2] > TALL * max(extent[0], extent[1]):
+        vertical = 0 if extent[0] < extent[1] else 1
     if vertical == 2:
         return 2, 1 if extent[1] > LONGER * extent[0] else 0
     first, second = (axis for axis in range(3) if axis != vertical)
@@ -126,8 +130,13 @@ def _points_down(
     return low < SHORT * high
 
 
-def _shift(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Floats, list[str]]:
-    """Return the offset [m] to the ship's origin, and what is wrong with that of the mesh."""
+def _shift(
+    vertices: Floats, faces: NDArray[np.integer], up: str
+) -> tuple[Floats, list[str]]:
+    """Return the offset [m] to the ship's origin, and what is wrong with that of the mesh.
+
+    Vertices are in ship axes, and `up` is the axis of the mesh that points up there.
+    """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     (length, beam, height), middle = high - low, (low + high) / 2
     shift, findings = np.zeros(3), []
@@ -136,13 +145,10 @@ def _shift(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Floats, list[s
         findings.append(_origin_along(low[0], high[0]))
     if abs(middle[1]) > OFF_CENTRE * beam:
         shift[1] = -middle[1]
-        findings.append(f"has its origin {abs(middle[1]):.1f} m off its centreline")
-    if high[2] <= 0:
+        findings.append(f"has its origin {_distance(middle[1])} off its centreline")
+    if high[2] <= 0 or low[2] > max(AFLOAT * height, LEAST_LIFT):
         shift[2] = -low[2]
-        findings.append("lies wholly under water")
-    elif low[2] > AFLOAT * height:
-        shift[2] = -low[2]
-        findings.append(f"floats {low[2]:.1f} m above the water")
+        findings += _off_the_water(low[2], high[2], up)
     if low[2] + shift[2] >= -AFLOAT * height and _has_keel(vertices, faces):
         shift[2] -= min(DRAUGHT * beam, height / 2)
         findings.append("has its waterline at its keel (draught taken as a third of the beam)")
@@ -153,7 +159,30 @@ def _origin_along(low: float, high: float) -> str:
     end, beyond = ("stern", low) if abs(low) < abs(high) else ("bow", -high)
     if abs(beyond) <= OFF_CENTRE * (high - low):
         return f"has its origin at the {end}"
-    return f"has its origin {abs(low + high) / 2:.1f} m from amidships"
+    return f"has its origin {_distance((low + high) / 2)} from amidships"
+
+
+def _off_the_water(low: float, high: float, up: str) -> list[str]:
+    """Return what is said of a mesh whose ends in ship axes are both above z = 0, or both below.
+
+    It is said of the mesh as it is given: one that is upside down hangs above the water where the
+    ship that it is turned into would be under it.
+    """
+    if up[-1] != "z":
+        if low > 0:
+            return [f"has its origin {_distance(low)} below its lowest point"]
+        return [f"has its origin {_distance(high)} above its highest point"]
+    if up == "-z":
+        low, high = -high, -low
+    if high <= 0:
+        return ["lies wholly under water"]
+    return [f"floats {_distance(low)} above the water"] if low > LEAST_LIFT else []
+
+
+def _distance(metres: float) -> str:
+    """Return a distance as text, in centimetres if it is short."""
+    size = abs(metres)
+    return f"{size:.1f} m" if size >= 0.95 else f"{100 * size:.0f} cm"
 
 
 def _has_keel(vertices: Floats, faces: NDArray[np.integer]) -> bool:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from manifold3d import triangulate
@@ -53,7 +52,7 @@ class Surface:
         corner = components(starts, ends, self.faces.size)
         vertices = np.empty((int(corner.max()) + 1, 3))
         vertices[corner] = self.vertices[self.faces.ravel()]
-        return Surface(vertices, corner.reshape(-1, 3).astype(np.int64), self.partners)
+        return replace(self, vertices=vertices, faces=corner.reshape(-1, 3).astype(np.int64))
 
 
 def surface_of(vertices: Floats, faces: Faces) -> Surface:
@@ -62,13 +61,13 @@ def surface_of(vertices: Floats, faces: Faces) -> Surface:
     partners = np.full(len(ends), -1)
     one, other = _in_twos(order, starts, counts)
     opposed = ends[one, 0] != ends[other, 0]
-    partners[one[opposed]], partners[other[opposed]] = other[opposed], one[opposed]
-    several = counts > 2
-    angles, forward = _angles(vertices, faces, ends), ends[:, 0] < ends[:, 1]
-    for start, count in zip(starts[several].tolist(), counts[several].tolist(), strict=True):
-        at = order[start : start + count]
-        for one_edge, other_edge in _matched(at, angles(at), forward[at]):
-            partners[one_edge], partners[other_edge] = other_edge, one_edge
+    one, other = one[opposed], other[opposed]
+    line = np.repeat(np.arange(len(counts)), counts)
+    several = np.repeat(counts > 2, counts)
+    if several.any():
+        opening, closing = _around_solid(vertices, faces, order[several], line[several])
+        one, other = np.concatenate([one, opening]), np.concatenate([other, closing])
+    partners[one], partners[other] = other, one
     return Surface(vertices, faces, partners, is_pinched=bool(several.any()))
 
 
@@ -100,49 +99,47 @@ def _in_twos(
     return order[first], order[first + 1]
 
 
-def _angles(
-    vertices: Floats, faces: Faces, ends: NDArray[np.int64]
-) -> Callable[[NDArray[np.int64]], Floats]:
-    """Return a function: angles of the facets of some edges about the line that these lie on."""
-    apexes = np.roll(faces, -2, axis=1).ravel()
+def _around_solid(
+    vertices: Floats, faces: Faces, edges: NDArray[np.int64], line: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return pairs of edges on a line between whose facets there is solid.
 
-    def angles(at: NDArray[np.int64]) -> Floats:
-        low, high = vertices[np.sort(ends[at[0]])]
-        axis = (high - low) / np.linalg.norm(high - low)
-        out = vertices[apexes[at]] - low
-        out = out - (out @ axis)[:, None] * axis
-        side = np.cross(axis, out[0])
-        angle: Floats = np.arctan2(out @ side, out @ out[0]) % (2 * np.pi)
-        return np.where(angle > 2 * np.pi - ALIKE, angle - 2 * np.pi, angle)
-
-    return angles
-
-
-def _matched(
-    at: NDArray[np.int64], angles: Floats, forward: NDArray[np.bool_]
-) -> Iterator[tuple[int, int]]:
-    """Yield pairs of edges on one line between whose facets there is solid.
-
-    Going round the line, a facet whose edge runs backward opens a solid and one whose edge runs
-    forward closes the latest that is open, as brackets do. Of facets that lie on each other, those
+    Going round a line, a facet whose edge runs backward opens a solid and one whose edge runs
+    forward closes the one opened last, as brackets do. Of facets that lie on each other, those
     that close come first; of equal ones, copies of a body are matched in the order of the file.
     """
-    by_angle = np.argsort(angles, kind="stable")
-    group = np.cumsum(np.diff(angles[by_angle], prepend=angles[by_angle[0]]) > ALIKE)
-    closes = forward[by_angle]
-    order = by_angle[np.lexsort((np.where(closes, -at[by_angle], at[by_angle]), ~closes, group))]
-    opened: list[int] = []
-    left: list[int] = []
-    for edge, closing in zip(at[order].tolist(), forward[order].tolist(), strict=True):
-        if not closing:
-            opened.append(edge)
-        elif opened:
-            yield opened.pop(), edge
-        else:
-            left.append(edge)
-    for edge in left:
-        if opened:
-            yield opened.pop(), edge
+    start, end = faces.ravel()[edges], faces.ravel()[_next(edges)]
+    apex = faces.ravel()[_next(_next(edges))]
+    closes = start < end
+    low = vertices[np.minimum(start, end)]
+    axis = vertices[np.maximum(start, end)] - low
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    out = vertices[apex] - low
+    out -= np.einsum("ij,ij->i", out, axis)[:, None] * axis
+    _, first, number = np.unique(line, return_index=True, return_inverse=True)
+    reference = out[first[number]]
+    side = np.cross(axis, reference)
+    angle = np.arctan2(np.einsum("ij,ij->i", out, side), np.einsum("ij,ij->i", out, reference))
+    angle = np.where(angle < -ALIKE, angle + 2 * np.pi, angle)
+    by_angle = np.lexsort((angle, line))
+    apart = (np.diff(angle[by_angle], prepend=0) > ALIKE) | (np.diff(line[by_angle], prepend=0) > 0)
+    group = np.empty(len(edges), np.int64)
+    group[by_angle] = np.cumsum(apart)
+    left = np.lexsort((np.where(closes, -edges, edges), ~closes, group))
+    opening, closing = [], []
+    while len(left):
+        # Of each facet, the next one round its line.
+        after = np.roll(np.arange(len(left)), -1)
+        first = np.flatnonzero(np.diff(line[left], prepend=-1))
+        last = np.append(first[1:], len(left)) - 1
+        after[last] = first
+        pairs = np.flatnonzero(~closes[left] & closes[left[after]])
+        if not len(pairs):
+            break
+        opening.append(edges[left[pairs]])
+        closing.append(edges[left[after[pairs]]])
+        left = np.delete(left, np.concatenate([pairs, after[pairs]]))
+    return np.concatenate([*opening, edges[:0]]), np.concatenate([*closing, edges[:0]])
 
 
 def _next(edges: NDArray[np.int64]) -> NDArray[np.int64]:
