@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from manifold3d import Manifold, Mesh64
+from manifold3d import Error, Manifold, Mesh64
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -69,9 +69,13 @@ class Body:
         """The same with all facets facing the other way."""
         return Body(self.vertices, self.faces[:, ::-1])
 
-    def solid(self) -> Manifold:
-        """Return it as a solid, empty if it has no inside."""
-        return Manifold(Mesh64(np.array(self.vertices), np.array(self.faces, dtype=np.uint64)))
+    def solid(self, where: str = "") -> Manifold:
+        """Return it as a solid; refuse it (`ShipError`) if it is none."""
+        faces = np.array(self.faces, dtype=np.uint64)
+        solid = Manifold(Mesh64(np.array(self.vertices), faces))
+        if solid.status() != Error.NoError or not solid.num_tri():
+            raise ShipError(f"{where} is not the surface of a solid, but must be one.")
+        return solid
 
     def joined(self, other: Body) -> Body:
         """Return both as one."""
@@ -80,14 +84,11 @@ class Body:
             np.concatenate([self.faces, other.faces + len(self.vertices)]),
         )
 
-    def is_within(self, other: Body) -> bool:
+    def is_within(self, other: Body, where: str) -> bool:
         """Return whether it lies inside another; both face outward."""
-        low, high = other.bounds
-        if (self.bounds[0] < low).any() or (self.bounds[1] > high).any():
-            return False
         if self.volume >= (1 - WITHIN) * other.volume:
             return False  # the same
-        return bool((self.solid() - other.solid()).volume() <= WITHIN * self.volume)
+        return bool((self.solid(where) - other.solid(where)).volume() <= WITHIN * self.volume)
 
 
 @dataclass
@@ -95,14 +96,17 @@ class Workshop:
     """What is known of a mesh while its bodies are found, and its faults that are mended."""
 
     where: str  # name of the mesh in messages
-    locate: Callable[[Floats], Floats]  # from [m] to the file's coordinates
+    locate: Callable[[Floats], Floats] | None  # from [m] to the file's coordinates
     repair: bool
     faults: list[str] = field(default_factory=list)
 
     def place(self, points: Floats) -> str:
         """Return the middle of some points in the file's coordinates, as text."""
-        middle = self.locate(((points.min(axis=0) + points.max(axis=0)) / 2)[None])[0]
-        return f"({', '.join(f'{coordinate + 0.0:.4g}' for coordinate in middle)})"
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        if self.locate is not None:
+            middle = self.locate(middle[None])[0]
+        words = ", ".join(f"{coordinate + 0.0:.4g}" for coordinate in middle)
+        return f"({words})" if self.locate is None else f"({words}) of the file"
 
 
 def closed_bodies(
@@ -110,7 +114,7 @@ def closed_bodies(
     faces: NDArray[np.integer],
     *,
     where: str,
-    locate: Callable[[Floats], Floats] = lambda points: points,
+    locate: Callable[[Floats], Floats] | None = None,
     repair: bool = False,
 ) -> tuple[list[Body], tuple[str, ...]]:
     """Return the closed bodies of a mesh, wound outward, and its faults that are mended.
@@ -123,7 +127,7 @@ def closed_bodies(
         Corners of each facet, all different.
     where : str
         Name of the mesh in messages.
-    locate : callable
+    locate : callable, optional
         Returns points in the file's coordinates, in which messages say where something is.
     repair : bool
         Whether openings of at most `MOST_OPEN` of the surface, and any below the waterline, are
@@ -155,7 +159,7 @@ def closed_bodies(
         surface = surface.split()
     found = _outward([_body(surface, facets) for facets in members], work)
     if surface.is_pinched:
-        found = [_unpinched(body) for body in found]
+        found = [_unpinched(body, where) for body in found]
     return found, tuple(work.faults)
 
 
@@ -164,12 +168,12 @@ def _body(surface: Surface, facets: NDArray[np.int64]) -> Body:
     return Body(surface.vertices[used], faces.reshape(-1, 3).astype(np.int64))
 
 
-def _unpinched(body: Body) -> Body:
+def _unpinched(body: Body, where: str) -> Body:
     """Return a body in which two facets meet at each edge, though it touches itself along one."""
     if not surface_of(body.vertices, body.faces).is_pinched:
         return body
     if body.volume:
-        return Body.of(body.solid())
+        return Body.of(body.solid(where))
     # A plate: each of its triangles becomes a plate of its own, with a front and a back.
     corners = body.vertices[np.unique(np.sort(body.faces, axis=1), axis=0)]
     front = np.arange(3 * len(corners)).reshape(-1, 3)
@@ -192,8 +196,8 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
     if one_sided := np.flatnonzero(labels[0] == labels[1]).tolist():
         place = work.place(vertices[faces[one_sided[0]]])
         raise ShipError(
-            f"{work.where} has facets wound both ways at {place} of its file, but must have an "
-            "inner and an outer side."
+            f"{work.where} has facets wound both ways at {place}, but must have an inner and an "
+            "outer side."
         )
     sizes = np.bincount(labels[0], minlength=labels.max() + 1)
     here, there = sizes[labels]
@@ -201,7 +205,7 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
     place = work.place(vertices[faces[wrong][0]])
     work.faults.append(
         f"{_counted(int(wrong.sum()), 'facet')} wound the other way than those around "
-        f"(the first at {place} of the file)"
+        f"(the first at {place})"
     )
     return np.where(wrong[:, None], faces[:, ::-1], faces)
 
@@ -231,14 +235,15 @@ def _welded(surface: Surface, work: Workshop) -> Surface:
 def _without_openings(surface: Surface, work: Workshop) -> Surface:
     """Return a split surface whose openings are closed; refuse it if they may not be."""
     found = openings(surface)
-    whole = float(triangle_areas(surface.corners).sum())
-    seen = np.array([surface.vertices[loop, 2].max() > 0 for loop in found.loops])
+    whole = float(triangle_areas(surface.corners).sum() + found.areas.sum())
+    water = APART * float(np.ptp(surface.vertices, axis=0).max())
+    seen = np.array([surface.vertices[loop, 2].max() > water for loop in found.loops])
     share = float(found.areas[seen].sum()) / whole
     largest = int(np.argmax(found.areas))
     measures = (
         f"{_counted(len(found.loops), 'opening')} (above water {100 * share:.2g} % of its surface; "
         f"the largest is {found.areas[largest]:,.1f} m2, at "
-        f"{work.place(surface.vertices[found.loops[largest]])} of the file)"
+        f"{work.place(surface.vertices[found.loops[largest]])})"
     )
     if not work.repair or share > MOST_OPEN:
         advice = (
@@ -277,11 +282,15 @@ def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
     given, flat = [one for one in bodies if one.volume], [one for one in bodies if not one.volume]
     inverse = sum(one.volume for one in given) < 0
     outward = [one if one.volume > 0 else one.turned for one in given]
+    bounds = np.array([one.bounds for one in outward]).reshape(-1, 2, 3)
     kept, cavities, wrong = [], [], []
     for number, (body, one) in enumerate(zip(given, outward, strict=True)):
         around = []
         if (body.volume < 0) != inverse:
-            around = [k for k, other in enumerate(outward) if k != number and one.is_within(other)]
+            # Most bodies are told apart by their bounds; only the others are compared as solids.
+            larger = (bounds[:, 0] <= one.bounds[0]) & (bounds[:, 1] >= one.bounds[1])
+            others = np.flatnonzero(larger.all(axis=1)).tolist()
+            around = [k for k in others if k != number and one.is_within(outward[k], work.where)]
         if len(around) % 2:
             cavities.append((number, around))
         else:
@@ -295,9 +304,9 @@ def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
     if wrong:
         place = work.place(given[wrong[0]].vertices)
         work.faults.append(
-            "all facets facing inward"
+            "its whole surface inside out"
             if len(wrong) == len(bodies)
-            else f"{len(wrong)} of {len(bodies)} bodies inside out (the first at {place} of the file)"
+            else f"{len(wrong)} of {len(bodies)} bodies inside out (the first at {place})"
         )
     return [*whole.values(), *flat]
 

@@ -156,7 +156,8 @@ def load(
         Vertices in ship axes [m]: x to the bow, y to port, z up, origin amidships on the
         waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
         and `beam` [m], which for a sheet are those of the hull without overhanging parts,
-        `findings`, `mend` and `faults` of `describe`, and `variant_of`, the ship of a variant, or None.
+        `findings`, `mend` and `faults` of `describe`, and `variant_of`, the ship of a variant, or
+        None.
 
     Raises
     ------

@@ -8,7 +8,6 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from manifold3d import Error, Manifold
 from numpy.typing import NDArray
 
 from ncti.ships.bodies import Body, closed_bodies
@@ -91,27 +90,26 @@ def place(
     # Imported where it is used: trimesh takes half a second.
     import trimesh
 
-    ship = [trimesh.Trimesh(vertices, faces, process=False)]
-    (whole,) = _in_ship_frame(ship, transform, where)
-    return _above_water([Body(np.asarray(whole.vertices), whole.faces)], transform, where, ())
+    (ship,) = _in_ship_frame([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
+    body = Body(np.asarray(ship.vertices), np.asarray(ship.faces))
+    return _above_water([body], transform, where, ())
 
 
 def _in_ship_frame(
     parts: list[trimesh.Trimesh], transform: Transform, where: str
 ) -> list[trimesh.Trimesh]:
     """Return transformed geometries; refuse those that are no ship by their size."""
-    import trimesh
-
     if not transform.is_identity:
         with np.errstate(all="ignore"):  # what is not finite is refused below
             for part in parts:
                 part.vertices = transform.apply(part.vertices)
     if not all(np.isfinite(part.vertices).all() for part in parts):
         raise ShipError(f"{where} has vertices that are NaN or infinite, but all must be finite.")
-    whole = trimesh.util.concatenate(parts)
-    if len(whole.faces) == 0:
+    corners = [part.vertices[part.faces.ravel()] for part in parts if len(part.faces)]
+    if not corners:
         raise ShipError(f"{where} is empty, but must have facets.")
-    _check_size(float(whole.extents.max()), transform.scale, where)
+    extent = float(np.ptp(np.concatenate(corners), axis=0).max())
+    _check_size(extent, transform.scale, where)
     return parts
 
 
@@ -126,10 +124,11 @@ def _bodies(
         merged = [_merged(trimesh.util.concatenate(parts))]
     if not sum(len(part.faces) for part in merged):
         raise ShipError(f"{where} is empty, but must have facets.")
-    whole = trimesh.util.concatenate(merged)
+    starts = np.cumsum([0, *(len(part.vertices) for part in merged)])
+    faces = [part.faces + start for part, start in zip(merged, starts[:-1], strict=True)]
     return closed_bodies(
-        np.asarray(whole.vertices),
-        whole.faces,
+        np.concatenate([part.vertices for part in merged]),
+        np.concatenate(faces),
         where=where,
         locate=transform.undo,
         repair=transform.repair,
@@ -152,7 +151,7 @@ def _above_water(
     if not given:
         raise ShipError(f"{where} has no inside, but must be the surface of a solid.")
     if len(given) > 1 or low < 0:
-        solid = union([_solid(body, where) for body in given])
+        solid = union([body.solid(where) for body in given])
         if low < 0:
             solid = solid.trim_by_plane((0, 0, 1), 0)
         plates = [body for body in bodies if not body.volume and body.bounds[0, 2] >= 0]
@@ -233,10 +232,3 @@ def check_closed(mesh: trimesh.Trimesh, where: str) -> None:
     faults = closed_bodies(np.asarray(mesh.vertices), mesh.faces, where=where)[1]
     if faults:
         raise ShipError(f"{where} has {faults[0]}, but must be closed, with outward facets.")
-
-
-def _solid(body: Body, where: str) -> Manifold:
-    solid = body.solid()
-    if solid.status() != Error.NoError:
-        raise ShipError(f"{where} is not the surface of a solid, but must be one.")
-    return solid

@@ -130,9 +130,7 @@ def _points_down(
     return low < SHORT * high
 
 
-def _shift(
-    vertices: Floats, faces: NDArray[np.integer], up: str
-) -> tuple[Floats, list[str]]:
+def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Floats, list[str]]:
     """Return the offset [m] to the ship's origin, and what is wrong with that of the mesh.
 
     Vertices are in ship axes, and `up` is the axis of the mesh that points up there.

@@ -65,7 +65,8 @@ def surface_of(vertices: Floats, faces: Faces) -> Surface:
     line = np.repeat(np.arange(len(counts)), counts)
     several = np.repeat(counts > 2, counts)
     if several.any():
-        opening, closing = _around_solid(vertices, faces, order[several], line[several])
+        patches = components(one // 3, other // 3, len(faces))
+        opening, closing = _around_solid(vertices, faces, order[several], line[several], patches)
         one, other = np.concatenate([one, opening]), np.concatenate([other, closing])
     partners[one], partners[other] = other, one
     return Surface(vertices, faces, partners, is_pinched=bool(several.any()))
@@ -100,17 +101,29 @@ def _in_twos(
 
 
 def _around_solid(
-    vertices: Floats, faces: Faces, edges: NDArray[np.int64], line: NDArray[np.int64]
+    vertices: Floats,
+    faces: Faces,
+    edges: NDArray[np.int64],
+    line: NDArray[np.int64],
+    patches: NDArray[np.int32],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return pairs of edges on a line between whose facets there is solid.
 
     Going round a line, a facet whose edge runs backward opens a solid and one whose edge runs
-    forward closes the one opened last, as brackets do. Of facets that lie on each other, those
-    that close come first; of equal ones, copies of a body are matched in the order of the file.
+    forward closes the one opened last, as brackets do. A patch of facets that are neighbours
+    elsewhere is matched by itself where as many of it open as close. Of facets that lie on each
+    other, those that close come first; of equal ones, copies of a body are matched in the order of
+    the file.
     """
     start, end = faces.ravel()[edges], faces.ravel()[_next(edges)]
     apex = faces.ravel()[_next(_next(edges))]
     closes = start < end
+    patch = patches[edges // 3].astype(np.int64)
+    own = np.unique(line * len(faces) + patch, return_inverse=True)[1]
+    balanced = np.bincount(own, np.where(closes, 1, -1))[own] == 0
+    line = np.unique(np.stack([line, np.where(balanced, patch, -1)]), axis=1, return_inverse=True)[
+        1
+    ]
     low = vertices[np.minimum(start, end)]
     axis = vertices[np.maximum(start, end)] - low
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
@@ -147,9 +160,7 @@ def _next(edges: NDArray[np.int64]) -> NDArray[np.int64]:
     return edges - edges % 3 + (edges + 1) % 3
 
 
-def components(
-    one: NDArray[np.int64], other: NDArray[np.int64], count: int
-) -> NDArray[np.int32]:
+def components(one: NDArray[np.int64], other: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     """Return the number of the component of each node of a graph, given the ends of its links."""
     links = coo_array((np.ones(len(one), bool), (one, other)), shape=(count, count))
     labels: NDArray[np.int32] = connected_components(links, directed=False)[1]

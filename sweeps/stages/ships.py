@@ -12,7 +12,16 @@ from ncti.ships.loading import LONGEST_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
 from ncti.ships.transform import AXES, FARTHEST, LARGEST_SCALE, SMALLEST_SCALE
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.kinds import Text, Value, Word, ascending, shown
-from sweeps.engine.settings import Setting, Settings, number, read_entries, switch, text, vector, word
+from sweeps.engine.settings import (
+    Setting,
+    Settings,
+    number,
+    read_entries,
+    switch,
+    text,
+    vector,
+    word,
+)
 
 SUFFIXES = SHEET_SUFFIXES + MESH_SUFFIXES
 _ONE = "it is of one ship"

@@ -7,16 +7,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from manifold3d import Manifold
 from shipyard import sentence, solid_of
 
 from ncti import ships
-from ncti.ships import bodies
-from ncti.ships.surfaces import surface_of
+from ncti.ships import meshes
+from ncti.ships.bodies import APART, MOST_OPEN
 
-DRAUGHT = 4.5
+LOOSE = 0.4 * APART  # corners of a vertex are at most twice as far from each other
 
 
 def block(low, high) -> trimesh.Trimesh:
@@ -59,13 +59,14 @@ def loose(mesh: trimesh.Trimesh, distance: float) -> trimesh.Trimesh:
     return trimesh.Trimesh((corners + step).reshape(-1, 3), faces, process=False)
 
 
-def in_compartments(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh cut by bulkheads and a deck into bodies that share these."""
+def in_compartments(mesh: trimesh.Trimesh, *, turned: bool = False) -> trimesh.Trimesh:
+    """The mesh cut by bulkheads and a deck into bodies that share these, one of them turned."""
     parts = [solid_of(mesh)]
     for normal, offset in (((1, 0, 0), -20), ((1, 0, 0), 15), ((0, 0, 1), 3)):
         halves = [part.split_by_plane(normal, offset) for part in parts]
         parts = [part for both in halves for part in both if part.num_tri()]
-    return together(*map(mesh_of, parts))
+    first, *others = map(mesh_of, parts)
+    return together(inverted(first) if turned else first, *others)
 
 
 def wound_at_random(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -96,21 +97,217 @@ def with_neighbour(mesh: trimesh.Trimesh, *, turned: bool = False) -> trimesh.Tr
 KINDS: dict[str, tuple[Callable[[trimesh.Trimesh], trimesh.Trimesh], str]] = {
     # what becomes of a ship, and a part of the sentence on it
     "as it is": (lambda mesh: mesh, ""),
-    "inside out": (inverted, "1 of 1 body inside out"),
+    "inside out": (inverted, "whole surface inside out"),
     "wound at random": (wound_at_random, "wound the other way"),
     "a body inside out": (lambda mesh: with_neighbour(mesh, turned=True), "1 of 3 bodies inside"),
     "bodies that share an edge": (with_neighbour, ""),
     "bodies that share faces": (in_compartments, ""),
+    "a compartment inside out": (
+        lambda mesh: in_compartments(mesh, turned=True),
+        "1 of 6 bodies inside out",
+    ),
     "bodies given twice": (lambda mesh: together(mesh, mesh), "1 body given twice"),
     "given twice, once inside out": (lambda mesh: together(mesh, inverted(mesh)), "given twice"),
     "a cavity": (with_cavity, ""),
-    "a cavity, all inside out": (lambda mesh: inverted(with_cavity(mesh)), "2 of 2 bodies"),
-    "loose vertices": (lambda mesh: loose(mesh, 4e-6 * np.ptp(mesh.vertices)), "vertices less"),
+    "a cavity, all inside out": (
+        lambda mesh: inverted(with_cavity(mesh)),
+        "whole surface inside out",
+    ),
+    "loose vertices": (lambda mesh: loose(mesh, LOOSE * mesh.extents.max()), "vertices less"),
     "an opening of 1 %": (lambda mesh: opened(mesh, 0.01, (30, 6, 5)), "opening"),
     "an opening of 4 %": (lambda mesh: opened(mesh, 0.04, (0, 0, 20)), "opening"),
     "no bottom": (without_bottom, "opening"),
     "loose and open": (
-        lambda mesh: loose(opened(mesh, 0.02, (-30, -6, 5)), 4e-6 * np.ptp(mesh.vertices)),
+        lambda mesh: loose(opened(mesh, 0.02, (-30, -6, 5)), LOOSE * mesh.extents.max()),
         "opening",
     ),
 }
+
+
+def stored(mesh: trimesh.Trimesh) -> bytes:
+    return mesh.export(file_type="stl")
+
+
+def read(mesh: trimesh.Trimesh, **how) -> tuple[trimesh.Trimesh, str]:
+    """What is made of a file, and what is said of it."""
+    placed = meshes.read(stored(mesh), ".stl", ships.Transform(**how), where="mesh hulk")
+    found = trimesh.Trimesh(placed.vertices, placed.faces, process=False)
+    assert found.is_watertight and found.is_winding_consistent
+    return found, "; ".join(placed.faults)
+
+
+def refused(mesh: trimesh.Trimesh, **how) -> str:
+    with pytest.raises(ships.ShipError) as caught:
+        read(mesh, **how)
+    return sentence(caught.value)
+
+
+@pytest.fixture(scope="module", params=["texas", "connole"])
+def hull(request, ship) -> trimesh.Trimesh:
+    mesh = ship(request.param)
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    mesh.merge_vertices()
+    return mesh
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_ship_with_faults_is_the_ship_that_was_meant(kind, hull):
+    """Openings cost at most the share of the surface that is gone, the rest nothing but rounding.
+
+    A file has float32: 4e-6 m at 70 m, and loose vertices are moved by `LOOSE` of the length. The
+    volume changes by at most the surface times that.
+    """
+    make, said = KINDS[kind]
+    given = make(hull)
+    if "opening" in said:
+        assert "repair: true would close it" in refused(given)
+    found, faults = read(given, repair="opening" in said)
+    assert said in faults and bool(said) == bool(faults)
+    moved = (LOOSE * hull.extents.max() if "loose" in kind else 0) + 1e-5
+    meant = {"a cavity": -20.0, "bodies that share an edge": 24.0, "a body inside out": 24.0}
+    volume = hull.volume + meant.get(kind.partition(",")[0], 0.0)
+    gone = 0.05 * hull.volume if "opening" in kind or "open" in kind.split() else 0.0
+    assert found.volume == pytest.approx(volume, rel=0, abs=moved * hull.area + gone)
+
+
+BOXES = st.lists(
+    st.tuples(*[st.tuples(st.integers(0, 5), st.integers(1, 4))] * 3, st.booleans()),
+    min_size=1,
+    max_size=5,
+)
+
+
+def corners(boxes) -> list[tuple[np.ndarray, np.ndarray, bool]]:
+    """Least and greatest coordinates of boxes, and whether they are inside out."""
+    return [
+        (np.array([low for low, _ in spans]), np.array([low + size for low, size in spans]), turned)
+        for *spans, turned in boxes
+    ]
+
+
+def boxes_together(boxes) -> tuple[trimesh.Trimesh, int]:
+    """Boxes in one mesh, and how many unit cubes any of them covers."""
+    cubes = np.zeros((10, 10, 10), dtype=bool)
+    parts = []
+    for low, high, turned in boxes:
+        cubes[tuple(map(slice, low, high))] = True
+        parts.append(inverted(block(low, high)) if turned else block(low, high))
+    return together(*parts), int(cubes.sum())
+
+
+def meet(one, other) -> bool:
+    """Whether a side of a box lies on one of another, or it lies in the other."""
+    (low, high, _), (other_low, other_high, _) = one, other
+    shared = np.minimum(high, other_high) - np.maximum(low, other_low)
+    equal = (low == other_low) | (high == other_high) | (low == other_high) | (high == other_low)
+    on_each_other = any(
+        equal[axis] and shared[axis] >= 0 and (np.delete(shared, axis) > 0).all()
+        for axis in range(3)
+    )
+    return on_each_other or bool(((low >= other_low) & (high <= other_high)).all())
+
+
+@settings(max_examples=150, deadline=None)
+@given(boxes=BOXES)
+def test_bodies_that_touch_in_any_way_are_united(boxes):
+    """Whether they share facets, parts of them, edges or corners, overlap or are the same."""
+    mesh, volume = boxes_together([(low, high, False) for low, high, _ in corners(boxes)])
+    assert read(mesh)[0].volume == pytest.approx(volume, rel=1e-6)
+
+
+@settings(max_examples=100, deadline=None)
+@given(boxes=BOXES)
+def test_bodies_inside_out_are_turned(boxes):
+    """Whatever they overlap, and touch along edges and at corners; what is within is a cavity."""
+    given = corners(boxes)
+    assume(not any(meet(one, other) for one in given for other in given if one is not other))
+    mesh, volume = boxes_together(given)
+    found, faults = read(mesh)
+    assert found.volume == pytest.approx(volume, rel=1e-6)
+    assert bool(faults) == any(turned for *_, turned in given)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    share=st.floats(0.001, 0.2),
+    at=st.tuples(st.floats(-60, 60), st.sampled_from([-6.0, 6.0]), st.floats(0, 20)),
+)
+def test_an_opening_is_closed_up_to_a_share_of_the_surface(share, at):
+    """A ball of 5 m: a cap of it is closed by its plane, which is smaller than the cap."""
+    ball = trimesh.creation.icosphere(3, 5.0)
+    ball.apply_translation((0, 0, 6))
+    given = opened(ball, share, at)
+    assume(len(given.faces) < len(ball.faces))
+    assert "is open along" in refused(given)
+    try:
+        found, faults = read(given, repair=True)
+    except ships.ShipError as error:
+        assert share > MOST_OPEN and "closes at most 5 %" in str(error)
+        return
+    assert "opening" in faults
+    # The plane is at least 1 - share of the cap, and cuts off at most that share of the diameter.
+    assert ball.area * (1 - share) < found.area < ball.area
+    assert ball.volume * (1 - share) < found.volume < ball.volume
+
+
+def test_what_is_said_of_an_opening():
+    """Number of edges, area and place in the file's coordinates, here millimetres with y up."""
+    box = block((-50, -6, 0), (50, 6, 8))
+    gone = (box.triangles[:, :, 0] > 49).all(axis=1)
+    box.update_faces(~gone)
+    box.apply_transform(np.diag([1000, 1000, 1000, 1]))
+    box.vertices = box.vertices @ ships.Transform(up="y").axes
+    said = refused(box, up="y", scale=0.001)
+    assert "open along 4 edges in 1 opening" in said and "the largest is 96.0 m2" in said
+    assert "at (5e+04, 4000, 0) of the file" in said
+    assert "repair: true would close it" in said  # 96 of 4,096 m2
+
+
+def test_larger_openings_are_refused():
+    box = block((-50, -6, 0), (50, 6, 8))
+    box.update_faces(box.triangles[:, :, 2].min(axis=1) < 8)
+    assert "closes at most 5 %" in refused(box) and "closes at most 5 %" in refused(
+        box, repair=True
+    )
+
+
+def test_a_one_sided_surface_is_refused_with_its_place():
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    out, up = np.cos(turn / 2), np.sin(turn / 2)
+    ring = 20 * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(24)])
+    half = np.column_stack([out * np.cos(turn), out * np.sin(turn), up])
+    vertices = np.concatenate([ring + half, ring - half]) + np.array([0, 0, 5])
+    faces = []
+    for k in range(24):
+        a, b = (k, (k + 1) % 24)
+        one, other = (b, b + 24) if b else (24, 0)
+        faces += [[a, one, a + 24], [one, other, a + 24]]
+    said = refused(trimesh.Trimesh(vertices, faces, process=False))
+    assert "facets wound both ways at (" in said
+
+
+def test_plates_without_thickness_stay():
+    """As do their fronts and backs; beside a hull, across the waterline, they are left out."""
+    plate = trimesh.Trimesh([[0, 3, 9], [9, 3, 9], [9, 3, 12], [0, 3, 12]], [[0, 1, 2], [0, 2, 3]])
+    plate = together(plate, inverted(plate))
+    hull = block((-50, -6, 0), (50, 6, 8))
+    found, _ = read(together(hull, plate))
+    assert found.area == pytest.approx(hull.area + 2 * 27)
+    assert found.volume == pytest.approx(hull.volume)
+    assert "no inside" in refused(plate)
+    assert not ships.is_symmetric(found)
+
+
+def test_a_mesh_in_memory_is_refused_for_a_body_inside_out(tmp_path):
+    ship = together(block((-50, -6, 0), (50, 6, 8)), inverted(block((0, -2, 9), (8, 2, 12))))
+    with pytest.raises(ships.ShipError, match=r"1 of 2 bodies inside out .*at \(4, 0, 10.5\)"):
+        meshes.check_closed(ship, "ship")
+
+
+def test_repair_is_in_the_digest(tmp_path):
+    path = tmp_path / "hulk.stl"
+    path.write_bytes(stored(block((-50, -6, 0), (50, 6, 8))))
+    assert ships.digest(path) != ships.digest(path, repair=True)
+    assert ships.load(path, repair=True).metadata["faults"] == ()
+    with pytest.raises(ships.ShipError, match="repair is 1, but must be True or False"):
+        ships.load(path, repair=1)

@@ -33,7 +33,14 @@ def test_what_stands_on_the_middle_or_on_both_sides():
 def test_triangles_need_not_be_mirrored():
     plain = barge()
     port = np.flatnonzero(plain.triangles_center[:, 1] > 0)
-    finer = plain.subdivide(face_index=port)
+    # A vertex in the middle of each facet of one side.
+    middle = np.arange(len(port)) + len(plain.vertices)
+    a, b, c = plain.faces[port].T
+    thirds = [np.column_stack([*pair, middle]) for pair in ((a, b), (b, c), (c, a))]
+    faces = np.concatenate([np.delete(plain.faces, port, axis=0), *thirds])
+    vertices = np.concatenate([plain.vertices, plain.triangles_center[port]])
+    finer = trimesh.Trimesh(vertices, faces, process=False)
+    assert finer.is_watertight
     sides = [(finer.triangles_center[:, 1] * side > 0).sum() for side in (1, -1)]
     assert sides[0] > 2 * sides[1]
     assert ncti.ships.is_symmetric(finer)

@@ -52,7 +52,7 @@ def test_a_mesh_that_is_no_solid_is_refused(simulated):
     inverted.invert()
     opened.update_faces(np.arange(len(opened.faces)) > 0)
     for wrong, reason in ((inverted, "inside out"), (opened, "is open")):
-        with pytest.raises(ValueError, match=f"ship {reason}|ship is {reason}"):
+        with pytest.raises(ValueError, match=f"ship .*{reason}"):
             simulated(wrong)
 
 

@@ -1,5 +1,6 @@
 """A user's mesh in a whole sweep: on the command line, in an experiment's file, in the store."""
 
+import numpy as np
 import pytest
 import trimesh
 from commands import FAST, opened, ran
@@ -42,3 +43,17 @@ def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsy
     assert attributes["mesh_transforms"] == {"hull": "up: y, scale: 0.001"}
     digest = ncti.ships.digest(folder / "hull.stl", up="y", scale=0.001)
     assert attributes["mesh_digests"]["hull"] == digest
+
+
+def test_a_line_says_what_was_mended(mesh, folder, capsys):
+    """Of a ship inside out, whose largest deck facets are missing besides."""
+    path = folder / "hull.stl"
+    broken = trimesh.load(path)
+    broken.update_faces(broken.area_faces < np.partition(broken.area_faces, -4)[-4])
+    broken.invert()
+    broken.export(path)
+    assert ran(MILLIMETRES, "dry_run=true") == 2
+    assert "repair: true would close it" in capsys.readouterr().err
+    assert ran(MILLIMETRES.replace("}", ", repair: true}"), "dry_run=true") == 0
+    said = capsys.readouterr().err
+    assert "opening" in said and "inside out, which are mended\n" in said
