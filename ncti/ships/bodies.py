@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from manifold3d import Error, Manifold, Mesh64
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ncti.ships.errors import ShipError
 from ncti.ships.surfaces import (
@@ -212,6 +211,8 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
 
 def _welded(surface: Surface, work: Workshop) -> Surface:
     """Return a surface in which close vertices along open edges are one."""
+    from scipy.spatial import cKDTree  # slow to import
+
     vertices, faces = surface.vertices, surface.faces
     distance = APART * float(np.ptp(vertices, axis=0).max())
     edges = surface.open
