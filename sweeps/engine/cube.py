@@ -67,7 +67,8 @@ class Filling:
     def values(self, region: Region) -> NDArray[Any]:
         """Return the values of the region; raise `Damaged` if a cell cannot be read back."""
         output, own = self.output, self.own
-        flat = np.full((math.prod(self.shape), *own), output.empty, dtype=output.dtype)
+        dtype, empty = output.in_store
+        flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
         flat[self.lost] = FAILED
         cells = undamaged_cells(self.packs, self.spots)
         for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
@@ -196,13 +197,14 @@ class Cube:
         own = [lengths[dim] for dim in output.dims]
         shape = (*(len(self.plan.axes[number].points) for number in layout.axes), *own)
         dims = (*(names[number] for number in layout.axes), *output.dims)
-        dtype = np.dtype(output.dtype)
+        dtype, empty = output.in_store
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if words else {"units": output.unit}
         attrs |= {"long_name": output.label}
-        if output.role == SHARE:  # of which xarray makes numbers from 0 to 1
-            attrs["scale_factor"] = 1 / int(np.iinfo(dtype).max)
+        if output.role == SHARE:  # of which xarray makes numbers from 0 to 1, and NaN
+            attrs["scale_factor"] = 1 / int(np.iinfo(output.dtype).max)
+            attrs["_FillValue"] = empty
         if output.role == MEASURED:
             attrs["comment"] = ANEW
         if output.role == STATE:
@@ -218,7 +220,7 @@ class Cube:
             texts = read(tuple(slice(0, size) for size in sizes))
             return Array.of(named, texts, attrs, coordinate=coordinate)
         how = partial(self._made_of, layout), make
-        return Array(named, sizes, dtype, attrs, read, parts, output.empty, coordinate, *how)
+        return Array(named, sizes, dtype, attrs, read, parts, empty, coordinate, *how)
 
     def _nodes(self, layout: Layout, ranges: Sequence[range]) -> Cells:
         """Return numbers of the results in ranges of a variable's axes, the last fastest."""

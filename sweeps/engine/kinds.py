@@ -251,9 +251,11 @@ def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
         raise ValueError(f"{key} is empty, but must hold at least one value")
     seen = set()
     for value in values:
-        if value in seen:
+        # A store ends texts at their last character that is not NUL.
+        label = value.rstrip("\0") if isinstance(value, str) else value
+        if label in seen:
             raise ValueError(f"{key} has {shown(value)} more than once, but values must differ")
-        seen.add(value)
+        seen.add(label)
     return tuple(sorted(values, key=rank))
 
 

@@ -55,6 +55,7 @@ def always(choices: Choices) -> bool:
 
 
 RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", "share"
+SHARES = ("u1", "u2", "u4")  # dtypes of shares, for which the store has a larger one with -1
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,14 @@ class Output:
         of_kind: dict[str, float | str] = {"f": np.nan, "U": "", "b": False, "u": 0}
         of_integers = -1 if self.pad is None else self.pad
         return of_kind.get(np.dtype(self.dtype).kind, of_integers)
+
+    @property
+    def in_store(self) -> tuple[np.dtype[Any], float | str]:
+        """Dtype and value of missing results in the store: shares have -1, which is none."""
+        dtype = np.dtype(self.dtype)
+        if self.role != SHARE:
+            return dtype, self.empty
+        return np.dtype(f"i{2 * dtype.itemsize}"), -1
 
 
 coordinate = partial(Output, role=COORDINATE)
@@ -523,6 +532,9 @@ def _of_stage(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
         for name in (output.name, *output.dims):
             yield from _bad_name(what, name)
         yield from _bad_dtype(f"{what}: {output.name}", output.dtype, stage.place_of(output))
+        if output.role == SHARE and output.dtype not in SHARES:
+            allowed = ", ".join(SHARES)
+            yield f"{what}: {output.name} has the dtype {output.dtype!r}, but a share must have one of {allowed}"
     stream = stage.stream or Stream(())
     named = (*stage.along, *stage.gather, *chain.from_iterable(stage.at.items()))
     named += (*stage.group.names, *(status.over if status else ()))

@@ -456,16 +456,31 @@ def _array(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> ND
         raise _refused(stage, output, "None")
     else:
         try:
-            array = np.asarray(given)
+            array, masked = _unmasked(given)
         except ValueError:
             raise _refused(stage, output, "rows of different lengths", "an array") from None
         if array.dtype != dtype:
             array = _cast(stage, output, array, dtype)
+        if masked.any():
+            if dtype.kind not in "fc":
+                raise _refused(stage, output, "masked values")
+            array = np.where(masked, dtype.type(np.nan), array)
     if array.shape[: len(along)] != along or array.ndim != len(along) + len(output.dims):
         leading = f"{along}, the numbers of values computed together, and " if along else ""
         allowed = f"one of {leading}{len(output.dims)} dimensions of its own"
         raise _refused(stage, output, f"an array of shape {array.shape}", allowed)
     return array
+
+
+def _unmasked(given: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return an array with 0 where it, or one of a list of arrays, is masked, and where it is."""
+    several = isinstance(given, list | tuple)
+    if isinstance(given, np.ma.MaskedArray) or (
+        several and any(isinstance(one, np.ma.MaskedArray) for one in given)
+    ):
+        whole = np.ma.stack([*map(np.ma.asarray, given)]) if several else given
+        return np.asarray(whole.filled(0)), np.ma.getmaskarray(whole)
+    return np.asarray(given), np.zeros((), bool)
 
 
 def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from small_stores import opened
-from toys import CALLS, Few, run_few
+from toys import CALLS, Few, of, run_few
 
 from sweeps.engine.errors import DeclarationError
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.stage import SHARE, Group, Output, stage
 from sweeps.engine.tasks import arrays_of
 
 
@@ -38,6 +41,11 @@ LOST = [
     ("U3", "abcd", "'abcd'"),
     ("U3", 3, "values of dtype int64"),
     ("U3", ["a", None], "None"),
+    ("i4", np.ma.array([1, 2], mask=[False, True]), "masked values"),
+    ("u1", np.ma.masked, "masked values"),
+    ("?", np.ma.array(True, mask=True), "masked values"),
+    ("U3", np.ma.array(["a", "b"], mask=[True, False]), "masked values"),
+    ("f4", np.ma.array([1e300, 1.0], mask=[False, True]), "1e+300"),
 ]
 
 
@@ -63,6 +71,13 @@ KEPT = [
     ("U3", [], []),
     ("U8", np.array(["a", "Å"], dtype=object), ["a", "Å"]),
     ("f8", [[1, 2], [3, 4]], [[1.0, 2.0], [3.0, 4.0]]),
+    ("f8", np.ma.masked, np.nan),
+    ("f4", np.ma.array(7, mask=True), np.nan),
+    ("f4", np.ma.array([1.5, 1e300], mask=[False, True]), [1.5, np.nan]),
+    ("f8", np.ma.array([2**60 + 1, 1], mask=[True, False]), [np.nan, 1.0]),
+    ("f8", [np.ma.masked, 2.0], [np.nan, 2.0]),
+    ("f8", [np.ma.array([1, 2], mask=[0, 1]), np.ma.array([3, 4])], [[1, np.nan], [3, 4]]),
+    ("i4", np.ma.array([1, 2]), [1, 2]),
 ]
 
 
@@ -71,6 +86,54 @@ def test_what_a_dtype_holds_is_kept(dtype, value, expected):
     found = returned(dtype, value, np.ndim(expected))
     assert found.dtype == dtype
     np.testing.assert_array_equal(found, np.array(expected, dtype=dtype))
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    values=arrays("f8", st.integers(0, 6), elements=st.floats(-1e6, 1e6)),
+    dtype=st.sampled_from(["f4", "f8"]),
+    data=st.data(),
+)
+def test_masked_values_are_nan_and_all_others_are_kept(values, dtype, data):
+    mask = data.draw(arrays("?", values.shape))
+    found = returned(dtype, np.ma.array(values, mask=mask), dims=1)
+    np.testing.assert_array_equal(found, np.where(mask, np.nan, values).astype(dtype))
+
+
+@stage(
+    Output("share", ("place",), label="share", dtype="u1", role=SHARE),
+    Output("fine", label="fine share", dtype="u2", role=SHARE),
+    uses=(Few,),
+    group=Group("all"),
+)
+def shares(size):
+    """Shares of 0, 1 and the size over 255; those of size 2 fail."""
+    if size == 2:
+        raise ValueError("no two")
+    return {"share": np.uint8([0, 255, size]), "fine": 65535 // 3 * (size % 3)}
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_shares_of_cells_that_failed_or_are_missing_are_nan(partial, tmp_path):
+    place = {"cache": tmp_path / "cache", "store": tmp_path / "s.zarr"}
+    sizes = (1, 3) if partial else (1, 2, 3)
+    run_few([shares], sizes=sizes, **place)
+    if partial:
+        place["store"] = tmp_path / "t.zarr"
+        run_few([shares], sizes=(1, 2, 3, 4), partial=True, **place)
+    found = opened(place["store"], "all")
+    there = [1, np.nan, 3, np.nan][: found.sizes["size"]]
+    np.testing.assert_array_equal(found.share[:, 0], [0 * size for size in there])
+    np.testing.assert_array_equal(found.share[:, 1], [size / size for size in there])
+    np.testing.assert_allclose(found.share[:, 2] * 255, there, rtol=1e-15)
+    np.testing.assert_allclose(found.fine * 3, [size % 3 for size in there], rtol=1e-15)
+    assert found.share.mean() == pytest.approx(np.nanmean([0, 1, 1 / 255, 0, 1, 3 / 255]))
+
+
+def test_a_share_has_a_dtype_that_leaves_room_for_what_is_missing():
+    wide = replace(shares, outputs=(replace(shares.outputs[1], dtype="u8"),))
+    with pytest.raises(DeclarationError, match=r"fine has the dtype 'u8', but .* u1, u2, u4"):
+        of(wide)
 
 
 @stage(Output("x", ("place",), label="x"), uses=(Few,), group=Group("all"))

@@ -96,6 +96,8 @@ REFUSED = [
     (Word(("x", "y")), ["x", "x"], "a.b has 'x' more than once"),
     (Switch(), 1, "a.b has 1, but every value must be one of true, false"),
     (Text(), "", "a.b has '', but every value must be a text that is not empty"),
+    (Text(), ["a", "a\0"], r"a.b has 'a\x00' more than once, but values must differ"),
+    (Text(), ["b\0", "b\0\0"], r"a.b has 'b\x00\x00' more than once"),
     (Text(), 3, "a.b has 3, but every value must be a text"),
     (Draws(9), [1], "a.b is [1], but must be a whole number from 1 to 9"),
     (Draws(9), 0, "a.b is 0, but must be a whole number from 1 to 9"),

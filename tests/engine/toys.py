@@ -218,15 +218,14 @@ def go(store, cache=None, kind="inline", workers=None, watch=None, **given):
     return run(SPRINGS, choices, store, cache, kind, workers, watch)
 
 
-def run(experiment, choices, store, cache=None, kind="inline", workers=None, watch=None):
+def run(experiment, choices, store, cache=None, kind="inline", workers=None, watch=None, **how):
     """Run an experiment into a store."""
     forget_all()  # as a new process would
     place = where("store", store)
     cache = Path(cache or namesake(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
-    return sweep(
-        experiment, choices, Place(place, cache, cluster), watch or Watch(lambda sentence: None)
-    )
+    place = Place(place, cache, cluster, **how)
+    return sweep(experiment, choices, place, watch or Watch(lambda sentence: None))
 
 
 class Told:
