@@ -55,7 +55,6 @@ def always(choices: Choices) -> bool:
 
 
 RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", "share"
-SHARES = ("u1", "u2", "u4")  # dtypes of shares, for which the store has a larger one with -1
 
 
 @dataclass(frozen=True)
@@ -531,10 +530,7 @@ def _of_stage(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
     for output in stage.outputs:
         for name in (output.name, *output.dims):
             yield from _bad_name(what, name)
-        yield from _bad_dtype(f"{what}: {output.name}", output.dtype, stage.place_of(output))
-        if output.role == SHARE and output.dtype not in SHARES:
-            allowed = ", ".join(SHARES)
-            yield f"{what}: {output.name} has the dtype {output.dtype!r}, but a share must have one of {allowed}"
+        yield from _bad_dtype(f"{what}: {output.name}", output, stage.place_of(output))
     stream = stage.stream or Stream(())
     named = (*stage.along, *stage.gather, *chain.from_iterable(stage.at.items()))
     named += (*stage.group.names, *(status.over if status else ()))
@@ -546,7 +542,8 @@ def _of_stage(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
         yield f"{what} takes {VALID}, but gathers nothing"
 
 
-def _bad_dtype(what: str, dtype: str, stored: Any) -> Iterator[str]:
+def _bad_dtype(what: str, output: Output, stored: Any) -> Iterator[str]:
+    dtype = output.dtype
     try:
         found = np.dtype(dtype)
     except TypeError:
@@ -557,6 +554,8 @@ def _bad_dtype(what: str, dtype: str, stored: Any) -> Iterator[str]:
     if not plain or (stored and not storable):
         allowed = "numbers of at most 8 bytes, truth values or texts of fixed width"
         yield f"{what} has the dtype {dtype!r}, but must have one of {allowed}"
+    elif output.role == SHARE and not (found.kind == "u" and found.itemsize < 8):
+        yield f"{what} has the dtype {dtype!r}, but a share must have one of u1, u2, u4"
 
 
 def _bad_name(what: str, name: str) -> Iterator[str]:
