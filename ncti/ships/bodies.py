@@ -14,15 +14,18 @@ from ncti.ships.errors import ShipError
 from ncti.ships.surfaces import (
     Faces,
     Floats,
+    Openings,
     Surface,
     components,
+    following,
     neighbours,
     openings,
     surface_of,
     triangle_areas,
 )
+from ncti.ships.welding import APART, counted, welded
 
-APART = 1e-5  # of the longest extent, up to which vertices along open edges are one
+MOST_OPENINGS = 10_000  # whose planes are sought
 MOST_OPEN = 0.05  # of the surface, up to which openings are closed on request
 FLAT = 1e-7  # volume over surface and longest extent, up to which a body has no inside
 WITHIN = 1e-6  # of a body's volume, which rounding leaves outside the body around it
@@ -104,7 +107,8 @@ class Workshop:
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         if self.locate is not None:
             middle = self.locate(middle[None])[0]
-        words = ", ".join(f"{coordinate + 0.0:.4g}" for coordinate in middle)
+        # Four digits, without exponents in the coordinates of a map.
+        words = ", ".join(f"{float(f'{coordinate:.4g}') + 0.0:.12g}" for coordinate in middle)
         return f"({words})" if self.locate is None else f"({words}) of the file"
 
 
@@ -147,7 +151,10 @@ def closed_bodies(
     work = Workshop(where, locate, repair)
     surface = surface_of(vertices, _wound_alike(vertices, np.asarray(faces, np.int64), work))
     if surface.open.size:
-        surface = _welded(surface, work)
+        surface, faults = welded(surface)
+        work.faults += faults
+        faces = _wound_alike(vertices, surface.faces, work)
+        surface = surface_of(vertices, faces) if faces is not surface.faces else surface
     if surface.open.size:
         surface = _without_openings(surface.split(), work)
     labels = surface.labels()
@@ -203,64 +210,59 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
     wrong = (here < there) | ((here == there) & (labels[0] > labels[1]))
     place = work.place(vertices[faces[wrong][0]])
     work.faults.append(
-        f"{_counted(int(wrong.sum()), 'facet')} wound the other way than those around "
+        f"{counted(int(wrong.sum()), 'facet')} wound the other way than those around "
         f"(the first at {place})"
     )
     return np.where(wrong[:, None], faces[:, ::-1], faces)
 
 
-def _welded(surface: Surface, work: Workshop) -> Surface:
-    """Return a surface in which close vertices along open edges are one."""
-    from scipy.spatial import cKDTree  # slow to import
-
-    vertices, faces = surface.vertices, surface.faces
-    distance = APART * float(np.ptp(vertices, axis=0).max())
-    edges = surface.open
-    rim = np.unique(np.concatenate([faces.ravel()[edges], faces[edges // 3, (edges + 1) % 3]]))
-    pairs = cKDTree(vertices[rim]).query_pairs(distance, output_type="ndarray")
-    if not len(pairs):
-        return surface
-    group = components(pairs[:, 0], pairs[:, 1], len(rim))
-    first = np.unique(group, return_index=True)[1]
-    kept = np.arange(len(vertices))
-    kept[rim] = rim[first[group]]
-    merged = kept[faces]
-    merged = merged[(np.diff(np.sort(merged, axis=1), axis=1) > 0).all(axis=1)]
-    work.faults.append(
-        f"{_counted(len(rim) - len(first), 'vertex', 'vertices')} less than {1000 * distance:.2g} "
-        "mm from another, both on open edges"
-    )
-    return surface_of(vertices, _wound_alike(vertices, merged, work))
-
-
 def _without_openings(surface: Surface, work: Workshop) -> Surface:
     """Return a split surface whose openings are closed; refuse it if they may not be."""
+    corner, edges = surface.faces.ravel(), surface.open
+    rim, ends = np.unique([corner[edges], corner[following(edges)]], return_inverse=True)
+    starts, stops = ends.reshape(2, -1)
+    number = int(components(starts, stops, len(rim)).max()) + 1
+    if number > MOST_OPENINGS:
+        many = f"{len(edges):,} edges in {number:,} openings"
+        raise ShipError(f"{work.where} is open along {many}, but must be a closed surface.")
     found = openings(surface)
-    whole = float(triangle_areas(surface.corners).sum() + found.areas.sum())
-    water = APART * float(np.ptp(surface.vertices, axis=0).max())
-    seen = np.array([surface.vertices[loop, 2].max() > water for loop in found.loops])
-    share = float(found.areas[seen].sum()) / whole
-    largest = int(np.argmax(found.areas))
-    measures = (
-        f"{_counted(len(found.loops), 'opening')} (above water {100 * share:.2g} % of its surface; "
-        f"the largest is {found.areas[largest]:,.1f} m2, at "
-        f"{work.place(surface.vertices[found.loops[largest]])})"
-    )
-    if not work.repair or share > MOST_OPEN:
-        advice = (
-            "repair: true would close it"
-            if share <= MOST_OPEN
-            else f"repair: true closes at most {100 * MOST_OPEN:g} %; add the missing facets"
-        )
-        raise ShipError(
-            f"{work.where} is open along {_counted(surface.open.size, 'edge')} in {measures}, but "
-            f"must be a closed surface ({advice})."
-        )
+    distance = APART * float(np.ptp(surface.vertices, axis=0).max())
+    wide = np.flatnonzero(2 * found.areas > distance * found.perimeters)
+    slits = len(found.loops) - len(wide)
     closed = surface_of(surface.vertices, np.concatenate([surface.faces, *found.patches]))
     if closed.open.size:
-        raise ShipError(f"{work.where} is open in {measures}, which cannot be closed.")
-    work.faults.append(measures)
+        raise ShipError(f"{work.where} is open at {work.place(closed.corners)}, where no plane is.")
+    if slits:
+        work.faults.append(f"{counted(slits, 'slit')} less than {1000 * distance:.2g} mm wide")
+    if len(wide):
+        work.faults.append(_opening(surface, found, wide, work))
     return closed
+
+
+def _opening(surface: Surface, found: Openings, wide: NDArray[np.int64], work: Workshop) -> str:
+    """Return what is said of openings; refuse the surface if they may not be closed."""
+    areas, loops = found.areas[wide], [found.loops[number] for number in wide]
+    water = APART * float(np.ptp(surface.vertices, axis=0).max())
+    seen = np.array([surface.vertices[loop, 2].max() > water for loop in loops])
+    whole = float(triangle_areas(surface.corners).sum() + found.areas.sum())
+    share = float(areas[seen].sum()) / whole
+    largest = int(np.argmax(areas))
+    measures = (
+        f"{counted(len(loops), 'opening')} (above water {100 * share:.2g} % of its surface; the "
+        f"largest is {areas[largest]:,.2f} m2, at {work.place(surface.vertices[loops[largest]])})"
+    )
+    if work.repair and share <= MOST_OPEN:
+        return measures
+    advice = (
+        "repair: true would close it"
+        if share <= MOST_OPEN
+        else f"repair: true closes at most {100 * MOST_OPEN:g} %; add the missing facets"
+    )
+    edges = counted(sum(map(len, loops)), "edge")
+    raise ShipError(
+        f"{work.where} is open along {edges} in {measures}, but must be a closed surface "
+        f"({advice})."
+    )
 
 
 def _distinct(
@@ -274,7 +276,7 @@ def _distinct(
         corners = np.sort(faces[facets], axis=1)
         known.setdefault(corners[np.lexsort(corners.T)].tobytes(), facets)
     if doubles := len(members) - len(known):
-        work.faults.append(f"{_counted(doubles, 'body', 'bodies')} given twice")
+        work.faults.append(f"{counted(doubles, 'body', 'bodies')} given twice")
     return list(known.values())
 
 
@@ -310,7 +312,3 @@ def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
             else f"{len(wrong)} of {len(bodies)} bodies inside out (the first at {place})"
         )
     return [*whole.values(), *flat]
-
-
-def _counted(number: int, one: str, several: str = "") -> str:
-    return f"{number:,} {one if number == 1 else several or f'{one}s'}"

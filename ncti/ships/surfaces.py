@@ -45,8 +45,8 @@ class Surface:
         """Return it with vertices of their own where facets meet that are no neighbours."""
         linked = np.flatnonzero(self.partners >= 0)
         mine, theirs = linked, self.partners[linked]
-        starts = np.concatenate([mine, _next(mine)])
-        ends = np.concatenate([_next(theirs), theirs])
+        starts = np.concatenate([mine, following(mine)])
+        ends = np.concatenate([following(theirs), theirs])
         corner = components(starts, ends, self.faces.size)
         vertices = np.empty((int(corner.max()) + 1, 3))
         vertices[corner] = self.vertices[self.faces.ravel()]
@@ -113,8 +113,8 @@ def _around_solid(
     other, those that close come first; of equal ones, copies of a body are matched in the order of
     the file.
     """
-    start, end = faces.ravel()[edges], faces.ravel()[_next(edges)]
-    apex = faces.ravel()[_next(_next(edges))]
+    start, end = faces.ravel()[edges], faces.ravel()[following(edges)]
+    apex = faces.ravel()[before(edges)]
     closes = start < end
     patch = patches[edges // 3].astype(np.int64)
     own = np.unique(line * len(faces) + patch, return_inverse=True)[1]
@@ -153,9 +153,14 @@ def _around_solid(
     return np.concatenate([*opening, edges[:0]]), np.concatenate([*closing, edges[:0]])
 
 
-def _next(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+def following(edges: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the edges that follow some in their facets."""
     return edges - edges % 3 + (edges + 1) % 3
+
+
+def before(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the edges before some in their facets, which begin at the corner opposite."""
+    return edges - edges % 3 + (edges + 2) % 3
 
 
 def components(one: NDArray[np.int64], other: NDArray[np.int64], count: int) -> NDArray[np.int32]:
@@ -181,11 +186,12 @@ def triangle_areas(corners: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Openings:
-    """Facets that would close each opening of a surface, and their areas [m2]."""
+    """Facets that would close each opening of a surface, their areas [m2], and perimeters [m]."""
 
     loops: list[NDArray[np.int64]]  # vertices around each
     patches: list[Faces]
     areas: Floats
+    perimeters: Floats
 
 
 def openings(surface: Surface) -> Openings:
@@ -196,7 +202,7 @@ def openings(surface: Surface) -> Openings:
     follows = dict(
         zip(
             surface.faces.ravel()[surface.open].tolist(),
-            surface.faces.ravel()[_next(surface.open)].tolist(),
+            surface.faces.ravel()[following(surface.open)].tolist(),
             strict=True,
         )
     )
@@ -210,11 +216,17 @@ def openings(surface: Surface) -> Openings:
         loops.append(np.array(loop[::-1]))  # a patch turns the other way than the facets around it
     patches = [loop[_across(surface.vertices[loop])] for loop in loops]
     areas = [float(triangle_areas(surface.vertices[patch]).sum()) for patch in patches]
-    return Openings(loops, patches, np.array(areas))
+    rims = (surface.vertices[loop] for loop in loops)
+    perimeters = [
+        float(np.linalg.norm(rim - np.roll(rim, 1, axis=0), axis=1).sum()) for rim in rims
+    ]
+    return Openings(loops, patches, np.array(areas), np.array(perimeters))
 
 
 def _across(points: Floats) -> NDArray[np.int64]:
     """Return triangles that close a loop of points, as seen along its mean normal."""
+    if len(points) == 3:
+        return np.array([[0, 1, 2]])
     points = points - points.mean(axis=0)
     normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
     axes = np.linalg.svd(np.vstack([points, points[:1]]), full_matrices=False)[2]

@@ -76,6 +76,12 @@ def wound_at_random(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices, faces, process=False)
 
 
+def finer_in_places(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with some facets cut in four, so that vertices lie within edges of others."""
+    some = np.random.default_rng(5).random(len(mesh.faces)) < 0.2
+    return mesh.subdivide(face_index=np.flatnonzero(some & (mesh.area_faces > 0.01)))
+
+
 def without_bottom(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     mesh = mesh.copy()
     mesh.update_faces(mesh.triangles[:, :, 2].max(axis=1) > 1e-6)
@@ -114,6 +120,7 @@ KINDS: dict[str, tuple[Callable[[trimesh.Trimesh], trimesh.Trimesh], str]] = {
         "whole surface inside out",
     ),
     "loose vertices": (lambda mesh: loose(mesh, LOOSE * mesh.extents.max()), "vertices less"),
+    "facets finer than those beside them": (finer_in_places, "on open edges of other facets"),
     "an opening of 1 %": (lambda mesh: opened(mesh, 0.01, (30, 6, 5)), "opening"),
     "an opening of 4 %": (lambda mesh: opened(mesh, 0.04, (0, 0, 20)), "opening"),
     "no bottom": (without_bottom, "opening"),
@@ -258,8 +265,8 @@ def test_what_is_said_of_an_opening():
     box.apply_transform(np.diag([1000, 1000, 1000, 1]))
     box.vertices = box.vertices @ ships.Transform(up="y").axes
     said = refused(box, up="y", scale=0.001)
-    assert "open along 4 edges in 1 opening" in said and "the largest is 96.0 m2" in said
-    assert "at (5e+04, 4000, 0) of the file" in said
+    assert "open along 4 edges in 1 opening" in said and "the largest is 96.00 m2" in said
+    assert "at (50000, 4000, 0) of the file" in said
     assert "repair: true would close it" in said  # 96 of 4,096 m2
 
 
@@ -269,6 +276,13 @@ def test_larger_openings_are_refused():
     assert "closes at most 5 %" in refused(box) and "closes at most 5 %" in refused(
         box, repair=True
     )
+
+
+def test_a_soup_of_facets_is_refused_without_seeking_what_would_close_it():
+    corners = np.random.default_rng(6).uniform(0, 100, (12_000, 3, 3))
+    faces = np.arange(corners.size // 3).reshape(-1, 3)
+    said = refused(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False), repair=True)
+    assert "open along 36,000 edges in 12,000 openings" in said
 
 
 def test_a_one_sided_surface_is_refused_with_its_place():

@@ -112,6 +112,41 @@ def test_a_ship_under_water_is_refused_with_what_would_lift_it(ship, tmp_path):
     np.testing.assert_allclose(ships.load(path, up="-z").bounds, mesh.bounds, atol=1e-4)
 
 
+def block(size, middle) -> trimesh.Trimesh:
+    box = trimesh.creation.box(size)
+    box.apply_translation(middle)
+    return box
+
+
+UPSIDE_DOWN = trimesh.util.concatenate(
+    [block((100, 12, 8), (0, 0, 0)), block((20, 8, 10), (0, 0, -9.5))]
+)
+MODEL = trimesh.util.concatenate(
+    [block((2.5, 0.6, 0.4), (0, 0, 0.2)), block((0.5, 0.4, 0.4), (0, 0, 0.67))]
+)
+STANCES = [  # a mesh, how far it is lifted, and what is said of that
+    (block((12, 6, 100), (0, 0, 0)), 50.0, ["stands on end", "has its origin at the stern"]),
+    (block((6, 12, 100), (0, 0, 0)), 50.0, ["stands on end", "has its origin at the stern"]),
+    (trimesh.creation.cylinder(5, 100, sections=24), 0.0, ["stands on end"]),
+    (block((60, 12, 100), (0, 0, 0)), 50.0, []),  # less than twice as high as long
+    (UPSIDE_DOWN, 200.0, ["is upside down", "floats 185.5 m above the water"]),
+    (UPSIDE_DOWN, 14.5, ["is upside down"]),
+    (UPSIDE_DOWN, -30.0, ["lies wholly under water", "is upside down"]),
+    (MODEL, 0.03, ["floats 3 cm above the water"]),
+    (MODEL, 0.004, []),
+    (MODEL, 1.2, ["floats 1.2 m above the water"]),
+]
+
+
+@pytest.mark.parametrize(("mesh", "lift", "said"), STANCES)
+def test_what_is_said_of_a_mesh_is_true_of_it_as_given(mesh, lift, said):
+    given_ = mesh.vertices + np.array([0, 0, lift])
+    found = diagnose(given_, mesh.faces)
+    assert sorted(found.findings) == sorted(said)
+    if found.mend is not None:
+        assert diagnose(found.mend.apply(given_), mesh.faces).findings == ()
+
+
 WRONG = [
     ({"up": "w"}, "up is 'w', but must be one of x, y, z, -x, -y, -z."),
     ({"up": None}, "up is None, but must be one of"),

@@ -1,0 +1,109 @@
+"""Welding of surfaces: vertices and edges that nearly meet along openings are joined."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ncti.ships.surfaces import Floats, Surface, before, components, following, surface_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+APART = 1e-5  # of the longest extent, up to which vertices along open edges are one
+MOST_PAIRS = 20_000_000  # of vertices, or of an edge and a vertex, that are compared
+SAMPLED = 200  # of which the number of pairs is estimated
+MOST_PASSES = 10  # over open edges that others' vertices lie on
+
+
+def welded(surface: Surface) -> tuple[Surface, list[str]]:
+    """Return a surface in which close vertices along open edges are one, and edges end at them.
+
+    Returns what was wrong, too.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    vertices, faces = surface.vertices, surface.faces
+    distance, faults = APART * float(np.ptp(vertices, axis=0).max()), list[str]()
+    edges = surface.open
+    rim = np.unique(np.concatenate([faces.ravel()[edges], faces.ravel()[following(edges)]]))
+    tree = cKDTree(vertices[rim])
+    pairs = np.empty((0, 2), np.int64)
+    if _are_few(tree, vertices[rim], np.full(len(rim), distance)):
+        pairs = tree.query_pairs(distance, output_type="ndarray")
+    if len(pairs):
+        group = components(pairs[:, 0], pairs[:, 1], len(rim))
+        first = np.unique(group, return_index=True)[1]
+        kept = np.arange(len(vertices))
+        kept[rim] = rim[first[group]]
+        faces = kept[faces]
+        faces = faces[(np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)]
+        faults.append(
+            f"{counted(len(rim) - len(first), 'vertex', 'vertices')} less than "
+            f"{1000 * distance:.2g} mm from another, both on open edges"
+        )
+        surface = surface_of(vertices, faces)
+    met = 0
+    for _ in range(MOST_PASSES):
+        surface, found = _ended_at_vertices(surface, distance)
+        met += found
+        if not found:
+            break
+    if met:
+        faults.append(f"{counted(met, 'vertex', 'vertices')} on open edges of other facets")
+    return surface, faults
+
+
+def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]:
+    """Return a surface with facets cut where a vertex of another lies on their open edge.
+
+    Of a facet with several such edges one is cut. Returns the number of vertices met, too.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    vertices, corner = surface.vertices, surface.faces.ravel()
+    edges = surface.open
+    start, end = vertices[corner[edges]], vertices[corner[following(edges)]]
+    along = end - start
+    length = np.linalg.norm(along, axis=1)
+    rim, middle = np.unique(corner[edges]), (start + end) / 2
+    tree = cKDTree(vertices[rim])
+    if not len(edges) or not _are_few(tree, middle, length / 2):
+        return surface, 0
+    near = tree.query_ball_point(middle, length / 2)
+    row = np.repeat(np.arange(len(edges)), [len(one) for one in near])
+    met = rim[np.concatenate([np.asarray(one, np.int64) for one in near])]
+    place = np.einsum("ij,ij->i", vertices[met] - start[row], along[row]) / length[row]
+    off = vertices[met] - start[row] - (place / length[row])[:, None] * along[row]
+    inside = (place > distance) & (length[row] - place > distance)
+    inside &= (np.linalg.norm(off, axis=1) <= distance) & (met != corner[before(edges[row])])
+    row, met, place = row[inside], met[inside], place[inside]
+    if not len(row):
+        return surface, 0
+    first = np.unique(edges[row] // 3, return_index=True)[1]
+    chosen = np.isin(row, row[first])
+    row, met, place = row[chosen], met[chosen], place[chosen]
+    order = np.lexsort((place, row))
+    row, met = row[order], met[order]
+    begins = np.flatnonzero(np.diff(row, prepend=-1))
+    # The parts of an edge: from its start to the first vertex, between vertices, to its end.
+    cut = edges[row[begins]]
+    ends = np.insert(met, np.append(begins[1:], len(met)), corner[following(cut)])
+    starts = np.insert(met, begins, corner[cut])
+    apex = np.repeat(corner[before(cut)], np.diff(begins, append=len(met)) + 1)
+    parts = np.column_stack([starts, ends, apex])
+    faces = np.concatenate([np.delete(surface.faces, cut // 3, axis=0), parts])
+    return surface_of(vertices, faces), len(met)
+
+
+def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:
+    """Return whether the neighbours of points can be compared; a soup of facets has too many."""
+    some = slice(None, None, len(points) // SAMPLED + 1)
+    counts = tree.query_ball_point(points[some], radius[some], return_length=True)
+    return float(counts.mean()) * len(points) <= MOST_PAIRS
+
+
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a number of things as text; `several` is the plural, which ends in s by default."""
+    return f"{number:,} {one if number == 1 else several or f'{one}s'}"
