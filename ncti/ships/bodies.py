@@ -151,10 +151,7 @@ def closed_bodies(
     work = Workshop(where, locate, repair)
     surface = surface_of(vertices, _wound_alike(vertices, np.asarray(faces, np.int64), work))
     if surface.open.size:
-        surface, faults = welded(surface)
-        work.faults += faults
-        faces = _wound_alike(vertices, surface.faces, work)
-        surface = surface_of(vertices, faces) if faces is not surface.faces else surface
+        surface = _welded(surface, work)
     if surface.open.size:
         surface = _without_openings(surface.split(), work)
     labels = surface.labels()
@@ -214,6 +211,20 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
         f"(the first at {place})"
     )
     return np.where(wrong[:, None], faces[:, ::-1], faces)
+
+
+def _welded(surface: Surface, work: Workshop) -> Surface:
+    """Return a surface welded along open edges, or as it is if that leaves it with one side.
+
+    Slivers beside an opening may be folded onto each other by it.
+    """
+    closer, faults = welded(surface)
+    try:
+        faces = _wound_alike(closer.vertices, closer.faces, work)
+    except ShipError:
+        return surface
+    work.faults += faults
+    return closer if faces is closer.faces else surface_of(closer.vertices, faces)
 
 
 def _without_openings(surface: Surface, work: Workshop) -> Surface:

@@ -149,7 +149,7 @@ def refused(mesh: trimesh.Trimesh, **how) -> str:
     return sentence(caught.value)
 
 
-@pytest.fixture(scope="module", params=["texas", "connole"])
+@pytest.fixture(scope="module", params=["texas", "spruance"])
 def hull(request, ship) -> trimesh.Trimesh:
     mesh = ship(request.param)
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
