@@ -1,4 +1,4 @@
-"""Cache and threads of all tests, and doctests of the library wherever `ncti` or a part of it is tested."""
+"""Cache and threads of all tests; doctests of the library wherever a part of it is tested."""
 
 from __future__ import annotations
 
