@@ -34,7 +34,7 @@ def test_a_loop_takes_as_long_as_its_settings():
     assert loop == "0.222 h, 8 ± 2 times as long"
 
 
-def test_settings_alone_are_of_the_sweep_and_figures_are_equal():
+def test_settings_alone_are_of_the_sweep_and_figures_are_equal(monkeypatch):
     """Cells of a loop: everything that one setting needs, for each of four settings."""
 
     def same(whole, alone):
@@ -54,6 +54,13 @@ def test_settings_alone_are_of_the_sweep_and_figures_are_equal():
     )
     assert computed < loop < 4 * computed
     other = Alone(alone[0].overrides, lambda whole, alone: False)
+    nothing = Twice(1, *[Run(0.0, 1.0, 1.0, 0.0, 0.0, "")] * 2)
+
+    def stored(overrides, folder):  # in place of two more sweeps
+        profiles.to_zarr(folder / proof.STORE, group="range_profile")
+        return nothing
+
+    monkeypatch.setattr(proof, "swept_twice", stored)
     with pytest.raises(RuntimeError, match="differs"):
         proof.proven(GRID, ["range_profile"], 4, [other])
 
