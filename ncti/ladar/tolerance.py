@@ -39,7 +39,7 @@ MARGIN = 0.7
 by more than two fifths."""
 
 TYPICAL = 0.34
-"""Factor of `first_spacing`, with which four views of five are drawn once: smaller ones draw more
+"""Factor of `first_spacing`, with which seven views of ten are drawn once: smaller ones draw more
 lines than most views take, larger ones draw more views twice."""
 
 
