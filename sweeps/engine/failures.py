@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 INDENT = "    "
+RAISED = (Exception, SystemExit)  # by a function that fails; all else ends the sweep
 LONGEST, LARGEST = 200, 20_000  # characters of an argument; of a traceback
 
 

@@ -276,7 +276,7 @@ def undamaged() -> Iterator[None]:
         raise_shortage(error)
 
 
-def raise_shortage(error: Exception) -> None:
+def raise_shortage(error: BaseException) -> None:
     """Raise an error of the process or the machine, which says nothing about a file."""
     if isinstance(error, MemoryError) or getattr(error, "errno", None) in SHORTAGES:
         raise error

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sweeps.engine.code import Code, CodeDigest, place_of
 from sweeps.engine.errors import ConfigurationError, DeclarationError
+from sweeps.engine.failures import RAISED
 from sweeps.engine.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.kinds import Value, spelt
 from sweeps.engine.modules import keep_sources
@@ -290,7 +291,7 @@ class Plan:
             return bound.stage.checked_value(bound.stage.function(**given))
         except (ConfigurationError, DeclarationError):
             raise
-        except Exception as error:
+        except RAISED as error:
             words = ", ".join(f"{name}={spelt(value)}" for name, value in given.items())
             raise ConfigurationError(
                 f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"

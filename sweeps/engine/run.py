@@ -42,7 +42,6 @@ from sweeps.engine.zarr_array import nested, plain
 ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
-QUICK = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
 
@@ -182,7 +181,7 @@ def _compute(
 
     Returns and raises what `execute` does.
     """
-    plan, choice = schedule.plan, place.cluster
+    plan = schedule.plan
     with interruptible():
         schedule.resolve(index)
         index.used(np.unique(schedule.spots.pack).tolist())
@@ -200,14 +199,10 @@ def _compute(
     watch.step(schedule)
     if not missing:
         return [], None
-    measured = all(bound.name in schedule.costs for bound, *_ in missing)
-    left = sum(schedule.work_left().values())
-    if choice.kind == "local" and measured and left < QUICK:
-        choice = ClusterChoice("inline")
-    if choice.kind == "slurm":
+    if place.cluster.kind == "slurm":
         import_jobqueue()
     entered = executor(
-        choice,
+        place.cluster,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
         modules=sorted({place_of(one.stage.function)[0] for one in plan.bound.values()}),

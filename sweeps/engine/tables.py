@@ -16,7 +16,7 @@ from xarray.core.indexing import (
 
 from sweeps.engine.display import ATTRIBUTE
 from sweeps.engine.errors import DeclarationError
-from sweeps.engine.failures import Failure, reason, traceback_of
+from sweeps.engine.failures import RAISED, Failure, reason, traceback_of
 from sweeps.engine.packs import raise_shortage
 from sweeps.engine.plan import Plan
 from sweeps.engine.tasks import Damaged
@@ -52,7 +52,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                     groups[table.group] = group_of(made)
         except (Damaged, DeclarationError):  # of cells, not of the table
             raise
-        except Exception as error:
+        except RAISED as error:
             raise_shortage(error)
             failed[name] = Failure(name, reason(error), traceback=traceback_of(error))
     return list(failed.values())

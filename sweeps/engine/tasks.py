@@ -8,10 +8,12 @@ the last few of each.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pkgutil import resolve_name
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 
 from sweeps.engine.code import MAIN, looked_up, place_of
 from sweeps.engine.errors import DeclarationError
-from sweeps.engine.failures import Failure, described, reason, traceback_of
+from sweeps.engine.failures import RAISED, Failure, described, reason, traceback_of
 from sweeps.engine.keys import Keys, cell_rng
 from sweeps.engine.packs import Arrays, Pack, Packing, Spots, each_cell
 from sweeps.engine.places import Objects
@@ -178,7 +180,7 @@ class _Running:
 
     def __init__(self, calls: Calls, packs: Objects) -> None:
         self.calls, self.packs = calls, packs
-        self.function = calls.step.call
+        self.function, self.folder = calls.step.call, os.getcwd()
         self.packing = Packing()
         self.next = 0
         self.kept: list[int] = []  # numbers of cells that are packed
@@ -202,7 +204,7 @@ class _Running:
         except Damaged as error:
             self.lacking[number] = error.args
             return
-        except Exception as error:
+        except RAISED as error:
             if calls.streams:  # from which the generator can be made again
                 seed, name = calls.streams[number]
                 given[RNG] = f"cell_rng({seed}, **{name})"
@@ -230,7 +232,7 @@ class _Running:
             how = _difference(alone.calls.step, first, again)
         except Damaged:
             return ""  # noticed by others who need it
-        except Exception as error:
+        except RAISED as error:
             how = f"it raises {reason(error)}"
         finally:
             forget_all()
@@ -239,7 +241,11 @@ class _Running:
     def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
         """Return each wanted cell of a call's result."""
         calls, step = self.calls, self.calls.step
-        arrays = arrays_of(step.name, step.outputs, self.function(**arguments), calls.shape)
+        try:
+            found = self.function(**arguments)
+        finally:
+            _return_to(self.folder)
+        arrays = arrays_of(step.name, step.outputs, found, calls.shape)
         if not calls.shape:
             return [arrays]
         cells: list[Arrays] = []
@@ -255,6 +261,14 @@ class _Running:
         keys, name = self.calls.keys[self.kept], self.calls.step.name
         pack = self.packing.write(self.packs, name, keys, self.seconds)
         return Outcome(self.seconds, self.failed, self.lacking, pack)
+
+
+def _return_to(folder: str) -> None:
+    """Change to a working folder, if a call has left it: relative paths stay what they were."""
+    with suppress(FileNotFoundError):  # of the folder of now
+        if os.getcwd() == folder:
+            return
+    os.chdir(folder)
 
 
 def _difference(step: Step, first: Arrays, again: Arrays) -> str:

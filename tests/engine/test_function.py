@@ -1,9 +1,14 @@
 """A sweep of one function, without declarations."""
 
+import multiprocessing
+import os
+import sys
+import tempfile
 from functools import partial
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import sweeps
 from sweeps.engine.errors import ConfigurationError, SweepIncomplete
@@ -98,3 +103,46 @@ def test_mistakes_are_named(tmp_path, function, values, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
         sweeps.sweep(function, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
     assert not (tmp_path / "s.zarr").exists()
+
+
+def leaving(a):
+    """Exit, as a parser of arguments does."""
+    if a == 2:
+        sys.exit(3)
+    return a
+
+
+def ending(a):
+    """End the process, unless it is that of the tests."""
+    if a == 2 and multiprocessing.parent_process() is not None:
+        os._exit(1)
+    return float(a)
+
+
+def moving(a):
+    """Change the working folder, as wrappers of old simulators do."""
+    os.chdir(tempfile.mkdtemp())
+    return a
+
+
+@pytest.mark.parametrize("cluster", ["inline", "local"])
+def test_a_call_that_exits_fails(tmp_path, cluster):
+    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "cluster": cluster}
+    with pytest.raises(SweepIncomplete, match=r"leaving a=2: SystemExit: 3"):
+        sweeps.sweep(leaving, {"a": [1, 2, 3]}, **how)
+    found = xr.open_zarr(tmp_path / "s.zarr", group="leaving").leaving
+    np.testing.assert_array_equal(found, [1, np.nan, 3])
+
+
+def test_a_call_that_kills_its_process_kills_no_other(tmp_path):
+    """Neither where its stage is known to be quick."""
+    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    assert sweeps.sweep(ending, {"a": [1]}, **how).ending.item() == 1
+    with pytest.raises(SweepIncomplete, match="ending a=2: RuntimeError: the worker process died"):
+        sweeps.sweep(ending, {"a": [1, 2, 3]}, cluster="local", **how)
+
+
+def test_relative_paths_are_where_the_command_was_given(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sweeps.sweep(moving, {"a": [1, 2]}, store="s.zarr", cache="c")
+    assert os.getcwd() == str(tmp_path) and sorted(os.listdir()) == ["c", "s.zarr"]
