@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sweeps.engine.errors import DeclarationError
 from sweeps.engine.kinds import spelt
-from sweeps.engine.packs import Arrays, Spots
+from sweeps.engine.packs import Arrays, Spots, layouts
 from sweeps.engine.places import Objects
 from sweeps.engine.plan import Axis, Cells, Plan
 from sweeps.engine.schedule import Schedule
 from sweeps.engine.settings import DIMENSION, Setting
 from sweeps.engine.stage import COORDINATE, FIRST, MEASURED, SHARE, STATE, Bound, Output
 from sweeps.engine.tasks import undamaged_cells, uneven
-from sweeps.engine.zarr_array import Array, Group, Region, suggest_chunks
+from sweeps.engine.undeclared import Undeclared, common, learned
+from sweeps.engine.zarr_array import DATES, Array, Group, Region, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
 FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
@@ -72,7 +75,9 @@ class Filling:
         flat[self.lost] = FAILED
         cells = undamaged_cells(self.packs, self.spots)
         for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
-            array = arrays[output.name]
+            array = arrays.get(output.name)
+            if array is None:  # of a function that declares nothing
+                continue
             if array.shape == own:
                 flat[number] = array
                 continue
@@ -94,7 +99,7 @@ def _begins(output: Output, arrays: Arrays) -> list[int]:
     return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
 
 
-def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
+def layouts_of(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[Layout]:
     """Return the layouts of a stage's stored outputs."""
     of = bound.stage.group
     order = {name: place for place, name in enumerate(of.dims)}
@@ -106,7 +111,7 @@ def layouts_of(plan: Plan, bound: Bound) -> list[Layout]:
         return min((order[word] for word in words if word in order), default=-1)
 
     layouts = []
-    for output in bound.stage.outputs:
+    for output in outputs:
         group = bound.stage.place_of(output)
         if not group:
             continue
@@ -150,13 +155,43 @@ class Cube:
     def groups(self) -> dict[str, Group]:
         """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
         members: dict[str, list[Layout]] = defaultdict(list)
+        known: dict[str, dict[str, Array]] = defaultdict(dict)
         for bound in self.plan.targets:
-            for layout in layouts_of(self.plan, bound):
+            outputs, coordinates = self._outputs(bound)
+            for layout in layouts_of(self.plan, bound, outputs):
                 members[layout.group].append(layout)
+            known[bound.stage.group.path] |= coordinates
         found = {name: self._group(layouts) for name, layouts in members.items()}
+        for name, arrays in known.items():
+            found[name].arrays.update(arrays)
         for name, arrays in self._statuses():
             found.setdefault(name, Group()).arrays.update(arrays)
         return dict(sorted(found.items()))
+
+    def _outputs(self, bound: Bound) -> tuple[Sequence[Output], dict[str, Array]]:
+        """Return the outputs of a stage, of undeclared ones what its results have.
+
+        And coordinates that are the same in all of these, along own dimensions.
+        """
+        output = bound.stage.outputs[0] if bound.stage.outputs else None
+        if not isinstance(output, Undeclared):
+            return bound.stage.outputs, {}
+        nodes = np.unique(self.schedule.nodes[bound])
+        spots = self.schedule.spots[nodes[self.schedule.spots.present[nodes]]]
+        found = learned(output, layouts(self.packs, spots))
+        names = [one.name for one in found if one.role == COORDINATE]
+        values = common(undamaged_cells(self.packs, spots), names) if names else {}
+        coordinates = {}
+        for one in found:
+            if values.get(one.name) is not None:
+                attrs = {"units": one.unit, "long_name": one.label, **one.attrs}
+                coordinates[one.name] = Array.of(one.dims, values[one.name], attrs, coordinate=True)
+            elif one.name in one.dims:
+                raise DeclarationError(
+                    f"{output.name} returned other labels of the dimension {one.name!r} for other "
+                    "arguments; return them as a variable of another name"
+                )
+        return [one for one in found if one.name not in coordinates], coordinates
 
     def _group(self, layouts: Sequence[Layout]) -> Group:
         """Return a group of its variables, and the coordinates of their dimensions."""
@@ -200,8 +235,8 @@ class Cube:
         dtype, empty = output.in_store
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
         words = dtype.kind == "U"
-        attrs: dict[str, Any] = {} if words else {"units": output.unit}
-        attrs |= {"long_name": output.label}
+        attrs: dict[str, Any] = {} if dtype.kind in "UM" else {"units": output.unit}
+        attrs |= {"long_name": output.label, **output.attrs}
         if output.role == SHARE:  # of which xarray makes numbers from 0 to 1, and NaN
             attrs["scale_factor"] = 1 / int(np.iinfo(output.dtype).max)
             attrs["_FillValue"] = empty
@@ -250,6 +285,8 @@ class Cube:
             nodes = nodes[self.schedule.spots.present[nodes]]
             nodes = nodes[:1] if even else np.unique(nodes)
             for arrays in undamaged_cells(self.packs, self.schedule.spots[nodes]):
+                if output.name not in arrays:
+                    continue
                 shape = arrays[output.name].shape
                 begins = _begins(output, arrays)
                 for dim, begin, size in zip(output.dims, begins, shape, strict=True):
@@ -374,8 +411,11 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
         return setting_coordinates(axis.settings[0], name, columns[0])
     found: dict[str, Array] = {}
     for setting, values in zip(axis.settings, columns, strict=True):
-        label = setting.key.replace(".", "_") if setting.name in (name, *found) else setting.name
+        taken = setting.name in (*found, *[name] * (not axis.bare))
+        label = setting.key.replace(".", "_") if taken else setting.name
         found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
+    if axis.bare:
+        return found
     labels = axis.labels or [
         ",".join(f"{label}={spelt(value)}" for label, value in zip(found, point, strict=True))
         for point in axis.points
@@ -402,8 +442,10 @@ def setting_coordinates(
 
 
 def value_array(values: Sequence[Any]) -> NDArray[Any]:
-    """Return a (value,) ndarray: floats (NaN for null), integers, booleans or texts."""
+    """Return a (value,) ndarray: floats (NaN for null), integers, booleans, times or texts."""
     if any(isinstance(value, str | tuple) for value in values):
         # Convert subclasses to plain types.
         return np.array([str(value) for value in values])
+    if isinstance(values[0], np.datetime64 | datetime):
+        return np.array(values, dtype=DATES)
     return np.array(values, dtype=float if None in values else None)

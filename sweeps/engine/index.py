@@ -99,7 +99,8 @@ class CellIndex:
             pack[start + order] = np.where(right, known.pack[at], MISSING)
             row[start + order] = known.row[at]
         kinds, met = declared(outputs), np.unique(pack[pack >= 0]).tolist()
-        if other := [number for number in met if self.packs[number].kinds != kinds]:
+        other = [one for one in met if kinds is not None and self.packs[one].kinds != kinds]
+        if other:
             wrong = np.isin(pack, other)
             pack[wrong] = MISSING
             lost = f"{int(wrong.sum()):,} results in the cache are not what their stage declares"

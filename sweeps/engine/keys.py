@@ -105,10 +105,10 @@ def spelt_key(key: Keys) -> str:
 def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
     """Return the generator of one cell's noise, independent of every other cell's.
 
-    `cell` names it by text, numbers, flags or None: the values, not their places in a grid, so that
-    a cell draws the same noise in any grid. The sweep's `seed` is at least 0.
+    `cell` names it by text, numbers, flags, times or None: the values, not their places in a grid,
+    so that a cell draws the same noise in any grid. The sweep's `seed` is at least 0.
     """
-    name = json.dumps(cell, sort_keys=True).encode()
+    name = json.dumps(cell, sort_keys=True, default=str).encode()
     words = np.frombuffer(hashlib.sha256(name).digest(), dtype="<u4")
     sequence = np.random.SeedSequence(seed, spawn_key=words.tolist())
     return np.random.Generator(np.random.PCG64(sequence))

@@ -6,11 +6,15 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from fractions import Fraction
 from typing import Any, ClassVar
 
+import numpy as np
+
 LARGEST = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MOST_VALUES = 100_000  # longer axes come from a mistaken step
+EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
 NEARLY = 10**9  # a step that misses `stop` by less than this part of itself lands on it
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
@@ -159,6 +163,35 @@ class Text(Kind):
 
     def _holds(self, value: Any) -> bool:
         return isinstance(value, str) and value != ""
+
+
+@dataclass(frozen=True)
+class Date(Kind):
+    """Times without a zone, as numpy has them in a `unit`, or else as `datetime`; also as text."""
+
+    unit: str = ""
+
+    _words: ClassVar[str] = "a time from 1678 to 2261 without a zone"
+
+    def _holds(self, value: Any) -> bool:
+        try:
+            time = self._read(value) if isinstance(value, str) else value
+            if not isinstance(time, np.datetime64 if self.unit else datetime):
+                return False
+            zoned = isinstance(time, datetime) and time.tzinfo is not None
+            return not zoned and bool(EARLIEST <= np.datetime64(time) < LATEST)
+        except (ValueError, OverflowError):
+            return False
+
+    def _read(self, value: Any) -> Value:
+        if self.unit:
+            read: Any = np.datetime64
+            return read(value, self.unit)
+        return datetime.fromisoformat(value) if isinstance(value, str) else value
+
+    def written(self, values: tuple[Value, ...]) -> list[str]:
+        """Return what a user writes to get some values."""
+        return [str(value) if self.unit else value.isoformat() for value in values]
 
 
 @dataclass(frozen=True)

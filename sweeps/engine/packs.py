@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from sweeps.engine.keys import Keys
 from sweeps.engine.places import UNREACHED, Objects, Where, below
 from sweeps.engine.stage import Output
+from sweeps.engine.undeclared import Layout, Undeclared
 
 ROOM = "cells"
 CLOSED, SHARED = 0o700, 0o777  # modes of the folder of a cache, as far as the umask lets
@@ -231,8 +232,10 @@ def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
     return frozenset(tuple((name, code, len(at)) for name, code, at in one) for one in layouts)
 
 
-def declared(outputs: Iterable[Output]) -> frozenset[Kind]:
-    """Return the kind of the cells of a stage with some outputs."""
+def declared(outputs: Iterable[Output]) -> frozenset[Kind] | None:
+    """Return the kind of the cells of a stage with some outputs; None if these are undeclared."""
+    if any(isinstance(one, Undeclared) for one in outputs):
+        return None
     return _kinds([[(one.name, _code(np.dtype(one.dtype)), one.dims) for one in outputs]])
 
 
@@ -314,6 +317,20 @@ def read_cells(cells: Objects, spots: Spots) -> list[Arrays | None]:
             for run in np.split(right, np.flatnonzero(apart) + 1):
                 _read_run(cells, path, head, wanted[run], places[run], found)
     return found
+
+
+def layouts(cells: Objects, spots: Spots) -> list[Layout]:
+    """Return the distinct layouts of some cells, (cell,), of undamaged packs; the first first."""
+    found: dict[Any, int] = {}
+    for number in np.unique(spots.pack).tolist():
+        places = np.flatnonzero(spots.pack == number)
+        with undamaged():
+            head = _head(cells, spots.paths[number])
+            kinds, first = np.unique(head.numbers[spots.row[places]], return_index=True)
+            for kind, place in zip(kinds.tolist(), places[first].tolist(), strict=True):
+                layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
+                found[layout] = min(found.get(layout, place), place)
+    return sorted(found, key=found.__getitem__)
 
 
 def each_cell(cells: Objects, spots: Spots) -> Iterator[Arrays | None]:

@@ -38,6 +38,7 @@ class Axis:
     settings: tuple[Setting, ...]
     points: tuple[tuple[Value, ...], ...]  # a value of each setting, for every place
     labels: tuple[str, ...] | None = None  # of the places, where settings run together
+    bare: bool = False  # see `Joint`
 
     @property
     def several(self) -> bool:
@@ -56,7 +57,7 @@ def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
     axes = {one.key: Axis(one.name, (one,), tuple((v,) for v in choices[one])) for one in settings}
     for joint in choices.joint:
         members = tuple(by_key[key] for key in joint.keys)
-        axis = Axis(joint.name, members, joint.points, joint.labels or ())
+        axis = Axis(joint.name, members, joint.points, joint.labels or (), joint.bare)
         axes |= dict.fromkeys(joint.keys, axis)
     return tuple({id(axis): axis for axis in axes.values()}.values())
 
@@ -203,6 +204,11 @@ class Plan:
         words = [bound.name]
         for number in self._strides[bound]:
             axis, at = self.axes[number], self.places(bound, number, cell)
+            if axis.bare:
+                pairs = zip(axis.settings, axis.points[at], strict=True)
+                read = [(one.name, value) for one, value in pairs if one.key in bound.needs]
+                words += [f"{name}={spelt(value)}" for name, value in read]
+                continue
             shown = axis.labels[at] if axis.labels else ",".join(map(spelt, axis.points[at]))
             words.append(f"{axis.name}={shown}")
         return " ".join(words)
@@ -396,9 +402,7 @@ class Plan:
         """Return by stage the hash of its code and of the names of its outputs."""
         found = {}
         for name, bound in self.bound.items():
-            outputs = [
-                (output.name, output.dtype, repr(output.empty)) for output in bound.stage.outputs
-            ]
+            outputs = [output.identity for output in bound.stage.outputs]
             order = (bound.along, bound.gather)  # of the axes of arguments and results
             found[name] = digest(repr([outputs, order, self.digests[name].digest]))
         return found

@@ -162,8 +162,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
         advice = "give another store"
         if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
             both = sorted({*there, *asked}, key=lambda value: (value is None, value))
-            words = ",".join(map(spelt, both))
-            advice = f"give {setting.key}=[{words}] to have both, or another store"
+            advice = f"give {setting.spelling(both)} to have both, or another store"
         raise ConfigurationError(
             f"{setting.key} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
             f"{', '.join(map(spelt, lacking))}: {advice}"

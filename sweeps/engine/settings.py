@@ -34,6 +34,7 @@ from sweeps.engine.kinds import (
     Vector,
     Word,
     shown,
+    spelt,
 )
 from sweeps.engine.process import CACHE
 
@@ -105,6 +106,10 @@ class Setting:
         if isinstance(value, tuple):
             return tuple(map(self.in_si, value))
         return value * self.unit.si
+
+    def spelling(self, values: Iterable[Value]) -> str:
+        """Return how a user gives it some values."""
+        return f"{self.key}=[{','.join(map(spelt, values))}]"
 
     @property
     def entries(self) -> tuple[Setting, ...]:
@@ -256,6 +261,7 @@ class Joint:
     keys: tuple[str, ...]
     points: tuple[tuple[Value, ...], ...]
     labels: tuple[str, ...] | None = None  # of the places, where they have names
+    bare: bool = False  # whether the values of the settings are its only coordinates
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from sweeps.engine.settings import (
     Setting,
     Settings,
 )
+from sweeps.engine.zarr_array import DATES, LARGEST
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,12 +72,15 @@ class Output:
     dtype: str = "f4"
     label: str = ""
     unit: str = "1"
-    pad: float | None = None  # padding up to the largest cell's array; None: all have one shape
+    pad: complex | str | None = (
+        None  # padding up to the largest cell's array; None: all have one shape
+    )
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
     # RESULT; COORDINATE of its group; INNER: of other stages only; STATE of cells that a group
     # gathers; MEASURED by the machine, such as a run time: computed again, it differs; SHARE, from
     # 0 to 1, in unsigned integers up to their largest.
     role: str = RESULT
+    attrs: Mapping[str, Any] = field(default_factory=dict, hash=False)  # besides unit and label
 
     @property
     def stored(self) -> bool:
@@ -84,9 +88,15 @@ class Output:
         return self.role != INNER
 
     @property
-    def empty(self) -> float | str:
-        """Value of missing results: NaN, no text, false, 0 without a sign, else `pad` or -1."""
-        of_kind: dict[str, float | str] = {"f": np.nan, "U": "", "b": False, "u": 0}
+    def identity(self) -> tuple[Any, ...]:
+        """What counts of it in the keys of results."""
+        return self.name, self.dtype, repr(self.empty)
+
+    @property
+    def empty(self) -> complex | str:
+        """Value of missing results: NaN, NaT, no text, false, unsigned 0, else `pad` or -1."""
+        of_kind: dict[str, complex | str] = {"f": np.nan, "U": "", "b": False, "u": 0, "M": "NaT"}
+        of_kind["c"] = complex(np.nan, np.nan)
         of_integers = -1 if self.pad is None else self.pad
         return of_kind.get(np.dtype(self.dtype).kind, of_integers)
 
@@ -201,7 +211,7 @@ class Stage:
         named = tuple(
             parameter.name
             for parameter in parameters
-            if parameter.kind is not parameter.VAR_KEYWORD
+            if parameter.kind not in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
             and (
                 parameter.default is parameter.empty
                 or parameter.name in self.reads
@@ -550,9 +560,11 @@ def _bad_dtype(what: str, output: Output, stored: Any) -> Iterator[str]:
         yield f"{what} has the dtype {dtype!r}, unknown to numpy"
         return
     plain = not (found.hasobject or found.names or found.subdtype)
-    storable = found.kind == "U" or (found.kind in "biuf" and found.itemsize <= 8)
+    of_numbers = found.kind in "biufc" and found.itemsize <= LARGEST.get(found.kind, 8)
+    storable = found.kind == "U" or of_numbers or found == DATES
     if not plain or (stored and not storable):
-        allowed = "numbers of at most 8 bytes, truth values or texts of fixed width"
+        allowed = "numbers of at most 8 bytes (complex 16), M8[ns], truth values or texts of "
+        allowed += "fixed width"
         yield f"{what} has the dtype {dtype!r}, but must have one of {allowed}"
     elif output.role == SHARE and not (found.kind == "u" and found.itemsize < 8):
         yield f"{what} has the dtype {dtype!r}, but a share must have one of u1, u2, u4"

@@ -29,6 +29,7 @@ from sweeps.engine.keys import Keys, cell_rng
 from sweeps.engine.packs import Arrays, Pack, Packing, Spots, each_cell
 from sweeps.engine.places import Objects
 from sweeps.engine.stage import FIRST, MEASURED, RNG, VALID, Output, Stage
+from sweeps.engine.undeclared import Undeclared, spread
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
@@ -450,6 +451,13 @@ def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[in
         If an output is missing, has another shape, or would lose something in its dtype. One
         sentence with stage, output, what was returned, and what is allowed.
     """
+    first = outputs[0]
+    if isinstance(first, Undeclared):
+        if type(found) is float and first.plain:  # at once, since many functions are quick
+            return {first.name: np.array(found)}
+        declared, about = spread(first, found)
+        arrays = {output.name: _array(stage, output, values, ()) for output, values in declared}
+        return arrays | ({about: np.empty(0, "u1")} if about else {})
     names = [output.name for output in outputs]
     if not isinstance(found, Mapping) and len(names) == 1:
         found = {names[0]: found}

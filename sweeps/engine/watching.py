@@ -6,7 +6,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import astuple
 from datetime import datetime, timedelta
@@ -95,13 +95,8 @@ class _Shown:
         begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
         if self.terminal:
             shown = [one for _, one in stages if one.reused < one.total]
-            every = Progress.over(shown)
-            table = Table.grid(padding=(0, 1))
-            for name, one in [*begun[:AT_ONCE], ("all", every)] if shown else ():
-                count = one.total - one.left
-                bar = ProgressBar(one.total, count, width=20)
-                table.add_row(f"{name:<20}", bar, f"{count}/{one.total}", left * (one is every))
-            self.live.update(table)
+            rows = [*begun[:AT_ONCE], ("all", Progress.over(shown))] if shown else []
+            self.live.update(_bars(rows, left))
         elif now - self.at >= EVERY:
             self.at = now
             parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
@@ -112,6 +107,40 @@ class _Shown:
             if self.record:
                 state = json.dumps(self.state | {"at": time.time()})
                 self.states.put(self.file, state.encode())
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[Schedule], None]]:
+    """Yield what shows how far a sweep is, in a terminal or notebook; elsewhere it is silent."""
+    console, begun = Console(stderr=True), time.monotonic()
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+
+    def bars(schedule: Schedule) -> Table:
+        stages = [item for item in schedule.progress.items() if item[1].reused < item[1].total]
+        work, done = schedule.work_left(), sum(one.seconds for _, one in stages)
+        rest = time_left(sum(work.values()), done, time.monotonic() - begun)
+        return _bars(stages, f"about {rest} left" if rest else "")
+
+    if console.is_jupyter:
+        from IPython.display import display  # there, if this is a notebook
+
+        shown = display(Table.grid(), display_id=True)
+        yield lambda schedule: shown.update(bars(schedule))
+    elif terminal:
+        with Live(console=console, transient=True) as live:
+            yield lambda schedule: live.update(bars(schedule))
+    else:
+        yield lambda schedule: None
+
+
+def _bars(rows: Sequence[tuple[str, Progress]], left: str) -> Table:
+    """Return a bar for each stage; behind the last one, the time that is left."""
+    table = Table.grid(padding=(0, 1))
+    for number, (name, one) in enumerate(rows, 1):
+        count = one.total - one.left
+        bar = ProgressBar(one.total, count, width=20)
+        table.add_row(f"{name:<20}", bar, f"{count}/{one.total}", left * (number == len(rows)))
+    return table
 
 
 def time_left(work: float, done: float, elapsed: float) -> str:

@@ -32,6 +32,15 @@ LEVEL = 1  # level 3 compresses results no better and takes three times as long
 
 Region = tuple[slice, ...]
 
+LARGEST = {"c": 16}  # bytes of a number; of other kinds 8
+DATES = np.dtype("M8[ns]")  # the only times that every version of xarray reads back
+NAT = np.iinfo(np.int64).min
+OF_DATES = {
+    "units": "nanoseconds since 1970-01-01",
+    "calendar": "proleptic_gregorian",
+    "_FillValue": NAT,
+}
+
 _ZSTD = Zstd(level=LEVEL, checksum=True)
 
 
@@ -83,12 +92,12 @@ class Array:
 
     dims: tuple[str, ...]
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]  # integers, floats, bool (stored as int8) or texts of fixed width
+    dtype: np.dtype[Any]  # numbers, bool (stored as int8), texts of fixed width, or `DATES`
     attrs: Mapping[str, Any]  # integers that count steps have `scale_factor` here
     # Returns the values of one chunk's region (a slice with start and stop for each dimension).
     read: Callable[[Region], NDArray[Any]]
     chunks: tuple[int, ...]
-    fill: float | int | str | None = None  # of what is not written; None is NaN, 0 or no text
+    fill: complex | str | None = None  # of what is not written; None is NaN, 0 or no text
     coordinate: bool = False
     # Returns bytes that decide the values of a region; by default these themselves.
     made_of: Callable[[Region], bytes] | None = None
@@ -101,7 +110,7 @@ class Array:
         dims: tuple[str, ...],
         values: Any,
         attrs: Mapping[str, Any] | None = None,
-        fill: float | int | str | None = None,
+        fill: complex | str | None = None,
         *,
         coordinate: bool = False,
     ) -> Array:
@@ -128,21 +137,27 @@ class Array:
             return np.dtype(np.int8)
         if dtype.kind == "u" and dtype.itemsize < 8:  # NetCDF 3 has no unsigned integers
             return np.dtype(f"<i{2 * dtype.itemsize}")
-        if (dtype.kind == "U" and dtype.itemsize) or (dtype.kind in "iuf" and dtype.itemsize <= 8):
+        if dtype == DATES:
+            return np.dtype("<i8")
+        numbers = dtype.kind in "iufc" and dtype.itemsize <= LARGEST.get(dtype.kind, 8)
+        if (dtype.kind == "U" and dtype.itemsize) or numbers:
             return dtype.newbyteorder("<")
         raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and texts can")
 
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the stored attributes, with the dtype that xarray converts integers to."""
-        of_bool = {"dtype": "bool"} if np.dtype(self.dtype).kind == "b" else {}
-        return {**plain(self.attrs), **of_bool}
+        kind, of_bool = np.dtype(self.dtype).kind, {"dtype": "bool"}
+        return plain(self.attrs) | (of_bool if kind == "b" else OF_DATES if kind == "M" else {})
 
     @property
     def empty(self) -> Any:
         """Stored value of elements that are not written."""
-        default = {"U": "", "f": math.nan}.get(self.stored.kind, 0)
-        return self.stored.type(default if self.fill is None else self.fill)
+        if np.dtype(self.dtype).kind == "M":
+            return np.int64(NAT)
+        default = {"U": "", "f": math.nan, "c": complex(math.nan, math.nan)}
+        own = default.get(self.stored.kind, 0) if self.fill is None else self.fill
+        return self.stored.type(own)
 
     def digest(self, region: Region) -> str:
         """Return the hash of all that decides the content of the chunk of a region."""
@@ -255,6 +270,8 @@ def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
 
 def _fill(value: Any) -> Any:
     """Return a value of numpy as zarr has it in its metadata."""
+    if value.dtype.kind == "c":
+        return [_fill(value.real), _fill(value.imag)]
     if value.dtype.kind != "f":
         return value.item()
     words = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}

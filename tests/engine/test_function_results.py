@@ -1,0 +1,316 @@
+"""What a swept function returns, and the values that it is called with, in the data set."""
+
+from datetime import datetime
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as of_numpy
+
+import sweeps
+from sweeps.engine.errors import CallsFailed, ConfigurationError, DeclarationError
+
+FREQUENCY = np.array([1.0, 10.0, 100.0])
+CALLS: list[object] = []
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Sweeps a function in a fresh place."""
+    monkeypatch.chdir(tmp_path)
+
+    def swept(function, values, **how):
+        CALLS.clear()
+        return sweeps.sweep(function, values, **{"store": "s", "cache": "c", **how})
+
+    return swept
+
+
+class Pair(NamedTuple):
+    low: float
+    high: float
+
+
+def spectrum(a):
+    power = xr.DataArray(a / FREQUENCY, {"frequency": ("frequency", FREQUENCY, {"units": "Hz"})})
+    return power.assign_attrs(units="W", long_name="power", sensor="A")
+
+
+def variables(a):
+    """A data set with a data array, a scalar, a text and a scalar coordinate."""
+    peak = ((), 2.0 * a, {"units": "m"})
+    return xr.Dataset({"power": spectrum(a), "peak": peak, "name": f"number {a}"}, {"a": a})
+
+
+def mapping(a):
+    return {"power": spectrum(a), "peak": 2 * a, "flat": np.full(2, a)}
+
+
+def named(a):
+    return Pair(-a, a)
+
+
+def elements(a):
+    return a, [a, a + 1], "odd" if a % 2 else "even"
+
+
+def turning(a):
+    return 1j**a
+
+
+def half(a):
+    """Complex for one value only."""
+    return 1j if a == 2 else a
+
+
+def frame(a):
+    return pd.DataFrame({"u": [a, 2 * a], "v": [0, 1]}, index=pd.Index(["x", "y"], name="row"))
+
+
+def uneven(a):
+    return np.arange(float(a))
+
+
+def later(t, days):
+    CALLS.append(t)
+    return t + np.timedelta64(days, "D")
+
+
+def python_date(a):
+    return datetime(2020, 1, a)
+
+
+def lacking(a):
+    return {"one": a} if a == 1 else {"one": a, "other": -a}
+
+
+def shifted(a):
+    return xr.DataArray([1.0, 2.0], {"bin": [a, a + 1]})
+
+
+def sometimes_text(a):
+    return "text" if a == 2 else a
+
+
+def same(a):
+    return {"a": a}
+
+
+def plus(a, b=0, c=0):
+    CALLS.append((a, b, c))
+    return 100 * a + 10 * b + c
+
+
+VALUES = {"a": [1, 2]}
+
+
+def test_a_data_array_keeps_dimensions_coordinates_and_attributes(run):
+    found = run(spectrum, VALUES)
+    assert found.spectrum.dims == ("a", "frequency") and list(found) == ["spectrum"]
+    np.testing.assert_array_equal(found.spectrum, np.outer([1, 2], 1 / FREQUENCY))
+    assert found.spectrum.attrs == {"units": "W", "long_name": "power", "sensor": "A"}
+    np.testing.assert_array_equal(found.frequency, FREQUENCY)
+    assert found.frequency.attrs["units"] == "Hz" and "frequency" in found.indexes
+
+
+def test_a_data_set_becomes_variables(run):
+    found = run(variables, VALUES)
+    assert set(found.data_vars) == {"power", "peak", "name"} and set(found.coords) == {
+        "a",
+        "frequency",
+    }
+    assert found.peak.values.tolist() == [2, 4] and found.peak.attrs["units"] == "m"
+    assert found.name.values.tolist() == ["number 1", "number 2"]
+    assert found.power.sel(a=2, frequency=10).item() == 0.2
+    xr.testing.assert_identical(found, run(variables, VALUES))
+    xr.testing.assert_identical(found, run(variables, {"a": [1, 2, 3]}).sel(a=[1, 2]))
+
+
+def test_a_mapping_becomes_variables(run):
+    found = run(mapping, VALUES, dims={"flat": "side"}, attrs={"peak": {"units": "m"}})
+    assert set(found.data_vars) == {"power", "peak", "flat"}
+    assert found.flat.dims == ("a", "side") and found.flat.values.tolist() == [[1, 1], [2, 2]]
+    assert found.peak.attrs["units"] == "m" and found.power.attrs["units"] == "W"
+
+
+def test_a_tuple_becomes_variables(run):
+    found = run(elements, VALUES, outputs=("first", "second", "third"), dims={"second": "k"})
+    assert found.first.values.tolist() == [1, 2] and found.second.values.tolist() == [
+        [1, 2],
+        [2, 3],
+    ]
+    assert found.third.values.tolist() == ["odd", "even"] and found.second.dims == ("a", "k")
+    with pytest.warns(
+        CallsFailed, match="elements returned 3 values, but must return a tuple of 2"
+    ):
+        run(elements, VALUES, outputs=("first", "second"), store="t")
+
+
+def test_a_named_tuple_a_frame_and_one_named_output(run):
+    found = run(named, VALUES)
+    assert found.low.values.tolist() == [-1, -2] and found.high.values.tolist() == [1, 2]
+    found = run(frame, VALUES, store="f")
+    assert found.u.sel(a=2, row="y").item() == 4 and found.v.dims == ("a", "row")
+    assert list(run(turning, VALUES, outputs="turn", store="t")) == ["turn"]
+
+
+@pytest.mark.parametrize("function", [turning, half])
+def test_complex_numbers(run, function):
+    found = run(function, {"a": [1, 2, 3]})[function.__name__]
+    assert found.dtype == complex and found.values.tolist() == [
+        complex(function(a)) for a in (1, 2, 3)
+    ]
+
+
+def test_arrays_without_names_of_dimensions_get_some(run):
+    assert run(uneven, {"a": [2]}).uneven.dims == ("a", "uneven_0")
+
+
+def test_arrays_of_different_length_are_padded(run, capsys):
+    found = run(uneven, {"a": [1, 3]}, dims="bin").uneven
+    np.testing.assert_array_equal(found, [[0, np.nan, np.nan], [0, 1, 2]])
+    said = "sweeps: uneven is padded with nan along bin (1 to 3 values)\n"
+    assert capsys.readouterr().err == said
+
+
+def test_a_variable_that_a_call_does_not_return_is_missing_there(run):
+    found = run(lacking, VALUES)
+    np.testing.assert_array_equal(found.other, [np.nan, -2])
+
+
+@pytest.mark.parametrize("unit", ["D", "s", "ms", "us", "ns"])
+def test_times_stay_times(run, unit):
+    axis = np.array(["2021-01-01", "2020-01-01"], f"M8[{unit}]")
+    found = run(later, {"t": axis, "days": [1, 2]})
+    assert {type(one) for one in CALLS} == {np.datetime64}
+    assert {one.dtype for one in CALLS} == {axis.dtype} and len(CALLS) == 4
+    assert found.later.sel(t="2020-01-01", days=2).values == np.datetime64("2020-01-03")
+    assert found.t.values.tolist() == np.sort(axis).astype("M8[ns]").tolist()
+    again = run(later, {"t": [*axis, np.datetime64("2022", unit)], "days": [1, 2]})
+    assert len(CALLS) == 2 and again.sel(t=np.sort(axis)).equals(found)
+
+
+def test_times_of_python(run):
+    given = [datetime(2020, 1, 1), datetime(2020, 2, 1, 3)]
+    found = run(later, {"t": given, "days": [0]})
+    assert all(type(one) is datetime for one in CALLS)
+    assert found.t.values.tolist() == np.array(given, "M8[ns]").tolist()
+    found = run(python_date, VALUES, store="p").python_date
+    assert found.values.tolist() == np.array(["2020-01-01", "2020-01-02"], "M8[ns]").tolist()
+    with pytest.warns(CallsFailed):  # of the first of January 0001
+        missing = run(
+            lambda a: np.datetime64("0001") if a == 1 else python_date(a), VALUES, store="m"
+        )
+    assert np.isnat(missing.result.values).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("function", "sentence"),
+    [
+        (shifted, "shifted returned other labels of the dimension 'bin'"),
+        (sometimes_text, r"returned sometimes_text as numbers \[\] and as texts \[\]"),
+    ],
+)
+def test_results_that_do_not_fit_together_are_refused(run, function, sentence):
+    with pytest.raises(DeclarationError, match=sentence):
+        run(function, VALUES)
+
+
+def test_a_result_named_like_an_argument_fails(run):
+    with pytest.warns(CallsFailed, match="variable 'a', but 'a' is the name of an argument"):
+        run(same, VALUES)
+
+
+@pytest.mark.parametrize(
+    ("how", "sentence"),
+    [
+        ({"dims": "uneven"}, "dims has 'uneven', the name of a result"),
+        ({"dims": "a"}, "dims has 'a', the name of an argument"),
+        ({"dims": ("k", "k")}, "dims has 'k', the name of two of them"),
+        ({"dims": 3}, "dims is 3, but must be a name or a tuple of names"),
+        ({"outputs": ("a", "b")}, "outputs has 'a', the name of an argument"),
+        ({"attrs": {"a": "m"}}, r"attrs\['a'\] is 'm', but must be as in {'a': {'units': 'm'}}"),
+        ({"dtype": "f9"}, "has the dtype 'f9', unknown to numpy"),
+        ({"cluster": "slurm"}, "cluster is 'slurm', but must be 'inline' or 'local'"),
+        ({"store": 3}, "store is 3, but must be a path or a URL"),
+        ({"seed": -1}, "seed has -1"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_any_call(run, how, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        run(uneven, VALUES, **how)
+
+
+# values as a data set -----------------------------------------------------------------------------
+
+
+def test_variables_that_share_a_dimension_run_together(run):
+    given = xr.Dataset(
+        {"a": ("case", [3, 1, 1]), "b": ("case", [5, 6, 6]), "c": 7},
+        {"case": ["x", "y", "z"], "note": ("case", [0.5, 0.25, 0.5], {"units": "m"})},
+    )
+    found = run(plus, given)
+    assert found.plus.dims == ("case",) and found.plus.values.tolist() == [357, 167, 167]
+    assert CALLS == [(3, 5, 7), (1, 6, 7)]  # each once
+    assert set(found.coords) == {"a", "b", "c", "case", "note"} and found.c.item() == 7
+    xr.testing.assert_equal(found.drop_vars("plus"), given.set_coords(["a", "b", "c"]))
+    assert found.note.attrs["units"] == "m"
+    more = xr.concat([given, given.isel(case=[0]).assign(a=("case", [4]), case=["w"])], "case", data_vars="all")
+    assert run(plus, more.assign(c=7)).plus.values.tolist() == [357, 167, 167, 457]
+    assert CALLS == [(4, 5, 7)]
+
+
+def test_variables_on_dimensions_of_their_own_cross(run):
+    given = xr.Dataset({"a": ("i", [2, 1]), "b": ("j", [3, 4, 5])}, {"j": [30, 40, 50]})
+    found = run(plus, given)
+    assert found.plus.dims == ("i", "j") and found.sizes == {"i": 2, "j": 3}
+    assert found.plus.values.tolist() == [[230, 240, 250], [130, 140, 150]]
+    assert "i" not in found.coords and found.j.values.tolist() == [30, 40, 50]
+    index = run(plus, xr.Dataset(coords={"a": [2, 1]}), store="t")
+    assert index.plus.dims == ("a",) and index.plus.sel(a=2).item() == 200
+
+
+def test_failed_calls_of_a_data_set_are_named_by_their_arguments(run):
+    given = xr.Dataset({"a": ("i", [2, 0]), "b": ("i", [3, 4])})
+    with pytest.warns(CallsFailed, match="result a=0,? b=4: ZeroDivisionError"):
+        run(lambda a, b: b / a, given)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (
+            xr.Dataset({"a": (("i", "j"), np.ones((2, 2)))}),
+            "has the dimensions i, j, but must have",
+        ),
+        (xr.Dataset({"z": ("i", [1])}), "values has 'z', but plus takes a, b, c"),
+        (xr.Dataset({"a": 1}, {"i": [1, 2]}), "values has the dimension 'i', along which"),
+    ],
+)
+def test_a_data_set_that_is_no_grid_is_refused(run, given, sentence):
+    with pytest.raises(ConfigurationError, match=sentence):
+        run(plus, given)
+
+
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    values=of_numpy.arrays(
+        st.sampled_from(["f8", "c16", "f4", "i4", "M8[us]", "?"]),
+        st.tuples(st.integers(1, 3), st.integers(0, 3)),
+        elements=None,
+    )
+)
+def test_any_array_comes_back(tmp_path_factory, values):
+    """Row by row, and joined."""
+    if values.dtype.kind == "M":
+        values = np.abs(values.astype(int) % 10**15).astype(values.dtype)
+    folder = tmp_path_factory.mktemp("any")
+    how = {"store": folder / "s", "cache": folder / "c", "dims": "own", "version": "1"}
+    found = sweeps.sweep(lambda row: values[row], {"row": range(len(values))}, **how)
+    np.testing.assert_array_equal(found.result.values, values)
