@@ -6,17 +6,23 @@ thread, so that forking it is safe.
 
 from __future__ import annotations
 
+import ast
+import linecache
 import multiprocessing
+import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import forkserver, resource_tracker
+from multiprocessing.spawn import get_preparation_data
 from typing import Any
 
 import psutil  # type: ignore[import-untyped]
 
+from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.process import ONE_THREAD, environment
 
 # Environment that a worker process must be started with, since libraries read it only then. It
@@ -33,6 +39,30 @@ IMPORTS = "IMPORTS"
 ENDING = 5.0  # s until a process that was asked to start or to end has done so
 
 
+def check_guard() -> None:
+    """Refuse to start workers from a line of a script that they run, too, when they start."""
+    ways = get_preparation_data("")
+    module = ways.get("init_main_from_path") or ways.get("init_main_from_name", "")
+    if not module or module.endswith(".__main__"):
+        return  # a notebook, prompt or `python -m package`, of which workers run nothing
+    frame = sys._current_frames().get(threading.main_thread().ident or 0)
+    while frame and (frame.f_code.co_name, frame.f_globals["__name__"]) != ("<module>", "__main__"):
+        frame = frame.f_back
+    script = frame and frame.f_code.co_filename
+    if not frame or not script or not (text := "".join(linecache.getlines(script))):
+        return
+    line = frame.f_lineno
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.If) and node.lineno <= line <= (node.end_lineno or line):
+            test = ast.unparse(node.test)
+            if "__name__" in test or "parent_process" in test:
+                return
+    raise ConfigurationError(
+        f"cluster is local, whose workers run {os.path.basename(script)} again, but line {line} of "
+        'it is not guarded; put it under `if __name__ == "__main__":`, or use inline'
+    )
+
+
 def worth_importing(modules: Iterable[str]) -> list[str]:
     """Return names of some modules and of those listed in their `IMPORTS`, each once."""
     found = [(name, *getattr(sys.modules.get(name), IMPORTS, ())) for name in modules]
@@ -47,6 +77,9 @@ def fork_server(modules: Iterable[str]) -> Iterator[str]:
     server, which may have older code, or none can be started, as where the path of the temporary
     folder is too long for a socket, workers are spawned instead.
     """
+    main = vars(sys.modules["__main__"])
+    if not os.path.exists(main.get("__file__") or "."):  # '<stdin>', which no worker can run
+        del main["__file__"]
     if running_server():
         yield "spawn"
         return

@@ -150,9 +150,12 @@ def sweep(
         show(f"{experiment.name}: {left:,} to compute, {cells - left:,} reused; {estimate}")
         return xr.Dataset(attrs={"left": left, "reused": cells - left, "estimate": estimate})
     failed: list[Failure] = []
-    with progress_bar() as step:
-        watch = Watch(lambda sentence: None, step, failed.append)
-        finished = run(experiment, choices, place, watch)
+    try:
+        with progress_bar() as step:
+            watch = Watch(lambda sentence: None, step, failed.append)
+            finished = run(experiment, choices, place, watch)
+    except ConfigurationError as error:
+        raise ConfigurationError(str(error)) from None  # from this line on, and not from within
     if failed:
         warnings.warn(_told(finished, failed), CallsFailed, stacklevel=2)
     found = xr.open_zarr(zarr_store(at), group=experiment.name, chunks=None).load()
@@ -186,10 +189,10 @@ def _declared(
             raise ConfigurationError(f"attrs[{one!r}] is {about!r}, but must be as in {example}")
     settings, joint = read_values(name, values, attrs)
     reads = _arguments(name, function, values, settings)
-    for one in joint:
-        if not {setting.key for setting in reads.values()}.intersection(one.keys):
-            what = f"values has the dimension {one.name!r}, along which {name} has no argument"
-            raise ConfigurationError(what)
+    read = {setting.key for setting in reads.values()}
+    if alone := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
+        what = f"values has the dimension {alone[0]!r}, along which {name} has no argument"
+        raise ConfigurationError(what)
     taken = frozenset([one.name for one in settings] + [one.name for one in joint])
     result = _result(name, outputs, dims, dtype, taken, attrs)
     stage = Stage(name, function, (result,), reads=reads, group=Group(name), version=version)

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import subprocess
 import sys
 import tempfile
 from datetime import UTC, datetime
@@ -177,3 +178,43 @@ def test_relative_paths_are_where_the_command_was_given(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sweeps.sweep(moving, {"a": [1, 2]}, store="s.zarr", cache="c")
     assert os.getcwd() == str(tmp_path) and sorted(os.listdir()) == ["c", "s.zarr"]
+
+
+DOUBLE = """import sweeps
+
+def double(a):
+    return a * 2.0
+
+{guard}
+    how = dict(store="s.zarr", cache="c", cluster="local")
+    print(sweeps.sweep(double, {{"a": [1, 2]}}, **how).double.values.tolist())
+"""
+
+
+@pytest.mark.parametrize("way", ["script", "-c", "stdin"])
+def test_workers_of_a_script_a_word_and_a_prompt(tmp_path, way):
+    code = DOUBLE.format(guard="if __name__ == '__main__':")
+    (tmp_path / "job.py").write_text(code)
+    given = {"script": ["job.py"], "-c": ["-c", code], "stdin": ["-"]}[way]
+    ran = begun(given, tmp_path, code)
+    assert (ran.stdout, ran.stderr, ran.returncode) == ("[2.0, 4.0]\n", "", 0)
+
+
+def test_a_script_without_guard_is_refused_in_a_sentence(tmp_path):
+    (tmp_path / "job.py").write_text(DOUBLE.format(guard="if True:"))
+    ran = begun(["job.py"], tmp_path)
+    lines = ran.stderr.splitlines()
+    assert ran.returncode == 1 and len(lines) < 10
+    assert lines[-1] == (
+        "sweeps.engine.errors.ConfigurationError: cluster is local, whose workers run job.py "
+        'again, but line 8 of it is not guarded; put it under `if __name__ == "__main__":`, or '
+        "use inline"
+    )
+
+
+def begun(given, folder, text=""):
+    """Run Python, and return what it printed."""
+    path = os.pathsep.join(filter(None, (os.getcwd(), os.environ.get("PYTHONPATH"))))
+    how = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 120}
+    how |= {"capture_output": True, "text": True, "check": False}
+    return subprocess.run([sys.executable, *given], input=text, **how)

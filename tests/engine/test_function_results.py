@@ -259,7 +259,9 @@ def test_variables_that_share_a_dimension_run_together(run):
     assert set(found.coords) == {"a", "b", "c", "case", "note"} and found.c.item() == 7
     xr.testing.assert_equal(found.drop_vars("plus"), given.set_coords(["a", "b", "c"]))
     assert found.note.attrs["units"] == "m"
-    more = xr.concat([given, given.isel(case=[0]).assign(a=("case", [4]), case=["w"])], "case", data_vars="all")
+    more = xr.concat(
+        [given, given.isel(case=[0]).assign(a=("case", [4]), case=["w"])], "case", data_vars="all"
+    )
     assert run(plus, more.assign(c=7)).plus.values.tolist() == [357, 167, 167, 457]
     assert CALLS == [(4, 5, 7)]
 
