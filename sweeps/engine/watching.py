@@ -124,8 +124,16 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
     if console.is_jupyter:
         from IPython.display import display  # there, if this is a notebook
 
-        shown = display(Table.grid(), display_id=True)
-        yield lambda schedule: shown.update(bars(schedule))
+        drawn: list[Any] = []
+
+        def draw(schedule: Schedule) -> None:
+            table = bars(schedule)
+            if drawn:
+                drawn[0].update(table)
+            elif table.row_count:
+                drawn.append(display(table, display_id=True))
+
+        yield draw
     elif terminal:
         with Live(console=console, transient=True) as live:
             yield lambda schedule: live.update(bars(schedule))

@@ -1,5 +1,6 @@
 """A sweep of one function, without declarations."""
 
+import doctest
 import multiprocessing
 import os
 import subprocess
@@ -7,10 +8,12 @@ import sys
 import tempfile
 from datetime import UTC, datetime
 from functools import partial
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
+import ncti
 import sweeps
 from sweeps.engine.errors import CallsFailed, ConfigurationError
 
@@ -39,6 +42,10 @@ def mixed(word, flag, size):
     """A number from values of three types."""
     assert isinstance(size, int)
     return len(word) * size if flag else 0
+
+
+def area(x, y):
+    return x * y
 
 
 def positional(a, /):
@@ -218,3 +225,69 @@ def begun(given, folder, text=""):
     how = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 120}
     how |= {"capture_output": True, "text": True, "check": False}
     return subprocess.run([sys.executable, *given], input=text, **how)
+
+
+def test_help_opens_with_an_example(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = sweeps.sweep.__doc__
+    assert text.index(">>>") < 200
+    parser, how = doctest.DocTestParser(), {"sweeps": sweeps}
+    example = parser.get_doctest(text.partition("What was")[0], how, "sweep", __file__, 0)
+    assert not doctest.DocTestRunner().run(example).failed and example.examples
+
+
+def test_what_is_offered_is_documented():
+    assert [name for name in dir(sweeps) if not name.startswith("_")] == ["sweep"]
+    offered = [name for name in dir(ncti) if not name.startswith("_")]
+    assert {"simulate", "dataset"} <= {*offered} and not {"Any", "import_module"} & {*offered}
+    assert all(name in ncti.__doc__ for name in offered)
+
+
+def test_a_dry_run_says_what_would_be_computed(tmp_path, capsys):
+    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    found = sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **how)
+    said = "area: 2 to compute, 0 reused; 2 calls to run; new results unknown; time on one core unk"
+    assert capsys.readouterr().out.startswith(said) and found.attrs["left"] == 2
+    assert not (tmp_path / "s.zarr").exists() and not (tmp_path / "c").exists() and not found.sizes
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **how)
+    found = sweeps.sweep(area, {"x": [1, 2, 3], "y": [1.0]}, dry_run=True, **how)
+    assert (found.attrs["left"], found.attrs["reused"]) == (1, 2)
+    said = "area: 1 to compute, 2 reused; 1 calls to run; new results 9"
+    assert capsys.readouterr().out.startswith(said[:-1])
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **how)
+    assert (
+        capsys.readouterr().out
+        == "area: 0 to compute, 2 reused; nothing to compute: all cells are in the store\n"
+    )
+
+
+@pytest.mark.parametrize("where", ["file", "terminal", "notebook"])
+def test_progress_is_shown_in_a_terminal_and_a_notebook(tmp_path, monkeypatch, capsys, where):
+    drawn = []
+
+    class Handle:
+        """A place of a notebook."""
+
+        def update(self, table):
+            drawn.append(table)
+
+    def display(table, display_id):
+        drawn.append(table)
+        return Handle()
+
+    if where == "terminal":
+        monkeypatch.setenv("TERM", "xterm")
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    if where == "notebook":
+        offered = {"display": display}
+        monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
+        monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(**offered))
+        monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **how)
+    printed = capsys.readouterr()
+    assert not printed.out and ("2/2" in printed.err) == (where == "terminal")
+    assert bool(drawn) == (where == "notebook") and len({*map(type, drawn)}) <= 1
+    drawn.clear()
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **how)
+    assert not drawn  # as nothing is computed
