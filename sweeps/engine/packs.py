@@ -199,16 +199,19 @@ class Packing:
 
     def add(self, outputs: Mapping[str, NDArray[Any]]) -> None:
         """Add a cell; TypeError if an array holds objects, fields or texts of variable width."""
-        layout, parts = [], []
+        layout, record = [], b""
         for name, values in outputs.items():
-            array = np.asarray(values)
-            layout.append((name, _code(array.dtype), array.shape))
-            parts.append(array.tobytes())
-            if over := -array.nbytes % ALIGNED:
-                parts.append(bytes(over))
-        self.numbers.append(self.layouts.setdefault(tuple(layout), len(self.layouts)))
-        self.checks.append(_digest(CHECK, *parts))
-        self.parts += parts
+            array = values if type(values) is np.ndarray else np.asarray(values)
+            layout.append((name, array.dtype.str, array.shape))
+            record += array.tobytes() + bytes(-array.nbytes % ALIGNED)
+        number = self.layouts.get(one := tuple(layout))
+        if number is None:
+            for array in outputs.values():
+                _code(np.asarray(array).dtype)
+            number = self.layouts[one] = len(self.layouts)
+        self.numbers.append(number)
+        self.checks.append(_digest(CHECK, record))
+        self.parts.append(record)
 
     def write(self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0) -> Pack:
         """Write the cells, whose keys are (cell, 2), as a new pack; OSError if that fails.

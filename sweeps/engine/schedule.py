@@ -222,6 +222,9 @@ class Waiting:
         before: list[int] = []
         # At least one, even if a damaged index has wrong costs.
         while self.ready and cells < MOST_CELLS:
+            if not (self._objects.shape[1] or self._later or self._split):
+                yield from self._block(costs, size - seconds, MOST_CELLS - cells, cells == 0)
+                break
             at = self._next()
             objects = [] if at is None else self._objects[at].tolist()
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
@@ -233,6 +236,25 @@ class Waiting:
             cells += len(own)
             self.load[bound] -= len(own)
             yield bound, own
+
+    def _block(
+        self, costs: Mapping[str, float], size: float, most: int, begins: bool
+    ) -> Iterator[Job]:
+        """Remove and yield calls of one stage, of those that share no objects, as `next` does."""
+        calls = self._first[self._at : self._at + most]
+        stage = self._stage[calls[0]]
+        calls = calls[: np.argmax(np.append(self._stage[calls] != stage, True))]
+        starts, ends = self._begins[calls], self._begins[calls + 1]
+        bound, done = self._stages[stage], np.cumsum(ends - starts)
+        before = np.append(0, done[:-1])
+        count = int(np.count_nonzero((before * costs[bound.name] < size) & (before < most)))
+        count = max(count, int(begins))  # at least one, even if a damaged index has wrong costs
+        if not count:
+            return
+        self._at += count
+        self.load[bound] -= int(done[count - 1])
+        for start, end in zip(starts[:count].tolist(), ends[:count].tolist(), strict=True):
+            yield bound, self._cells[start:end]
 
     def _next(self) -> int | None:
         """Return the first of the calls that are ready; None for one that was split."""
@@ -408,8 +430,8 @@ class Schedule:
         numbers: dict[tuple[Bound, bytes], int] = {}
         for bound, cells in self.possible(jobs) if self.failed else jobs:
             # Those of a part compute equal places of the axes that are computed together.
-            place = cells - self.plan.start(bound, cells[:1]) if bound.along else cells[:0]
-            pattern = place.tobytes()
+            starts = self.plan.start(bound, cells[:1]) if bound.along else None
+            pattern = b"" if starts is None else (cells - starts).tobytes()
             order.append(numbers.setdefault((bound, pattern), len(numbers)))
             of_stage[bound, pattern].append(cells)
         parts = (self.part(bound, cells) for (bound, _), cells in of_stage.items())
@@ -482,7 +504,7 @@ class Schedule:
         """
         plan, cells = self.plan, np.concatenate(jobs)
         begins = np.cumsum([0, *map(len, jobs)])
-        firsts = plan.start(bound, np.array([job[0] for job in jobs]))
+        firsts = plan.start(bound, cells[begins[:-1]])
         # The cells that a call computes: by the values that occur on each axis computed together.
         grid = np.zeros((), dtype=np.int64)
         for key in bound.along:

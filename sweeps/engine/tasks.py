@@ -29,10 +29,11 @@ from sweeps.engine.keys import Keys, cell_rng
 from sweeps.engine.packs import Arrays, Pack, Packing, Spots, each_cell
 from sweeps.engine.places import Objects
 from sweeps.engine.stage import FIRST, MEASURED, RNG, VALID, Output, Stage
-from sweeps.engine.undeclared import Undeclared, spread
+from sweeps.engine.undeclared import NUMBERS, Undeclared, spread
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
+EXACT = 2**53  # whole numbers up to this are the same as floats
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,11 @@ class Column:
 
     values: tuple[Any, ...]
     places: NDArray[np.int32]
+
+    @cached_property
+    def of_calls(self) -> list[Any]:
+        """The value that each call gets."""
+        return [self.values[place] for place in self.places.tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +188,7 @@ class _Running:
     def __init__(self, calls: Calls, packs: Objects) -> None:
         self.calls, self.packs = calls, packs
         self.function, self.folder = calls.step.call, os.getcwd()
+        self.begins: list[int] = calls.begins.tolist()
         self.packing = Packing()
         self.next = 0
         self.kept: list[int] = []  # numbers of cells that are packed
@@ -195,7 +202,7 @@ class _Running:
         """Run the next call."""
         calls, step, number = self.calls, self.calls.step, self.next
         self.next += 1
-        begin, end = calls.begins[number : number + 2].tolist()
+        begin, end = self.begins[number], self.begins[number + 1]
         inputs = next(self._inputs)
         start = time.perf_counter()
         given: dict[str, Any] = {}
@@ -297,9 +304,12 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
     Opening a pack takes longer than reading a small cell in it.
     """
     reads = {name: one for name, one in calls.sources.items() if isinstance(one, Read)}
+    if not reads:
+        yield from ({} for _ in range(start, len(calls)))
+        return
     window = 1
     while start < len(calls):
-        stop = min(start + window, len(calls)) if reads else len(calls)
+        stop = min(start + window, len(calls))
         found: list[Inputs] = [{} for _ in range(start, stop)]
         size = 0
         for name, read in reads.items():
@@ -322,7 +332,7 @@ def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dic
     given: dict[str, Any] = {}
     for name, source in calls.sources.items():
         if isinstance(source, Column):
-            given[name] = source.values[source.places[number]]
+            given[name] = source.of_calls[number]
         elif isinstance(source, Made):
             given[name] = _object(source.calls, int(source.places[number]), packs)
         else:
@@ -453,8 +463,9 @@ def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[in
     """
     first = outputs[0]
     if isinstance(first, Undeclared):
-        if type(found) is float and first.plain:  # at once, since many functions are quick
-            return {first.name: np.array(found)}
+        exact = isinstance(found, float) or (isinstance(found, int) and abs(found) <= EXACT)
+        if exact and first.plain:
+            return {first.name: np.array(found, NUMBERS)}  # at once: many functions are quick
         declared, about = spread(first, found)
         arrays = {output.name: _array(stage, output, values, ()) for output, values in declared}
         return arrays | ({about: np.empty(0, "u1")} if about else {})

@@ -17,8 +17,8 @@ def spoilt(answers, choices):
 
 
 def unstorable(answers, choices):
-    """A table of objects."""
-    return xr.Dataset({"x": ("place", np.array([1 + 2j]))})
+    """A table of durations."""
+    return xr.Dataset({"x": ("place", np.array([1], "m8[s]"))})
 
 
 def bare(answers, choices):
