@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.forking import check_guard, fork_server, worth_importing
+from sweeps.engine.forking import fork_server, worth_importing
 from sweeps.engine.modules import ENGINE, SHADERS, files, place
 from sweeps.engine.places import Objects
 from sweeps.engine.process import one_thread
@@ -180,9 +180,7 @@ def executor(
         return
     settings: dict[str, Any] = {name: getattr(choice, name) for name in READ[choice.kind]}
     with ExitStack() as stack:
-        if choice.kind == "local":
-            check_guard()
-            # It imports while this process imports dask
+        if choice.kind == "local":  # it imports while this process imports dask
             settings["method"] = stack.enter_context(fork_server(worth_importing(modules)))
         from sweeps.engine import workers  # which imports dask
 

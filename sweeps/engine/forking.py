@@ -7,12 +7,12 @@ thread, so that forking it is safe.
 from __future__ import annotations
 
 import ast
+import inspect
 import linecache
 import multiprocessing
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -45,7 +45,7 @@ def check_guard() -> None:
     module = ways.get("init_main_from_path") or ways.get("init_main_from_name", "")
     if not module or module.endswith(".__main__"):
         return  # a notebook, prompt or `python -m package`, of which workers run nothing
-    frame = sys._current_frames().get(threading.main_thread().ident or 0)
+    frame = inspect.currentframe()
     while frame and (frame.f_code.co_name, frame.f_globals["__name__"]) != ("<module>", "__main__"):
         frame = frame.f_back
     script = frame and frame.f_code.co_filename

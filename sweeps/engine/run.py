@@ -21,6 +21,7 @@ from sweeps.engine.cube import Cube
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, reason, traceback_of
 from sweeps.engine.folders import check_apart, check_folder, check_target
+from sweeps.engine.forking import check_guard
 from sweeps.engine.index import CellIndex
 from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
@@ -199,6 +200,8 @@ def _compute(
     watch.step(schedule)
     if not missing:
         return [], None
+    if place.cluster.kind == "local":
+        check_guard()
     if place.cluster.kind == "slurm":
         import_jobqueue()
     entered = executor(

@@ -70,7 +70,8 @@ def spread(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], st
     """
     declared: list[tuple[Output, Any]] = []
     about: dict[str, Any] = {}
-    for name, one in _variables(output, found):
+    own = output.names[0] if len(output.names) == 1 else output.name
+    for name, one in _variables(own, output.names, found, output.name):
         what = f"{output.name} returned the variable {name!r}"
         if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
             raise TypeError(f"{what}, but a name is a text without '/' that begins with a letter")
@@ -85,9 +86,11 @@ def spread(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], st
             raise TypeError(f"{what}, but {min(wrong)!r} is the name of an argument")
         if name in dims and not one.coordinate:
             raise TypeError(f"{what} along a dimension of that name; rename one of them")
-        dtype = output.dtype if not output.free or one.coordinate else NUMBERS
-        if values.dtype.kind in "cMU" and (output.free or one.coordinate):
-            dtype = values.dtype.str if values.dtype.kind != "c" else COMPLEX
+        dtype = output.dtype
+        if (output.free or one.coordinate) and values.dtype.kind == "c":
+            dtype = COMPLEX
+        elif (values.dtype.kind in "MU" and output.free) or one.coordinate:
+            dtype = values.dtype.str
         # What only `_array` knows of is not passed on, such as a mask.
         given = values if values.dtype.kind in "MU" else one.values
         declared.append((Output(name, dims, dtype), given))
@@ -97,41 +100,29 @@ def spread(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], st
     return declared, f"{ABOUT}{json.dumps(about)}" if about else ""
 
 
-def _variables(output: Undeclared, found: Any) -> Iterator[tuple[Any, Variable]]:
-    """Yield what a result consists of, by name."""
-    own = output.names[0] if len(output.names) == 1 else output.name
+def _variables(
+    name: Any, names: Sequence[str], found: Any, about: str
+) -> Iterator[tuple[Any, Variable]]:
+    """Yield what a result consists of, by name; `names` are those of the elements of a tuple."""
     if hasattr(found, "to_xarray"):  # a frame or series of pandas
         found = found.to_xarray()
-    if hasattr(found, "_asdict"):  # a named tuple
-        found = found._asdict()
-    if hasattr(found, "coords") and hasattr(found, "variable"):  # a data array
-        yield own, Variable(found.values, found.dims, found.attrs)
-        yield from _coordinates(found)
-    elif hasattr(found, "data_vars"):
-        for name, one in found.data_vars.items():
-            yield name, Variable(one.values, one.dims, one.attrs)
-        yield from _coordinates(found)
+    if hasattr(found, "coords") and not hasattr(found, "data_vars"):  # a data array
+        found = found.to_dataset(name=name)
+    if hasattr(found, "data_vars"):
+        for one, values in found.variables.items():
+            yield one, Variable(values.values, values.dims, values.attrs, one in found.coords)
     elif isinstance(found, Mapping):
-        for name, one in found.items():
-            if hasattr(one, "coords") and hasattr(one, "variable"):
-                yield name, Variable(one.values, one.dims, one.attrs)
-                yield from _coordinates(one)
-            else:
-                yield name, Variable(one)
-    elif len(output.names) > 1:
-        several = isinstance(found, tuple | list) and len(found) == len(output.names)
-        if not several:
-            given = f"{len(found)} values" if isinstance(found, tuple | list) else repr(found)
-            allowed = f"a tuple of {len(output.names)}: {', '.join(output.names)}"
-            raise TypeError(f"{output.name} returned {given}, but must return {allowed}")
-        yield from ((name, Variable(one)) for name, one in zip(output.names, found, strict=True))
+        for one, values in found.items():
+            yield from _variables(one, (), values, about)
+    elif len(names) > 1:
+        several = isinstance(found, tuple | list)
+        if not several or len(found) != len(names):
+            given = f"{len(found)} values" if several else repr(found)
+            raise TypeError(f"{about} returned {given}, but must return {', '.join(names)}")
+        for one, values in zip(names, found, strict=True):
+            yield from _variables(one, (), values, about)
     else:
-        yield own, Variable(found)
-
-
-def _coordinates(found: Any) -> Iterator[tuple[Any, Variable]]:
-    for name, one in found.coords.items():
-        yield name, Variable(one.values, one.dims, one.attrs, coordinate=True)
+        yield name, Variable(found)
 
 
 def _array(what: str, given: Any) -> NDArray[Any]:
@@ -219,6 +210,6 @@ def common(cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]) ->
                 continue
             short, long = sorted((one, longest), key=lambda array: array.size)
             inside = long[tuple(map(slice, short.shape))]
-            alike = inside.shape == short.shape and inside.tobytes() == short.tobytes()
+            alike = np.array_equal(inside, short, equal_nan=short.dtype.kind in "fc")
             found[name] = long if alike else None
     return found

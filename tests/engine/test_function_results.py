@@ -1,7 +1,8 @@
 """What a swept function returns, and the values that it is called with, in the data set."""
 
+import re
 from datetime import datetime
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -30,11 +31,6 @@ def run(tmp_path, monkeypatch):
     return swept
 
 
-class Pair(NamedTuple):
-    low: float
-    high: float
-
-
 def spectrum(a):
     power = xr.DataArray(a / FREQUENCY, {"frequency": ("frequency", FREQUENCY, {"units": "Hz"})})
     return power.assign_attrs(units="W", long_name="power", sensor="A")
@@ -48,10 +44,6 @@ def variables(a):
 
 def mapping(a):
     return {"power": spectrum(a), "peak": 2 * a, "flat": np.full(2, a)}
-
-
-def named(a):
-    return Pair(-a, a)
 
 
 def elements(a):
@@ -90,6 +82,14 @@ def lacking(a):
 
 def shifted(a):
     return xr.DataArray([1.0, 2.0], {"bin": [a, a + 1]})
+
+
+def labelled(a):
+    """More labels for larger arguments."""
+    return xr.Dataset(
+        {"x": ("k", np.arange(a)), "t": ("name", list("abc"[:a]))},
+        {"k": np.arange(5, 5 + a), "name": ["a", "bb", "ccc"][:a], "side": ("k", np.arange(a) > 0)},
+    )
 
 
 def sometimes_text(a):
@@ -145,14 +145,12 @@ def test_a_tuple_becomes_variables(run):
     ]
     assert found.third.values.tolist() == ["odd", "even"] and found.second.dims == ("a", "k")
     with pytest.warns(
-        CallsFailed, match="elements returned 3 values, but must return a tuple of 2"
+        CallsFailed, match="elements returned 3 values, but must return first, second"
     ):
         run(elements, VALUES, outputs=("first", "second"), store="t")
 
 
-def test_a_named_tuple_a_frame_and_one_named_output(run):
-    found = run(named, VALUES)
-    assert found.low.values.tolist() == [-1, -2] and found.high.values.tolist() == [1, 2]
+def test_a_frame_and_one_named_output(run):
     found = run(frame, VALUES, store="f")
     assert found.u.sel(a=2, row="y").item() == 4 and found.v.dims == ("a", "row")
     assert list(run(turning, VALUES, outputs="turn", store="t")) == ["turn"]
@@ -206,6 +204,46 @@ def test_times_of_python(run):
             lambda a: np.datetime64("0001") if a == 1 else python_date(a), VALUES, store="m"
         )
     assert np.isnat(missing.result.values).tolist() == [True, False]
+
+
+def test_labels_that_longer_results_have_more_of(run):
+    found = run(labelled, {"a": [1, 3]})
+    assert found.k.dtype == int and found.k.values.tolist() == [5, 6, 7]
+    assert found.name.values.tolist() == ["a", "bb", "ccc"]
+    assert found.side.dims == ("k",) and found.side.values.tolist() == [False, True, True]
+    assert found.t.sel(a=3).values.tolist() == ["a", "b", "c"]
+    assert found.t.sel(a=1).values.tolist() == ["a", "", ""]
+
+
+def test_all_calls_may_fail(run):
+    with pytest.warns(CallsFailed, match="2 of 2 calls failed"):
+        found = run(lambda a: 1 / 0, VALUES, outputs=("u", "v"))
+    assert np.isnan(found.u).all() and found.v.dims == ("a",)
+
+
+def test_an_interrupt_ends_the_sweep(run):
+    def interrupted(a):
+        CALLS.append(a)
+        if a == 2:
+            raise KeyboardInterrupt
+        return a
+
+    with pytest.raises(KeyboardInterrupt):
+        run(interrupted, {"a": [1, 2, 3]}, version="1")
+    assert CALLS == [1, 2]
+
+
+def test_what_the_page_shows_is_so(monkeypatch, tmp_path, capsys):
+    page = Path(__file__).parents[2] / "docs" / "engine.md"
+    section = page.read_text(encoding="utf-8").partition("## One function")[2]
+    code, cases = re.findall(r"```py(?:thon)?\n(.*?)```", section, re.S)[:2]
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "__main__"}
+    exec(code, names)
+    assert "[[ 2.,  4.,  8.],\n       [ 3.,  9., 27.]]" in capsys.readouterr().out
+    exec(cases.replace("sweeps.sweep(power", "found = sweeps.sweep(power"), names)
+    found = names["found"].power
+    assert found.sel(case="a").item() == 1024 and found.values.tolist() == [1024, 243]
 
 
 @pytest.mark.parametrize(
