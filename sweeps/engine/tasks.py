@@ -33,7 +33,7 @@ from sweeps.engine.undeclared import NUMBERS, Undeclared, spread
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
-EXACT = 2**53  # whole numbers up to this are the same as floats
+WHOLE = 2**63  # of the whole numbers that numpy knows, about the largest
 
 
 @dataclass(frozen=True)
@@ -463,9 +463,8 @@ def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[in
     """
     first = outputs[0]
     if isinstance(first, Undeclared):
-        exact = isinstance(found, float) or (isinstance(found, int) and abs(found) <= EXACT)
-        if exact and first.plain:
-            return {first.name: np.array(found, NUMBERS)}  # at once: many functions are quick
+        if first.plain and _is_number(found):  # at once: many functions are quick
+            return {first.name: np.array(found, NUMBERS)}
         declared, about = spread(first, found)
         arrays = {output.name: _array(stage, output, values, ()) for output, values in declared}
         return arrays | ({about: np.empty(0, "u1")} if about else {})
@@ -480,10 +479,14 @@ def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[in
     return {output.name: _array(stage, output, found[output.name], along) for output in outputs}
 
 
+def _is_number(given: Any) -> bool:
+    return isinstance(given, float) or (isinstance(given, int) and abs(given) < WHOLE)
+
+
 def _array(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
     """Return one output as an array."""
     dtype = _dtype(output.dtype)
-    if isinstance(given, float) and dtype.kind == "f" and abs(given) <= _largest(output.dtype):
+    if dtype.kind == "f" and _is_number(given) and abs(given) <= _largest(output.dtype):
         array = np.array(given, dtype)  # what follows takes 10 us, which counts for single numbers
     elif given is None:
         raise _refused(stage, output, "None")

@@ -44,6 +44,11 @@ class Undeclared(Output):
     about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # attributes by variable
 
     @cached_property
+    def known(self) -> dict[Any, Output]:
+        """Variables that were met, by their names, dimensions and dtypes."""
+        return {}
+
+    @cached_property
     def plain(self) -> bool:
         """Whether a number is the only variable, without dimensions."""
         return self.free and not self.names and not self.dims_of
@@ -72,32 +77,45 @@ def spread(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], st
     about: dict[str, Any] = {}
     own = output.names[0] if len(output.names) == 1 else output.name
     for name, one in _variables(own, output.names, found, output.name):
-        what = f"{output.name} returned the variable {name!r}"
-        if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
-            raise TypeError(f"{what}, but a name is a text without '/' that begins with a letter")
-        values = _array(what, one.values)
-        if name in output.taken and one.coordinate and not values.ndim:
+        values = _array(f"{output.name} returned {name!r}", one.values)
+        if one.coordinate and not values.ndim and name in output.taken:
             continue  # an argument that came back
-        dims = one.dims
-        if dims is None:
-            dims = output.dims_of.get(name) or (output.dims if values.ndim else ())
-            dims = dims or tuple(f"{name}_{k}" for k in range(values.ndim))
-        if wrong := output.taken.intersection((name, *dims)):
-            raise TypeError(f"{what}, but {min(wrong)!r} is the name of an argument")
-        if name in dims and not one.coordinate:
-            raise TypeError(f"{what} along a dimension of that name; rename one of them")
-        dtype = output.dtype
-        if (output.free or one.coordinate) and values.dtype.kind == "c":
-            dtype = COMPLEX
-        elif (values.dtype.kind in "MU" and output.free) or one.coordinate:
-            dtype = values.dtype.str
+        key = (name, one.dims, one.coordinate, values.dtype, values.ndim)
+        if (variable := output.known.get(key)) is None:
+            variable = output.known[key] = _declared(output, *key)
         # What only `_array` knows of is not passed on, such as a mask.
-        given = values if values.dtype.kind in "MU" else one.values
-        declared.append((Output(name, dims, dtype), given))
-        attrs = plain({key: value for key, value in one.attrs.items() if key not in STORED})
-        if dims or attrs or one.coordinate:
-            about[name] = [dims, attrs, one.coordinate]
+        declared.append((variable, values if values.dtype.kind in "MU" else one.values))
+        if variable.dims or one.attrs or one.coordinate:
+            attrs = plain({key: value for key, value in one.attrs.items() if key not in STORED})
+            about[name] = [variable.dims, attrs, one.coordinate]
     return declared, f"{ABOUT}{json.dumps(about)}" if about else ""
+
+
+def _declared(
+    output: Undeclared,
+    name: Any,
+    dims: tuple[str, ...] | None,
+    coordinate: bool,
+    dtype: np.dtype[Any],
+    ndim: int,
+) -> Output:
+    """Return a variable of a name, with dimensions if it has them, dtype and number of these."""
+    what = f"{output.name} returned the variable {name!r}"
+    if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
+        raise TypeError(f"{what}, but a name is a text without '/' that begins with a letter")
+    if dims is None:
+        dims = output.dims_of.get(name) or (output.dims if ndim else ())
+        dims = dims or tuple(f"{name}_{k}" for k in range(ndim))
+    if wrong := output.taken.intersection((name, *dims)):
+        raise TypeError(f"{what}, but {min(wrong)!r} is the name of an argument")
+    if name in dims and not coordinate:
+        raise TypeError(f"{what} along a dimension of that name; rename one of them")
+    stored = output.dtype
+    if (output.free or coordinate) and dtype.kind == "c":
+        stored = COMPLEX
+    elif (dtype.kind in "MU" and output.free) or coordinate:
+        stored = dtype.str
+    return Output(name, dims, stored)
 
 
 def _variables(
