@@ -27,6 +27,11 @@ class Argument(Setting):
         """See `Setting.attrs`."""
         return {**super().attrs, **self.about}
 
+    @property
+    def called(self) -> str:
+        """See `Setting.called`."""
+        return f"values[{self.name!r}]"
+
     def spelling(self, values: Iterable[Value]) -> str:
         """See `Setting.spelling`."""
         return f"values={{{self.name!r}: [{', '.join(map(_spelt, values))}], ...}}"

@@ -164,7 +164,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             both = sorted({*there, *asked}, key=lambda value: (value is None, value))
             advice = f"give {setting.spelling(both)} to have both, or another store"
         raise ConfigurationError(
-            f"{setting.key} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
+            f"{setting.called} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
             f"{', '.join(map(spelt, lacking))}: {advice}"
         )
     texts = replace(

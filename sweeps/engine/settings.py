@@ -107,6 +107,11 @@ class Setting:
             return tuple(map(self.in_si, value))
         return value * self.unit.si
 
+    @property
+    def called(self) -> str:
+        """What messages call it."""
+        return self.key
+
     def spelling(self, values: Iterable[Value]) -> str:
         """Return how a user gives it some values."""
         return f"{self.key}=[{','.join(map(spelt, values))}]"

@@ -77,7 +77,7 @@ def spread(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], st
     about: dict[str, Any] = {}
     own = output.names[0] if len(output.names) == 1 else output.name
     for name, one in _variables(own, output.names, found, output.name):
-        values = _array(f"{output.name} returned {name!r}", one.values)
+        values = _array(f"{output.name} returned the variable {name!r}", one.values)
         if one.coordinate and not values.ndim and name in output.taken:
             continue  # an argument that came back
         key = (name, one.dims, one.coordinate, values.dtype, values.ndim)
@@ -201,7 +201,8 @@ def learned(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
         if uneven or len(met[name]) < len(layouts):
             one = replace(one, pad=one.empty)
         if uneven and not coordinate:
-            attrs[PADDING] = f"with {one.empty!r} along {', '.join(spans)}"
+            nothing = "NaN" if one.empty != one.empty else repr(one.empty)
+            attrs[PADDING] = f"with {nothing} along {', '.join(spans)}"
         found.append(one)
     for name in () if found else output.names or (output.name,):
         own = output.about.get(name, {})

@@ -171,7 +171,7 @@ def test_arrays_without_names_of_dimensions_get_some(run):
 def test_arrays_of_different_length_are_padded(run, capsys):
     found = run(uneven, {"a": [1, 3]}, dims="bin").uneven
     np.testing.assert_array_equal(found, [[0, np.nan, np.nan], [0, 1, 2]])
-    said = "sweeps: uneven is padded with nan along bin (1 to 3 values)\n"
+    said = "sweeps: uneven is padded with NaN along bin (1 to 3 values)\n"
     assert capsys.readouterr().err == said
 
 
