@@ -111,6 +111,8 @@ def sweep(
     ConfigurationError
         If a value, an argument or the store cannot be used, or the function holds what has no
         content to compare, such as an open file. Nothing was called.
+    DeclarationError
+        If results do not fit together, such as a text for one value and a number for another.
 
     Warns
     -----

@@ -67,14 +67,14 @@ def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
     assert run(x=[1, 2], y=[0.5, 1.5]).equals(found) and not CALLS
     more = run(x=[1, 2, 3], y=[0.5, 1.5])
     assert CALLS == [(3, 0.5), (3, 1.5)] and more.sel(x=[1, 2]).equals(found)
+    how = {"store": tmp_path / "t.zarr", "cache": tmp_path / "d", "cluster": "local"}
+    elsewhere = sweeps.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, **how)
+    assert elsewhere.equals(found) and len(CALLS) == 2  # which workers of this machine computed
     both = (
         r"values\['x'\] is 4, but .* has 1, 2, 3: give values={'x': \[1, 2, 3, 4\], ...} to have bo"
     )
     with pytest.raises(ConfigurationError, match=both):
         run(x=[4], y=[0.5, 1.5])
-    how = {"store": tmp_path / "t.zarr", "cache": tmp_path / "d", "cluster": "local"}
-    elsewhere = sweeps.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, **how)
-    assert elsewhere.equals(found) and len(CALLS) == 2  # which workers of this machine computed
 
 
 def test_arrays_noise_and_values_of_other_types(tmp_path):
