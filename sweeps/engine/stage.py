@@ -101,7 +101,7 @@ class Output:
         return of_kind.get(np.dtype(self.dtype).kind, of_integers)
 
     @property
-    def in_store(self) -> tuple[np.dtype[Any], float | str]:
+    def in_store(self) -> tuple[np.dtype[Any], complex | str]:
         """Dtype and value of missing results in the store: shares have -1, which is none."""
         dtype = np.dtype(self.dtype)
         if self.role != SHARE:
