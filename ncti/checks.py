@@ -10,6 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+# Units of parameters, wherever their docstrings have one.
+UNITS = {
+    name: unit
+    for unit, names in {
+        "m": "slant_range reference_range bin_width window footprint altitude middle_range "
+        "earth_radius pulse_length spacing",
+        "m^2": "area",
+        "s": "pulse_width slew_time",
+        "Hz": "frame_rate pulse_rate",
+        "rad": "ifov",
+        "deg": "aspect mirror_angle roll aircraft_heading ship_heading tracked",
+        "dB": "decibels cnr_db",
+        "dB/m": "extinction",
+        "K": "contrast contrasts contrast_at_zero nedt deviation sea_sigma sea_spread "
+        "sea_temperature target_sigma target_spread",
+    }.items()
+    for name in names.split()
+}
+OTHER_UNITS = {"m": ("km", 3), "s": ("ns", -9), "rad": ("urad", -6)}  # and their powers of ten
+
+
 class NothingSeenError(ValueError):
     """An image or profile shows nothing of the ship to measure, although its values are valid.
 
@@ -70,7 +91,10 @@ def require(
     >>> require("ifov", 150e-6, positive=True)
     >>> require("ifov", -1.0, positive=True)
     Traceback (most recent call last):
-    ValueError: ifov is -1.0, but must be a finite number above 0
+    ValueError: ifov is -1.0 rad, but must be a finite number above 0 rad
+    >>> require("pulse_width", 30, minimum=1e-8, maximum=1e-6)
+    Traceback (most recent call last):
+    ValueError: pulse_width is 30 s, but must be a number from 1e-08 to 1e-06 s; 30 ns is 30e-9
     """
     try:
         number = math.nan if isinstance(value, (str, bytes)) else float(value)
@@ -79,24 +103,26 @@ def require(
     except OverflowError:
         # An integer too large for a float, whose digits would fill pages.
         number = value = math.inf if value > 0 else -math.inf
-    inside = _inside(
-        number, number, positive=positive, minimum=minimum, maximum=maximum, below=below
-    )
-    if inside and not (whole and number % 1):
+
+    def inside(one: float) -> bool:
+        limits = {"minimum": minimum, "maximum": maximum, "below": below}
+        return _inside(one, one, positive=positive, **limits) and not (whole and one % 1)
+
+    if inside(number):
         return
-    bounds = []
-    if positive:
-        bounds.append("above 0")
-    if minimum > -math.inf:
-        bounds.append(f"at least {minimum:g}")
-    if maximum < math.inf:
-        bounds.append(f"at most {maximum:g}")
-    if below < math.inf:
-        bounds.append(f"below {below:g}")
-    allowed = ("a whole number" if whole else "a finite number") + (
-        " " + " and ".join(bounds) if bounds else ""
-    )
-    raise ValueError(f"{name} is {_line(value)}, but must be {allowed}")
+    ranged = minimum > -math.inf and maximum < math.inf
+    bounds = ["above 0"] if positive else []
+    bounds += [f"from {minimum:g} to {maximum:g}"] if ranged else []
+    bounds += [f"at least {minimum:g}"] if minimum > -math.inf and not ranged else []
+    bounds += [f"at most {maximum:g}"] if maximum < math.inf and not ranged else []
+    bounds += [f"below {below:g}"] if below < math.inf else []
+    sort = "a whole number" if whole else "a number" if ranged else "a finite number"
+    unit = f" {UNITS[name]}" if name in UNITS else ""
+    said = f"{_line(value)}{unit if math.isfinite(number) else ''}"
+    allowed = f"{sort} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
+    other, power = OTHER_UNITS.get(unit.strip(), ("", 0))
+    meant = f"; {number:g} {other} is {number:g}e{power}" if inside(number * 10.0**power) else ""
+    raise ValueError(f"{name} is {said}, but must be {allowed}{unit}{meant}")
 
 
 def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:

@@ -65,6 +65,36 @@ def test_the_sentence(value, bounds, sentence):
 
 
 @pytest.mark.parametrize(
+    ("name", "value", "bounds", "sentence"),
+    [
+        (
+            *("pulse_width", 30, {"minimum": 9.4e-9, "maximum": 1e-6}),
+            "pulse_width is 30 s, but must be a number from 9.4e-09 to 1e-06 s; 30 ns is 30e-9",
+        ),
+        (
+            *("slant_range", 100.0, {"minimum": 1e3, "maximum": 1e9}),
+            "slant_range is 100.0 m, but must be a number from 1000 to 1e+09 m; 100 km is 100e3",
+        ),
+        (
+            *("ifov", 150, {"positive": True, "maximum": 1.0}),
+            "ifov is 150 rad, but must be a finite number above 0 and at most 1 rad; "
+            "150 urad is 150e-6",
+        ),
+        # No other unit makes it right, or it is no number at all.
+        ("ifov", -1, {"positive": True}, "ifov is -1 rad, but must be a finite number above 0 rad"),
+        ("slant_range", math.nan, {}, "slant_range is nan, but must be in m"),
+        (
+            *("aspect", "bow", {"minimum": -360, "maximum": 360}),
+            "aspect is 'bow', but must be a number from -360 to 360 deg",
+        ),
+    ],
+)
+def test_the_sentence_has_the_unit_and_says_what_may_be_meant(name, value, bounds, sentence):
+    with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
+        require(name, value, **bounds)
+
+
+@pytest.mark.parametrize(
     ("values", "sentence"),
     [
         (np.arange(2, 200) / 2, "wind is 1.5, but must be a whole number at least 1"),

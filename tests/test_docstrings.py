@@ -1,20 +1,24 @@
 """Public names of the library are documented alike: summary, example, See Also, reference."""
 
+import ast
 import inspect
 import re
 from collections.abc import Iterator
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import ncti
+from ncti.checks import UNITS
 
 ARTICLE = (
     '"Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln Laboratory '
     "Journal"
 )
 OF_A_SOURCE = r"\barticle\b|\b(Equation|Table|Figure|Appendix) [A-Z0-9]"
+LIBRARY = sorted(Path(ncti.__file__).parent.rglob("*.py"))
 NO_SUMMARY = r"(What|Where|When|How|Whether|That|Who|Whose|Which|Why)\b"
 
 
@@ -68,3 +72,34 @@ def test_public_names_are_documented(package):
     assert documented
     found = [one for name, thing in documented.items() for one in problems(name, thing)]
     assert not found, "\n".join(found)
+
+
+def documented_units() -> Iterator[tuple[str, str]]:
+    """Parameters of every docstring of the library, and their units; empty where there is none."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in LIBRARY)
+    entry = r"^( *)(\w+(?:, \w+)*) : .*\n((?:\1    .*\n)+)"
+    for _, names, meaning in re.findall(entry, text, re.MULTILINE):
+        listed = names.split(", ")
+        found = re.search(r"\[([a-z][^\]]*)\]", meaning, re.IGNORECASE)
+        units = found[1].split(", ") if found else [""]
+        yield from zip(listed, units if len(units) > 1 else units * len(listed), strict=False)
+
+
+def test_messages_have_the_units_of_the_docstrings():
+    units: dict[str, set[str]] = {}
+    for name, unit in documented_units():
+        units.setdefault(name, set()).add(unit)
+    assert {name: {unit} for name, unit in UNITS.items()} == {
+        name: units[name] - {""} for name in UNITS
+    }
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in LIBRARY]
+    calls = [one for tree in trees for one in ast.walk(tree) if isinstance(one, ast.Call)]
+    checked = {
+        first.value
+        for call in calls
+        if getattr(call.func, "id", "") in ("require", "require_all")
+        for first in call.args[:1]
+        if isinstance(first, ast.Constant)
+    }
+    always = {name for name in checked if len(units.get(name, ())) == 1 and units[name] != {""}}
+    assert len(always) > 15 and always <= UNITS.keys()

@@ -9,18 +9,17 @@ PAGE = Path(__file__).resolve().parents[1] / "settings.md"
 
 
 def page() -> str:
-    """Return the page: a table of key, default, unit, allowed values and meaning.
+    """Return the page: a table of key, default, allowed values with their unit, and meaning.
 
     Keys of a mapping that may be a value of a setting follow that setting.
     """
-    rows = [("key", "default", "unit", "allowed", "meaning"), ("---",) * 5]
+    rows = [("key", "default", "allowed", "meaning"), ("---",) * 4]
     for one in (entry for setting in EXPERIMENT.declared for entry in (setting, *setting.entries)):
-        unit = "" if one.unit == "1" else one.unit
         about = "; ".join(filter(None, (one.label, one.help)))
         axis = f"one value: {one.fixed}" if one.fixed else ""
         null = "null or " if one.fallback is not None else ""
         allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
-        rows.append((f"`{one.key}`", spelt(one.written), unit, allowed, about))
+        rows.append((f"`{one.key}`", spelt(one.written), allowed, about))
     lines = (f"| {' | '.join(row)} |" for row in rows)
     return "\n".join(("# Settings", "", *lines, ""))
 

@@ -61,28 +61,32 @@ class Kind:
         return value
 
     def _refused(self, key: str, value: Any) -> str:
-        return f"{key} has {shown(value)}, but every value must be {self.allowed}"
+        return f"{key} has {shown(value)}, but must be {self.allowed}"
 
 
 @dataclass(frozen=True)
 class Number(Kind):
     """Finite numbers from `low` to `high`, also given by start, stop and step.
 
-    They are less than `below`.
+    They are less than `below`, and in a unit, which messages name.
     """
 
     low: float = -math.inf
     high: float = math.inf
     below: float = math.inf
+    unit: str = "1"
 
-    sort: ClassVar[str] = "finite"
+    sort: ClassVar[str] = "a finite number"
 
     @property
     def _words(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.low > -math.inf and self.high < math.inf:
+            return f"{self.sort.replace('finite ', '')} from {self.low:g} to {self.high:g}{unit}"
         bounds = [f"at least {self.low:g}"] if self.low > -math.inf else []
         bounds += [f"at most {self.high:g}"] if self.high < math.inf else []
         bounds += [f"below {self.below:g}"] if self.below < math.inf else []
-        return f"a {self.sort} number {' and '.join(bounds)}".rstrip()
+        return f"{self.sort} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip() + unit
 
     def _holds(self, value: Any) -> bool:
         return (
@@ -105,7 +109,7 @@ class Count(Number):
 
     low: float = 1
 
-    sort: ClassVar[str] = "whole"
+    sort: ClassVar[str] = "a whole number"
 
     def _holds(self, value: Any) -> bool:
         return super()._holds(value) and value == int(value)

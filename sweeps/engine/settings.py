@@ -165,12 +165,15 @@ def number(
     **about: Any,
 ) -> Setting:
     """Return a setting that is a finite number; other arguments as of `Setting`."""
-    return Setting(Number(low, high, below, null=null or default is None), default, **about)
+    unit = about.get("unit", "1")
+    kind = Number(low, high, below, unit, null=null or default is None)
+    return Setting(kind, default, **about)
 
 
 def count(default: Any, low: int = 1, high: float = math.inf, **about: Any) -> Setting:
     """Return a setting that is a whole number; other arguments as of `Setting`."""
-    return Setting(Count(low, high, null=default is None), default, **about)
+    unit = about.get("unit", "1")
+    return Setting(Count(low, high, unit=unit, null=default is None), default, **about)
 
 
 def draws(default: int, high: int = 1000, **about: Any) -> Setting:
@@ -196,7 +199,8 @@ def text(default: str | None, **about: Any) -> Setting:
 def vector(default: Any, size: int, low: float, high: float, **about: Any) -> Setting:
     """Return a setting whose value is a list of `size` finite numbers; the rest as of `Setting`."""
     about.setdefault("fixed", "its numbers belong together")
-    return Setting(Vector(size, Number(low, high)), default, **about)
+    element = Number(low, high, unit=about.get("unit", "1"))
+    return Setting(Vector(size, element), default, **about)
 
 
 def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()) -> Setting:

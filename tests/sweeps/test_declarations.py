@@ -40,7 +40,7 @@ REFUSED = {
         *[({"a": 1}, ".a"), ({"path": "a.stl", "scale": 0}, "scale has 0"), (None, "null")],
     ],
     "irar.errors": [
-        *[({"luck": 1}, "luck"), ({"pointing": 31}, "at most 30"), ({"pointing": []}, "empty")],
+        *[({"luck": 1}, "luck"), ({"pointing": 31}, "from -30 to 30"), ({"pointing": []}, "empty")],
         *[([1], "[1]"), ("much", "'much'"), (None, "null")],
     ],
 }

@@ -123,7 +123,7 @@ def test_it_stands_beside_the_others(folder, results, capsys):
 def test_it_is_described_and_checked_like_the_others(capsys):
     assert ran("--settings", "toy.scatter", modules=MODULES) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("toy.scatter=0.5 [m]\n") and "at most 10" in printed
+    assert printed.startswith("toy.scatter=0.5 [m]\n") and "to 10 m" in printed
     for overrides, said in {
         "toy.scatter=11": "toy.scatter has 11",
         "grid.ship=horne": "toy knows duncan",
