@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-
 # Units of parameters, wherever their docstrings have one.
 UNITS = {
     name: unit

@@ -82,7 +82,7 @@ def test_the_sentence(value, bounds, sentence):
         ),
         # No other unit makes it right, or it is no number at all.
         ("ifov", -1, {"positive": True}, "ifov is -1 rad, but must be a finite number above 0 rad"),
-        ("slant_range", math.nan, {}, "slant_range is nan, but must be in m"),
+        ("slant_range", math.nan, {}, "slant_range is nan, but must be a finite number in m"),
         (
             *("aspect", "bow", {"minimum": -360, "maximum": 360}),
             "aspect is 'bow', but must be a number from -360 to 360 deg",
