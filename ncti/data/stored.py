@@ -98,7 +98,7 @@ def load_xy(
     >>> import ncti
     >>> ncti.load_xy("no.zarr")
     Traceback (most recent call last):
-    ValueError: store is 'no.zarr', but must be a store of a sweep
+    ValueError: store is 'no.zarr', which does not exist
     """
     require_word("split", split, SPLITS)
     if has_rows(store):
@@ -177,7 +177,7 @@ def open_rows(
     >>> from ncti.data import open_rows
     >>> open_rows("no.zarr")
     Traceback (most recent call last):
-    ValueError: store is 'no.zarr', but must be a store of a sweep
+    ValueError: store is 'no.zarr', which does not exist
     """
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
@@ -278,6 +278,8 @@ def _opened(
     except KeyError:
         return None
     except (OSError, ValueError, TypeError) as error:
+        if "://" not in str(store) and not Path(store).exists():
+            raise ValueError(f"store is {str(store)!r}, which does not exist") from None
         raise ValueError(f"store is {str(store)!r}, but must be a store of a sweep") from error
 
 

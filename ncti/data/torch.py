@@ -77,7 +77,7 @@ class StoredRows:
     >>> from ncti.data.torch import StoredRows
     >>> StoredRows("no.zarr")
     Traceback (most recent call last):
-    ValueError: store is 'no.zarr', but must be a store of a sweep
+    ValueError: store is 'no.zarr', which does not exist
     """
 
     def __init__(

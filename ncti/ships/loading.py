@@ -27,6 +27,7 @@ from ncti.ships.perturbation import (
     Variant,
     build_variant,
     carriage,
+    no_variant,
 )
 from ncti.ships.transform import Transform
 
@@ -458,6 +459,8 @@ def _find(name_or_path: str | Path) -> _Source:
     path = Path(name_or_path)
     suffix = path.suffix.lower()
     if suffix not in SHEET_SUFFIXES + MESH_SUFFIXES:
+        if path.name.partition("@")[0] in packaged:
+            raise no_variant(str(path))
         raise ShipError(
             f"unknown ship '{path}', known are {known}, or the path of a file ({kinds})."
         )

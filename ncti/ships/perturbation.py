@@ -44,6 +44,14 @@ SIZES = ("length", "width", "height", "top_length", "top_width", "radius", "top_
 FREE = ("box", "prism", "cyl", "pole", "sphere", "yard")
 
 
+def no_variant(name: str) -> ShipError:
+    """Return the error of a name that has '@', but is not that of a variant."""
+    return ShipError(
+        f"variant {shown(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
+        "SHIP@SEED.NUMBERxSCALEsSIZE, without needless digits."
+    )
+
+
 @dataclass(frozen=True)
 class Variant:
     """Name of a variant: a packaged ship, seed, number from 1, scale of uncertainties, and size.
@@ -75,10 +83,7 @@ class Variant:
         except ValueError:
             variant = None
         if variant is None or str(variant) != name or variant.number < 1:
-            raise ShipError(
-                f"variant {shown(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
-                "SHIP@SEED.NUMBERxSCALEsSIZE, without needless digits."
-            )
+            raise no_variant(name)
         for what, factor, low, high in (
             ("scale", variant.scale, LEAST_SCALE, MOST_SCALE),
             ("size", variant.size, LEAST_SIZE, MOST_SIZE),

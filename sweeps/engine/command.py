@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -41,7 +42,7 @@ from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment, forgiving, say, show
 from sweeps.engine.provenance import why
 from sweeps.engine.run import Finished, Place, existing, preview, sweep
-from sweeps.engine.settings import Choices, Cluster, Run
+from sweeps.engine.settings import Choices, Cluster, Run, nested
 from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes
 from sweeps.engine.usage import listing, usage
@@ -128,6 +129,8 @@ class Command:
         if "--why" in given:
             self._why([word for word in given if word != "--why"])
             return
+        for word in given:
+            self._check_option(word)
         if not any(map(_is_for_hydra, given)):
             overrides = [word for word in given if word not in SEVERAL]
             jobs = read_jobs(experiment, overrides, several=len(overrides) < len(given))
@@ -146,6 +149,15 @@ class Command:
                 hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._job)()
         finally:
             sys.argv = before
+
+    def _check_option(self, word: str) -> None:
+        """Refuse a setting, or a group of them, that is given as an option."""
+        plain = word.lstrip("-").replace("-", "_")
+        group, conf = re.split("[.=]", plain)[0], self.experiment.conf
+        known = group in nested(self.experiment.by_key)
+        if word.startswith("--") and (known or (conf is not None and (conf / group).is_dir())):
+            given = f"{'' if known else '+'}{plain}{'' if '=' in plain else '=VALUE'}"
+            raise ConfigurationError(f"{word} is no option; a setting has no dashes, {given}")
 
     def _job(self, composed: DictConfig) -> None:
         """Run one job of Hydra's: a sweep, by default with its own store."""
@@ -181,7 +193,7 @@ class Command:
         with environment(choices.variables):
             plan, old = Plan(self.experiment, choices), read_attributes(place)
             if old is None:
-                raise ConfigurationError(f"store is {str(place)!r}, but must be one, for --why")
+                raise ConfigurationError(f"store is {str(place)!r}, which does not exist")
             found = [f"{name}: {', '.join(parts)}" for name, parts in why(plan, old)]
             for line in found or ["nothing differs: the store has all of the sweep"]:
                 show(line)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -15,6 +16,7 @@ import numpy as np
 LARGEST = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MOST_VALUES = 100_000  # longer axes come from a mistaken step
 EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
+NUMBER = r"[-+.\deE]+"  # as a text
 NEARLY = 10**9  # a step that misses `stop` by less than this part of itself lands on it
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
@@ -98,6 +100,17 @@ class Number(Kind):
 
     def _listed(self, key: str, given: Any) -> list[Any]:
         return _steps(key, given) if isinstance(given, Mapping) else super()._listed(key, given)
+
+    def _refused(self, key: str, value: Any) -> str:
+        text = value if isinstance(value, str) else ""
+        if re.fullmatch(f"{NUMBER}([ ;]+{NUMBER})+", text):
+            meant = f"; a list has commas, '{key}=[{', '.join(re.split('[ ;]+', text))}]'"
+        elif found := re.fullmatch(f"({NUMBER}):({NUMBER}):({NUMBER})", text):
+            steps = "start: {}, stop: {}, step: {}".format(*found.groups())
+            meant = f"; steps are '{key}={{{steps}}}'"
+        else:
+            meant = ""
+        return super()._refused(key, value) + meant
 
     def _read(self, value: Any) -> Value:
         return float(value) + 0.0  # -0.0 becomes 0.0, which equals it

@@ -11,6 +11,7 @@ import difflib
 import math
 import os
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,13 +26,19 @@ from hydra.core.config_loader import ConfigLoader
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Transformer
+from hydra.core.override_parser.types import (
+    ChoiceSweep,
+    Override,
+    RangeSweep,
+    Sweep,
+    Transformer,
+)
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import MOST_VALUES, Value, rank, shown
+from sweeps.engine.kinds import MOST_VALUES, Value, rank, shown, spelt
 from sweeps.engine.places import Where, where
 from sweeps.engine.settings import (
     CLUSTERS,
@@ -47,6 +54,7 @@ from sweeps.engine.settings import (
 from sweeps.engine.stage import Experiment
 
 SCHEMA = "sweep_schema"
+WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
 ALIKE = 0.66  # least similarity of a key that may have been meant
 
 
@@ -309,33 +317,90 @@ def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) 
         key, _, value = argument.partition("=")
         if not key.lstrip("+~"):
             raise ConfigurationError(f"{argument} has no key, but must be KEY=VALUE")
-        try:
-            [override] = parser.parse_overrides([argument])
-        except (HydraException, TypeError, ValueError) as error:
-            if whole := _split_at_spaces(arguments[place:]):
-                hint = f"which the shell has split at a space: quote it, '{whole}'"
-            else:
-                hint = (
-                    f"but must be KEY=VALUE in Hydra's syntax: {str(error).partition(chr(10))[0]}"
-                )
-            raise ConfigurationError(f"{argument} cannot be read, {hint}") from error
-        if override.is_sweep_override() and not several:
-            raise ConfigurationError(
-                f"{key} is {value}, but must be one value or a list: quote it, '{key}=[{value}]', "
-                f"or as a text, \"{key}='{value}'\"; or sweep over it, -m {argument}"
-            )
+        override = _read(parser, argument)
+        if override is None:
+            raise _unread(experiment, parser, arguments[place:])
+        given: Any = override.value()
+        swept = [one for one in (given if isinstance(given, list) else [given]) if _sweeps(one)]
+        if swept and (isinstance(given, list) or not several):
+            ways = []
+            if isinstance(swept[0], RangeSweep):
+                ways = [f"give steps, {pasted(f'{key}={_in_steps(swept[0])}')}"]
+            elif isinstance(given, ChoiceSweep) and given.simple_form:
+                text = pasted(f"{key}={_quoted(value)}")
+                ways = [f"quote it, {pasted(f'{key}=[{value}]')}, or as a text, {text}"]
+            ways += [f"or sweep over it, -m {pasted(argument)}"] * (swept == [given])
+            how = ": " * bool(ways) + "; ".join(ways)
+            raise ConfigurationError(f"{key} is {value}, but must be one value or a list{how}")
         _check_key(experiment, loader, override)
         overrides.append(override)
     return overrides
 
 
-def _split_at_spaces(arguments: Sequence[str]) -> str:
-    """Return the list or mapping of which a shell made the first arguments; empty if it is none."""
-    for end in range(2, len(arguments) + 1):
-        text = " ".join(arguments[:end])
-        if all(text.count(left) == text.count(right) for left, right in ("[]", "{}")):
-            return text
-    return ""
+def _sweeps(value: Any) -> bool:
+    """Return whether a value is a function of Hydra's sweeps, such as range(0,90,5)."""
+    return isinstance(value, Sweep)
+
+
+def _in_steps(swept: RangeSweep) -> str:
+    """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
+    values: list[Any] = [*islice(swept.range(), MOST_VALUES)] or [swept.start]
+    return spelt({"start": min(values), "stop": max(values), "step": abs(swept.step)})
+
+
+def pasted(text: str) -> str:
+    """Return a word as it is pasted into a shell, in quotes if it needs them."""
+    plain_inside = "'" in text and not set(text) & set('$`"!\\')
+    return f'"{text}"' if plain_inside else shlex.quote(text)
+
+
+def _quoted(text: str) -> str:
+    """Return a text as Hydra reads it back."""
+    mark = '"' if "'" in text and '"' not in text else "'"
+    # It halves backslashes before such a mark, also before that at the end.
+    text = re.sub(rf"(\\*){mark}", rf"\1\1\\{mark}", text)
+    return mark + re.sub(r"(\\+)\Z", r"\1\1", text) + mark
+
+
+def _read(parser: OverridesParser, argument: str) -> Override | None:
+    """Return the override of an argument; None if Hydra cannot read it."""
+    try:
+        return parser.parse_overrides([argument])[0]
+    except (HydraException, TypeError, ValueError):
+        return None
+
+
+def _unread(
+    experiment: Experiment, parser: OverridesParser, arguments: Sequence[str]
+) -> ConfigurationError:
+    """Return the error of the first of some arguments, which Hydra cannot read."""
+    wholes = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
+    whole = next(filter(_is_balanced, wholes), arguments[0])
+    key, given, value = whole.partition("=")
+    if not given:
+        return ConfigurationError(f"{whole} has no value, but must be KEY=VALUE")
+    if _read(parser, f"{key}=1") is None:
+        return unknown(experiment, nested(experiment.by_key), "", key)
+
+    def quoted(word: re.Match[str]) -> str:
+        return word[0] if _read(parser, f"x={word[0]}") else _quoted(word[0])
+
+    if _read(parser, whole) is None:
+        listed = value.startswith(("[", "{"))
+        whole = f"{key}={re.sub(WORD, quoted, value) if listed else _quoted(value)}"
+    override, setting = _read(parser, whole), experiment.by_key.get(key.lstrip("+"))
+    if override is None:
+        return ConfigurationError(f"{arguments[0]} cannot be read, but must be KEY=VALUE")
+    try:
+        if setting is not None:
+            setting.values(override.value())
+    except ConfigurationError as error:
+        return error
+    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {pasted(whole)}")
+
+
+def _is_balanced(text: str) -> bool:
+    return all(text.count(left) == text.count(right) for left, right in ("[]", "{}"))
 
 
 def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override) -> None:

@@ -59,12 +59,13 @@ class _Shown:
     ) -> None:
         self.name, self.log, self.record = name, log, record
         self.states, self.file, self.due = _states(cache, make=True), _name(store), 0.0
-        self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time(), "stages": {}}
+        self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
         self.state["ended"] = "stopped"  # unless it says otherwise
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
         self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
         self.begun = self.at = time.monotonic()
         self.failures = 0
+        self.schedule: Schedule | None = None
 
     def say(self, sentence: str, style: str | None = None) -> None:
         if self.terminal:
@@ -81,13 +82,10 @@ class _Shown:
             self.say("further failures are counted at the end", "red")
 
     def step(self, schedule: Schedule) -> None:
-        now = time.monotonic()
+        now, self.schedule = time.monotonic(), schedule
         stages = [*schedule.progress.items()]
         done, work = (one.seconds for one in schedule.progress.values()), schedule.work_left()
         if now >= self.due:
-            self.state["stages"] = {
-                name: [*astuple(one), work[name]] for name, one in stages if one.total
-            }
             self.write()
             self.due = time.monotonic() + WRITTEN
         rest = time_left(sum(work.values()), sum(done), now - self.begun)
@@ -103,9 +101,11 @@ class _Shown:
             self.say(", ".join([*parts, left] if left else parts) or "finishing")
 
     def write(self) -> None:
-        with suppress(OSError):
-            if self.record:
-                state = json.dumps(self.state | {"at": time.time()})
+        if self.record and self.schedule is not None:
+            work, stages = self.schedule.work_left(), self.schedule.progress.items()
+            left = {name: [*astuple(one), work[name]] for name, one in stages if one.total}
+            state = json.dumps(self.state | {"stages": left, "at": time.time()})
+            with suppress(OSError):
                 self.states.put(self.file, state.encode())
 
 

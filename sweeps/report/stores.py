@@ -63,6 +63,8 @@ def check_whole(path: Where, *, groups: Iterable[str] | None = READ) -> None:
 
 def refusal(path: Where, why: str | Exception = "") -> ConfigurationError:
     """Return the error that a store is not one of a sweep with tables, or cannot be read now."""
+    if isinstance(path, Path) and not path.exists():
+        return ConfigurationError(f"store is {str(path)!r}, which does not exist")
     if isinstance(why, OSError) and why.errno not in {None, errno.ENOENT, errno.ENOTDIR}:
         return ConfigurationError(f"store is {str(path)!r}, which cannot be read: {why.strerror}")
     if isinstance(why, Exception) and not isinstance(why, ConfigurationError):

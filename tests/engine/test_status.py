@@ -84,6 +84,16 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
     assert reused > 0 and reused + done == 74 and failed == remaining == 0
 
 
+def test_of_a_sweep_that_is_finished_nothing_is_left_however_quick_it_was(start):
+    start(*GIVEN)
+    for _ in range(2):  # the second time, nothing is computed, and what was is still known
+        told = start(*SEEN)
+        assert told.startswith("s.zarr: finished; ")
+        assert rows(told)["all"] == ["74", "0", "74", "0", "0"]
+        assert all(row[-1] == "0" for row in rows(told).values())
+        start(*GIVEN)
+
+
 def test_a_sweep_that_is_killed_is_stopped(start):
     start(*GIVEN)
     (file,) = Path("cache", "status").iterdir()
@@ -95,6 +105,7 @@ def test_a_sweep_that_is_killed_is_stopped(start):
 def test_a_status_that_cannot_be_shown_is_refused(start):
     told = start("--status", "store=t.zarr", "cache=cache", status=2)
     assert "store is 't.zarr', of which the cache 'cache' knows no sweep" in told
+    assert "store is 't.zarr', which does not exist" in start("--why", "store=t.zarr", status=2)
     assert "spring.mas is not a key" in start(*SEEN, "spring.mas=1", status=2)
     assert "--status has 's.zarr', but takes settings" in start("--status", "s.zarr", status=2)
     assert "--cache has '--status', but takes settings" in start(*SEEN, "--cache", status=2)

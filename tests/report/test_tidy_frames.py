@@ -129,5 +129,5 @@ def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
     path = stored(tmp_path / "s.zarr", tables__acn=shown(scores(frame_count=[4])))
     with pytest.raises(ConfigurationError, match=r"'speed', but must be one of scores"):
         frame(path, "speed")
-    with pytest.raises(ConfigurationError, match=r"must be the zarr store"):
+    with pytest.raises(ConfigurationError, match=r"which does not exist$"):
         frame(tmp_path / "absent.zarr", "scores")

@@ -1,0 +1,109 @@
+"""Words of a command line that Hydra cannot read, and what is advised: pasted, it runs."""
+
+import shlex
+import subprocess
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from toys import SPRINGS
+
+from sweeps.engine.command import Command
+from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.overrides import read_jobs
+
+WIDE = "\N{FULLWIDTH DIGIT ONE}"
+
+
+def refused(*words):
+    """The sentence that a command line is refused with."""
+    with pytest.raises(ConfigurationError) as caught:
+        read_jobs(SPRINGS, words, several=False)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def advised(sentence, before="quote it, "):
+    """The word that a sentence ends with, as a shell passes it on."""
+    _, found, word = sentence.partition(before)
+    assert found
+    shell = ["sh", "-c", f"printf %s {word}"]
+    passed = subprocess.run(shell, check=True, capture_output=True, text=True).stdout
+    assert [passed] == shlex.split(word)
+    return passed
+
+
+PATHS = ("größe.stl", "hull(1).stl", "run=3.stl", "köln/s.zarr", "runs/a=1/s.zarr", "it's.zarr")
+ODD = ("~/ß.zarr", "a;b & c.zarr", "$HOME/ö `x`.zarr", 'a"b', "a\"b'c", "ü\\", "ü\\'", WIDE)
+
+
+@pytest.mark.parametrize("path", PATHS + ODD)
+def test_a_path_that_hydra_cannot_read_is_quoted(path):
+    sentence = refused(f"store={path}", "seed=1")
+    assert sentence.startswith(f"store={path} cannot be read: quote it, ")
+    [job] = read_jobs(SPRINGS, [advised(sentence), "seed=1"], several=False)
+    assert job.store == path
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.text("aß1.()=;&$!`'\"\\ ~#*?<>|%@:/-+", min_size=1))
+def test_any_text_is_read_or_quoted(text):
+    try:
+        [job] = read_jobs(SPRINGS, [f"cluster.queue={text}"], several=False)
+    except ConfigurationError as error:
+        if "quote it, " not in str(error):
+            assert "a text that is not empty" in str(error)  # a number, say
+            return
+        [word] = shlex.split(str(error).partition("quote it, ")[2])
+        [job] = read_jobs(SPRINGS, [word], several=False)
+        assert job.choices.values["cluster.queue"] == (text,)
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        (["spring.mass=[1,", "2]", "seed=1"], (1, 2)),
+        (["spring.mass={start:", "1,", "stop:", "2,", "step:", "1}"], (1, 2)),
+        (["cluster.queue=[größe,", "x]"], None),  # takes one value, and says so
+    ],
+)
+def test_a_word_that_the_shell_has_split_is_put_together(words, values):
+    sentence = refused(*words)
+    if values is None:
+        assert sentence.startswith("cluster.queue has 2 values, but must have one")
+        return
+    [job] = read_jobs(SPRINGS, [advised(sentence)], several=False)
+    assert job.choices.values["spring.mass"] == values
+
+
+STEPS = "give steps, 'spring.mass={start: 1, stop: 7, step: 2}'"
+SWEEP = "or sweep over it, -m"
+CAUSES = {
+    "spring.mass=[0 30]": "at least 0.1 kg; a list has commas, 'spring.mass=[0, 30]'",
+    "spring.mass=3;2": "has '3;2', but must be a finite number at least 0.1 kg; a list has commas",
+    "spring.mass=1:9:2": "; steps are 'spring.mass={start: 1, stop: 9, step: 2}'",
+    f"spring.mass=[{WIDE},30]": f"has '{WIDE}', but must be a finite number at least 0.1 kg",
+    "spring.mass": "spring.mass has no value, but must be KEY=VALUE",
+    "spring.mass=range(1,9,2)": f"a list: {STEPS}; {SWEEP} 'spring.mass=range(1,9,2)'",
+    "spring.mass=[range(1,9,2)]": f"[range(1,9,2)], but must be one value or a list: {STEPS}",
+    "spring.mass=choice(1,2)": f"one value or a list: {SWEEP} 'spring.mass=choice(1,2)'",
+    "spring.mass=1,2": f"or as a text, \"spring.mass='1,2'\"; {SWEEP} spring.mass=1,2",
+    "spring.größe=3": "spring.größe is not a key of the configuration; ",
+}
+
+
+@pytest.mark.parametrize("word", CAUSES)
+def test_each_word_has_its_own_cause(word):
+    assert CAUSES[word] in refused(word, "seed=1")
+
+
+@pytest.mark.parametrize(
+    ("word", "sentence"),
+    [
+        ("--spring.mass=3", "--spring.mass=3 is no option; a setting has no dashes, spring.mass=3"),
+        ("--dry-run", "--dry-run is no option; a setting has no dashes, dry_run=VALUE"),
+    ],
+)
+def test_a_setting_is_no_option(word, sentence, capsys):
+    assert Command(SPRINGS).main([word]) == 2
+    assert capsys.readouterr().err == f"{SPRINGS.name}: {sentence}\n"
