@@ -119,16 +119,17 @@ def running_server() -> Any:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Shield processes started meanwhile from Ctrl-C, which a terminal sends to all processes.
+    """Shield processes started meanwhile from what a terminal sends to all: Ctrl-C, and its end.
 
     This process receives it, and stops its workers in order; they would print tracebacks.
     """
     # Processes inherit the signals that the thread which starts them blocks, and threads those of
-    # their starter, as does a worker that is restarted later. Python 3.11 unblocks the signal where
-    # it first starts its resource tracker, so that must have started already.
-    resource_tracker.ensure_running()
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    # their starter, as does a worker that is restarted later. Python starts its resource tracker
+    # first, which ignores an interrupt by itself, and Python 3.11 unblocks that signal with it.
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
     try:
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)

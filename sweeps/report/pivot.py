@@ -135,7 +135,8 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
         notes.append(
             "An interval of the whole takes in how much bins differ, and may be the widest."
         )
-    least = frame.rows["n"][frame.rows["n"] > 0].min() if "n" in frame.rows else FEW
+    numbers = frame.rows["n"].dropna() if "n" in frame.rows else ()
+    least = min((number for number in numbers if number > 0), default=FEW)
     if least < FEW:
         notes.append(f"Where answers are few (n = {least:.0f} at the least), intervals are wide.")
     return tuple(note for note in notes if note)

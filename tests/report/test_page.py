@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from made import scores
+from made import scores, shown
 from pages import page_of, parsed, read_page, stored
+from stores import printed
 
 from sweeps.report.chart import axis_of, scale_of
 from sweeps.report.frames import Column, Frame, frame, read_frames
@@ -96,6 +97,17 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
         assert alerts[0].text.startswith(f"{word.capitalize()}: this sweep is not complete.")
         assert "✓" not in header and "Complete" not in header
         assert all(f"{what}: {reason}" in alerts[0].text for what, reason in why.items())
+
+
+def test_a_page_is_there_when_every_cell_of_a_classifier_failed(tmp_path):
+    empty = scores(frame_count=[4, 8]).where(False)  # no accuracy, of no answers
+    empty["n"] = empty.n.fillna(0).astype("i4")
+    why = {"acn frame_count=4": "ValueError: shapes", "acn frame_count=8": "ValueError: shapes"}
+    attributes = {"configuration": {}, "title": "T", "failures": why}
+    path = stored(tmp_path / "s.zarr", attributes, status=states(0, 0), tables__acn=shown(empty))
+    (alert,) = parsed(page_of(path)).root.all("div", role="alert")
+    assert all(f"{what}: {reason}" in alert.text for what, reason in why.items())
+    assert "Ships identified correctly" in printed(path)
 
 
 def test_a_store_without_states_does_not_look_complete(tmp_path):
