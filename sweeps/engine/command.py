@@ -31,6 +31,7 @@ from sweeps.engine.overrides import (
     fused,
     in_one_line,
     job_of,
+    pasted,
     primary,
     read_jobs,
     register,
@@ -62,12 +63,13 @@ Sweep = tuple[Plan, Place]  # what is swept, and where and how it runs
 class Command:
     """The command line of an experiment; `report` is called with the store, choices and outcome.
 
+    By default, it prints the tables, the store, and how to see more.
     `beside` returns the paths that the report of a store writes to, and `about` lines on what is
     swept, printed before it starts.
     """
 
     experiment: Experiment
-    report: Report = lambda path, choices, finished: None
+    report: Report | None = None
     beside: Callable[[Path], Iterable[Path]] = lambda store: ()
     about: Callable[[Choices], Iterable[str]] = lambda choices: ()
 
@@ -79,37 +81,44 @@ class Command:
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Run a command line; returns 0 all done, 1 some cells failed, 2 wrong configuration.
 
-        Any error is reported in one sentence.
+        Any error is reported in one sentence; output that cannot be written is one, with status 1.
         """
         given = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
-        with forgiving():
-            try:
-                with stopping():
-                    self._main(given)
-                    heed()
-                    return ALL_DONE
-            except SystemExit as ended:  # of a parser, after its help or a wrong option
-                return ended.code if isinstance(ended.code, int) else ALL_DONE
-            except Stopped as stopped:
-                said, status = f"{stopped.words}; {RESUMED}", stopped.status
-            except (ConfigurationError, DeclarationError) as error:
-                said, status = str(error), WRONG
-            except (HydraException, OmegaConfBaseException) as error:
-                said, status = in_one_line(error), WRONG
-            except SweepIncomplete as error:
-                said, status = str(error), SOME_FAILED
-            except MemoryError as error:
-                said, status = f"out of memory ({error}); {RESUMED}", SOME_FAILED
-            except OSError as error:
-                where = f" {error.filename!r}" if error.filename else ""
-                verb = "read" if error.errno in SHORTAGES else "write"
-                verb = "reach" if error.errno == UNREACHED else verb
-                disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
-                said = f"cannot {verb}{where}: {error.strerror or error}"
-                status = SOME_FAILED if error.errno in disk else WRONG
-            say(self.name, said)
-            return status
+        with forgiving() as lost:
+            said, status = self._ended(given)
+            if said:
+                say(self.name, said)
+            if why := lost():
+                say(self.name, f"the output cannot be written: {why}")
+            return status or (SOME_FAILED if why else ALL_DONE)
+
+    def _ended(self, given: Sequence[str]) -> tuple[str, int]:
+        """Run a command line; return a sentence on what is wrong, if anything, and the status."""
+        try:
+            with stopping():
+                self._main(given)
+                heed()
+                return "", ALL_DONE
+        except SystemExit as ended:  # of a parser, after its help or a wrong option
+            return "", ended.code if isinstance(ended.code, int) else ALL_DONE
+        except Stopped as stopped:
+            return f"{stopped.words}; {RESUMED}", stopped.status
+        except (ConfigurationError, DeclarationError) as error:
+            return str(error), WRONG
+        except (HydraException, OmegaConfBaseException) as error:
+            return in_one_line(error), WRONG
+        except SweepIncomplete as error:
+            return str(error), SOME_FAILED
+        except MemoryError as error:
+            return f"out of memory ({error}); {RESUMED}", SOME_FAILED
+        except OSError as error:
+            where = f" {error.filename!r}" if error.filename else ""
+            verb = "read" if error.errno in SHORTAGES else "write"
+            verb = "reach" if error.errno == UNREACHED else verb
+            disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
+            said = f"cannot {verb}{where}: {error.strerror or error}"
+            return said, SOME_FAILED if error.errno in disk else WRONG
 
     def _main(self, given: Sequence[str]) -> None:
         experiment = self.experiment
@@ -262,12 +271,22 @@ class Command:
         left = [_failed(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
-                self.report(place.store, choices, finished)
+                (self.report or self._report)(place.store, choices, finished)
         except SweepIncomplete as error:
             left.append(str(error))
         except Exception as error:  # the store is complete without it
             say(self.name, f"the store is written, but not its report: {reason(error)}")
         return left
+
+    def _report(self, store: Where, choices: Choices, finished: Finished) -> None:
+        from sweeps.engine.tables import texts  # imports xarray, which takes long
+
+        for text in texts(store, [table.group for table in self.experiment.tables]):
+            show(f"{text}\n")
+        path = os.path.relpath(store) if isinstance(store, Path) else store
+        show(f"store   {path}")
+        if self.experiment.tables:
+            show(f"next    ncti-report {pasted(path)}")
 
     def _cache(self, place: Where, *, clear: bool) -> None:
         """Print the contents of a cache, or clear it."""

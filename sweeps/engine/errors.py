@@ -1,5 +1,10 @@
 """Errors of a sweep, by exit status."""
 
+import inspect
+import os
+from collections.abc import Callable
+from typing import Any
+
 
 class ConfigurationError(ValueError):
     """The configuration is invalid: one sentence with key, value and what is allowed (exit 2)."""
@@ -15,3 +20,12 @@ class CallsFailed(UserWarning):
 
 class SweepIncomplete(RuntimeError):
     """Some cells failed; the message names them (exit 1)."""
+
+
+def located(thing: type | Callable[..., Any], sentence: str) -> str:
+    """Return a sentence on a class or function after its file and line, where it has these."""
+    try:
+        file, line = inspect.getfile(thing), inspect.getsourcelines(thing)[1]
+    except (OSError, TypeError):
+        return sentence
+    return f"{os.path.relpath(file)}:{line}: {sentence}"

@@ -35,15 +35,19 @@ def show(what: Any) -> None:
 
 
 @contextmanager
-def forgiving() -> Iterator[None]:
-    """Suppress errors of printing to stdout or stderr within this context."""
+def forgiving() -> Iterator[Callable[[], str]]:
+    """Suppress errors of printing to stdout or stderr within this context.
+
+    Yields a function that returns why stdout took not all, empty if it did or its reader has ended.
+    """
     before = sys.stdout, sys.stderr
     for stream in before:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    sys.stdout, sys.stderr = (one if one is None else _Forgiving(one) for one in before)
+    forgave = [one if one is None else _Forgiving(one) for one in before]
+    sys.stdout, sys.stderr = forgave
     try:
-        yield
+        yield lambda: forgave[0].lost() if forgave[0] is not None else ""
     finally:
         sys.stdout, sys.stderr = before
         for stream in before:
@@ -54,16 +58,29 @@ class _Forgiving:
     """A stream that drops what cannot be written."""
 
     def __init__(self, stream: Any) -> None:
-        self._stream = stream
+        self._stream, self._why = stream, ""
 
     def write(self, text: str) -> int:
-        with suppress(OSError, ValueError):
+        with self._noted():
             self._stream.write(text)
         return len(text)
 
     def flush(self) -> None:
-        with suppress(OSError, ValueError):
+        with self._noted():
             self._stream.flush()
+
+    def lost(self) -> str:
+        self.flush()
+        return self._why
+
+    @contextmanager
+    def _noted(self) -> Iterator[None]:
+        try:
+            yield
+        except (BrokenPipeError, ValueError):
+            pass
+        except OSError as error:
+            self._why = error.strerror or str(error)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

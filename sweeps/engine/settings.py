@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar, Self
 
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.errors import ConfigurationError, DeclarationError, located
 from sweeps.engine.kinds import (
     Count,
     Draws,
@@ -144,6 +144,12 @@ class Settings:
         found: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
+                if name in ("key", "declared"):
+                    wrong = f"setting {name} must have another name: every group has its own {name}"
+                    raise DeclarationError(located(cls, wrong))
+                if not isinstance(value.unit, str):
+                    wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
+                    raise DeclarationError(located(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
                 of_class = {"single": single, "fixed": fixed}.items()
                 own: Any = {of: given for of, given in of_class if getattr(value, of) is None}
                 setting = replace(value, key=f"{key}.{name}".lstrip("."), **own)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.engine.display import Display
-from sweeps.engine.errors import DeclarationError
+from sweeps.engine.errors import DeclarationError, located
 from sweeps.engine.kinds import Value
 from sweeps.engine.settings import (
     COORDINATE,
@@ -199,6 +199,20 @@ class Stage:
     # result, a number, text or tuple of them, counts as a value, whatever its inputs.
     keep: float = EVERY
     version: str = ""  # counts in keys instead of the function's code, if it is given
+
+    def __post_init__(self) -> None:
+        given = {"uses": self.uses, "along": self.along, "gather": self.gather}
+        given |= {f"dims of {one.name}": one.dims for one in self.outputs}
+        given |= {"settings of its stream": self.stream.settings} if self.stream else {}
+        for what, value in given.items():
+            if not isinstance(value, tuple | list):
+                named = getattr(value, "key", value)
+                wrong = f"stage {self.name} has {named!r} as {what}, but must have a tuple, "
+                raise DeclarationError(located(self.function, f"{wrong}with a comma: (NAME,)"))
+        for one in self.outputs:
+            if not isinstance(one.unit, str):
+                wrong = f"stage {self.name}: {one.name} has unit={one.unit!r}, but must have a text"
+                raise DeclarationError(located(self.function, wrong))
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
@@ -425,7 +439,8 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
         if source in experiment.by_name:
             return visit(source)
         groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
-        raise DeclarationError(f"{what} neither a setting of {groups} nor a stage")
+        sentence = f"{what} neither a setting of {groups} nor a stage"
+        raise DeclarationError(located(declared.function, sentence))
 
     for declared in experiment.stages:
         visit(declared.name)
@@ -453,7 +468,8 @@ def _bound(
     gather = tuple(setting.key for setting in declared.gather)
     whole = {*along, *gather}
     if missing := whole - needs:
-        raise DeclarationError(f"stage {declared.name} does not need {', '.join(sorted(missing))}")
+        wrong = _unneeded(declared.name, missing, inputs)
+        raise DeclarationError(located(declared.function, wrong))
     for source in inputs:
         if not source.stage.kept and (wanted := whole & set(source.needs)):
             raise DeclarationError(
@@ -463,6 +479,16 @@ def _bound(
     own = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
     return Bound(declared, arguments, own, inputs, declared.name, random, along, gather)
+
+
+def _unneeded(name: str, keys: Collection[str], inputs: Iterable[Bound]) -> str:
+    """Return the sentence that a stage gathers axes on which nothing of it depends."""
+    listed = ", ".join(sorted(keys))
+    above = (one for source in inputs for one in (source, *source.inputs) if one.random)
+    drawing = next((one.name for one in above), "")
+    hint = f"; if {drawing}, which takes rng, is to draw anew for each, name the settings of its"
+    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawing)
+    return f"stage {name} does not need {listed}{stream}"
 
 
 def value_token(value: Value) -> str:

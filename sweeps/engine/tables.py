@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import textwrap
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import xarray as xr
@@ -15,12 +20,16 @@ from xarray.core.indexing import (
 )
 
 from sweeps.engine.display import ATTRIBUTE
-from sweeps.engine.errors import DeclarationError
+from sweeps.engine.errors import DeclarationError, located
 from sweeps.engine.failures import RAISED, Failure, reason, traceback_of
 from sweeps.engine.packs import raise_shortage
+from sweeps.engine.places import Where
 from sweeps.engine.plan import Plan
+from sweeps.engine.store import zarr_store
 from sweeps.engine.tasks import Damaged
 from sweeps.engine.zarr_array import Array, Group, metadata
+
+MOST_ROWS = 20  # of a table at the end of a sweep
 
 
 def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
@@ -45,6 +54,9 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                     raise TypeError(
                         f"its function returned a {kind}, but must return a data set or None"
                     )
+                if made is None and not _returns(table.make):
+                    sentence = "its function has no return, but must return a data set or None"
+                    raise TypeError(located(table.make, sentence))
                 if made is not None:
                     if table.displays:
                         shown = [display.written(plan.choices) for display in table.displays]
@@ -56,6 +68,30 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
             raise_shortage(error)
             failed[name] = Failure(name, reason(error), traceback=traceback_of(error))
     return list(failed.values())
+
+
+def _returns(function: Callable[..., Any]) -> bool:
+    """Return whether a function has a statement that returns something, as far as its text says."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, TypeError, SyntaxError):
+        return True
+    returns = [one.value for one in ast.walk(tree) if isinstance(one, ast.Return)]
+    return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
+
+
+def texts(place: Where, groups: Iterable[str]) -> Iterator[str]:
+    """Yield tables of a store as texts, long ones without their middle."""
+    for name in groups:
+        with suppress(KeyError, FileNotFoundError):  # a table that has nothing, or failed
+            table = xr.open_zarr(zarr_store(place), group=name, consolidated=False)
+            table = table.drop_vars([one for one in table.coords if not table[one].dims])
+            units = {one: table[one].attrs.get("units", "1") for one in table.variables}
+            heads = {one: f"{one} [{unit}]" for one, unit in units.items() if unit != "1"}
+            some = table.isel({dim: slice(MOST_ROWS) for dim in table.dims})
+            rows = some.to_dataframe() if table.dims else some.to_pandas().to_frame().T
+            rows = rows.rename_axis(index=heads).rename(columns=heads)
+            yield rows.to_string(max_rows=MOST_ROWS, float_format="{:.4g}".format)
 
 
 class Values(BackendArray):

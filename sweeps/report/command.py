@@ -14,10 +14,24 @@ NAME, DISTRIBUTION = "ncti-report", "ncti-sweep"
 def main() -> None:
     """Run the command line.
 
-    Exits with 1 if another file is in the place of one to be written, and with 2 if the store
-    cannot be read.
+    Exits with 1 if another file is in the place of one to be written, or the output cannot be, and
+    with 2 if the store cannot be read.
     """
     arguments = _parser().parse_args()
+    from sweeps.engine.process import forgiving
+    from sweeps.report.screen import complain
+
+    with forgiving() as lost:
+        status = _reported(arguments)
+        if why := lost():
+            complain(f"tables cannot be printed: {why}")
+            status = status or 1
+    if status:
+        sys.exit(status)
+
+
+def _reported(arguments: argparse.Namespace) -> int:
+    """Print and write what a command line asks for; return the status."""
     # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.errors import ConfigurationError
     from sweeps.report.own import sentence_of
@@ -36,13 +50,13 @@ def main() -> None:
             kept += write_pictures(path, console)
     except ConfigurationError as error:
         complain(str(error))
-        sys.exit(2)
+        return 2
     except OSError as error:
         complain(f"tables are not written: {error}")
-        sys.exit(2)
+        return 2
     if kept:
         complain(sentence_of(kept))
-        sys.exit(1)
+    return 1 if kept else 0
 
 
 def _place(given: str) -> Any:

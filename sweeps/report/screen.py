@@ -1,4 +1,4 @@
-"""The screen: as wide as it is, of any encoding, and it may be closed or full."""
+"""The screen: as wide as it is, of any encoding, and it may be closed."""
 
 from __future__ import annotations
 
@@ -43,24 +43,14 @@ def page(console: Console) -> Iterator[Console]:
 
 
 def _say(text: str, file: IO[str], encoding: str) -> None:
-    """Write to a file that may be closed, full (a sentence on stderr), or of another encoding."""
+    """Write to a file that may be closed, or of another encoding."""
     try:
         text.encode(encoding)
     except UnicodeEncodeError:
         text = text.translate(PLAINER).encode(encoding, "replace").decode(encoding)
-    try:
+    with suppress(ValueError):  # closed
         file.write(text)
         file.flush()
-    except OSError as error:
-        # Discard the rest of the text, so that closing the file does not fail.
-        with suppress(OSError, ValueError):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, file.fileno())
-            os.close(nowhere)
-        if not isinstance(error, BrokenPipeError):
-            complain(f"tables cannot be printed: {error.strerror or error}")
-    except ValueError:  # closed
-        return
 
 
 def complain(sentence: str) -> None:

@@ -57,6 +57,15 @@ def test_settings_are_listed_without_a_broken_word_and_found_by_one(capsys):
     assert "'colour'" in said
 
 
+def test_a_sweep_ends_with_its_tables_its_store_and_the_next_command(start, capsys):
+    assert start("store=a b.zarr") == 0
+    for _ in range(2):  # the second time, nothing is computed
+        table, end = capsys.readouterr().out.split("\n\n")
+        assert "best" in table.split("\n")[0] and "[kg]" in table and len(table.split("\n")) > 2
+        assert end == "store   a b.zarr\nnext    ncti-report 'a b.zarr'\n"
+        assert start("store=a b.zarr") == 0
+
+
 def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     reported = []
     command = Command(SPRINGS, lambda path, choices, finished: reported.append((path, finished)))
@@ -200,7 +209,8 @@ def ended(tmp_path_factory):
 
 
 def test_printing_costs_no_results(ended):
-    assert {name: ended[name][1] for name in PRINTED} == dict.fromkeys(PRINTED, 0)
+    statuses = {name: ended[name][1] for name in PRINTED}
+    assert statuses == dict.fromkeys(PRINTED, 0) | {"full": 1}  # and a closed pipe is no error
     stores = {name: next(ended[name][0].glob("*.zarr")) for name in PRINTED}
     assert stores["ascii"].name == "s [bold] ä.zarr"
     for name in PRINTED:

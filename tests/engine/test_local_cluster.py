@@ -6,6 +6,7 @@ import socket
 import ssl
 import subprocess
 import sys
+from pathlib import Path
 
 import psutil
 import pytest
@@ -99,6 +100,35 @@ def test_no_more_workers_than_tasks_and_nothing_left_behind():
     assert dict(os.environ) == environment
     assert signal.getsignal(signal.SIGINT) is handler
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == blocked
+
+
+SPRINGS_IN_A_TERMINAL = """
+import signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+from sweeps.engine.command import Command
+from toys import SPRINGS
+sys.exit(Command(SPRINGS).main(sys.argv[1:]))
+"""
+
+
+def test_a_terminal_that_closes_ends_a_sweep_in_a_sentence(tmp_path):
+    """It sends SIGHUP to the command, its workers and what starts them."""
+    here = Path(__file__).parent
+    asked = ["cluster=local", "cluster.workers=2", "cache=c", "store=s.zarr", "measured.pause=0.3"]
+    command = subprocess.Popen(
+        [sys.executable, "-c", SPRINGS_IN_A_TERMINAL, *asked],
+        env=os.environ | {"PYTHONPATH": f"{here}:{here.parents[1]}"},
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    eventually(lambda: list(tmp_path.glob("c/**/*.pack")))
+    os.killpg(command.pid, signal.SIGHUP)
+    _, said = command.communicate(timeout=60)
+    assert command.returncode == 128 + signal.SIGHUP
+    assert {line.partition(" ")[0] for line in said.splitlines()} == {"springs:"}, said
+    assert said.endswith("springs: stopped by SIGHUP; the same command resumes the sweep\n")
 
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))

@@ -1,5 +1,6 @@
 """Mistakes of declarations, refused when an experiment is assembled."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -93,6 +94,59 @@ def test_mistakes_are_named_when_an_experiment_is_assembled(words, settings, sta
     with pytest.raises(DeclarationError) as refused:
         Experiment("few", "Few", (*settings, *stages))
     assert words in str(refused.value) and "\n" not in str(refused.value)
+
+
+HERE = r"^[\w/]*test_mistakes\.py:\d+: "  # before a sentence
+
+
+@pytest.mark.parametrize(
+    ("sentence", "wrong"),
+    [
+        (r"stage one has 'few' as uses, but must have a tuple, with a comma", {"uses": Few}),
+        (r"stage one has 'few.size' as gather, but must have a tuple", {"gather": Few.size}),
+        (r"stage one has 'few.size' as along, but must have a tuple", {"along": Few.size}),
+        (
+            r"stage one has 'few.size' as settings of its stream, but must have a tuple",
+            {"stream": Stream(Few.size), "function": lambda size, rng: size},
+        ),
+    ],
+)
+def test_one_of_what_may_be_several_needs_a_comma(sentence, wrong):
+    with pytest.raises(DeclarationError, match=HERE + sentence):
+        one(**wrong)
+
+
+def test_an_output_has_a_tuple_of_dimensions_and_a_unit_that_is_a_text():
+    with pytest.raises(DeclarationError, match=HERE + "stage one has 'row' as dims of x, but must"):
+        one(Output("x", "row"))
+    with pytest.raises(
+        DeclarationError, match=HERE + r"stage one: x has unit=\('m', 2\), but must"
+    ):
+        one(Output("x", unit=("m", 2)))
+
+
+def test_a_setting_has_a_name_that_is_free_and_a_unit_that_is_a_text():
+    with pytest.raises(DeclarationError, match=HERE + "setting key must have another name"):
+
+        class _(Settings, key="wrong"):
+            key = count(1, label="key")
+
+    with pytest.raises(DeclarationError, match=HERE + r"setting size has unit=\('J/k', 2\), but"):
+
+        class _(Settings, key="wrong"):
+            size = count(1, label="size", unit=("J/k", 2))
+
+
+def test_a_stage_that_draws_without_a_stream_is_named_where_its_draws_are_gathered():
+    drawn = one(function=lambda size, rng: size, name="drawn")
+    mean = one(Output("y"), function=lambda drawn, size: drawn, name="mean")
+    with pytest.raises(DeclarationError) as caught:
+        Experiment("few", "Few", (Few, Spring, drawn, replace(mean, gather=(Spring.mass,))))
+    assert re.match(
+        HERE + "stage mean does not need spring.mass; if drawn, which takes rng, is ",
+        str(caught.value),
+    )
+    assert str(caught.value).endswith("its stream: stream=Stream((..., spring.mass))")
 
 
 TABLES = [

@@ -26,6 +26,11 @@ def bare(answers, choices):
     return {"x": 1}
 
 
+def mute(answers, choices):
+    """A table that is forgotten."""
+    answers.assign(x=1)
+
+
 def after(best, choices):
     """A table of another table."""
     return best
@@ -41,7 +46,7 @@ def experiment(make):
     return having(SPRINGS, tables=tables)
 
 
-@pytest.mark.parametrize("make", [spoilt, unstorable, bare])
+@pytest.mark.parametrize("make", [spoilt, unstorable, bare, mute])
 def test_a_failing_table_costs_only_itself(tmp_path, make):
     choices = read_choices(SPRINGS.declared, {})
     finished = run(experiment(make), choices, tmp_path / "s.zarr")
@@ -52,6 +57,11 @@ def test_a_failing_table_costs_only_itself(tmp_path, make):
     if make is bare:
         assert finished.failures[0][1] == (
             "TypeError: its function returned a dict, but must return a data set or None"
+        )
+    if make is mute:
+        line = mute.__code__.co_firstlineno
+        assert finished.failures[0][1].endswith(
+            f"test_tables.py:{line}: its function has no return, but must return a data set or None"
         )
     assert "best" in opened(tmp_path / "s.zarr", "tables/best")
     # Mended, it is made of the results that are there.
