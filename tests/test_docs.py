@@ -1,6 +1,7 @@
 """The pages of the documentation: their code runs, their commands are valid, their names exist."""
 
 import importlib.util
+import json
 import re
 import shlex
 import sys
@@ -14,11 +15,16 @@ import pytest
 import trimesh
 import yaml
 from commands import FAST, prepared, ran
-from documentation import DOCS, PAGES, ROOT, commands, fences, text_of
+from documentation import DOCS, PAGES, ROOT, blocks, commands, fences, text_of
 from once import sharing_ships
 
 import ncti.ships
+from sweeps.engine.command import Command
+from sweeps.engine.overrides import read_jobs
 from sweeps.engine.places import Objects
+from sweeps.engine.provenance import check_extends, provenance
+from sweeps.engine.settings import Run
+from sweeps.engine.zarr_array import plain
 from sweeps.experiment import EXPERIMENT
 
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
@@ -117,6 +123,27 @@ def test_what_is_on_the_page_runs(
     from matplotlib import pyplot as plt
 
     plt.close("all")
+
+
+def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeypatch):
+    """A command with the store of an earlier one extends it."""
+    monkeypatch.chdir(tmp_path)
+    command, stores = Command(EXPERIMENT), {}
+    for page in (ROOT / "README.md", ROOT / "docs/quick_start.md", ROOT / "docs/sweeping.md"):
+        for line in (
+            line for block in blocks(page, "sh") for line in commands(block, "ncti-sweep")
+        ):
+            words = shlex.split(line.replace("hull.stl", "duncan"))[1:]
+            if any(word.startswith("--") for word in words):
+                continue  # it prints something, and ends
+            several = "-m" in words
+            jobs = read_jobs(EXPERIMENT, [one for one in words if one != "-m"], several=several)
+            for plan, place in command.prepare(jobs):
+                if place.store in stores:
+                    check_extends(EXPERIMENT, str(place.store), stores[place.store], plan)
+                if not plan.choices.one(Run.dry_run):
+                    stores[place.store] = json.loads(json.dumps(plain(provenance(plan))))
+    assert len(stores) > 15
 
 
 def test_the_gallery_has_every_script_and_the_command_that_runs_it():

@@ -1,5 +1,6 @@
 """Every setting as it is declared: its default, its bounds, its axis, its place in the docs."""
 
+import re
 from functools import partial
 from pathlib import Path
 
@@ -97,6 +98,18 @@ def test_the_table_in_the_docs_is_current(monkeypatch):
     assert PAGE.read_text(encoding="utf-8") == page(), (
         "not current: python docs/_extensions/settings_table.py"
     )
+
+
+def test_the_table_of_inputs_of_a_stage_is_current(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
+    from stage_inputs import PAGE, page, rows
+
+    assert PAGE.read_text(encoding="utf-8") == page(), (
+        "not current: python docs/_extensions/stage_inputs.py"
+    )
+    units = {name: unit for names, _, unit, _ in rows() for name in re.findall(r"\w+", names)}
+    asked = {"aspect": "degree", "range": "m", "pulse_width": "s", "depression": "degree"}
+    assert asked.items() <= units.items() and {"image", "mesh", "hull", "rng"} <= units.keys()
 
 
 # On the command line ------------------------------------------------------------------------

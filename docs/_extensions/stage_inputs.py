@@ -1,0 +1,97 @@
+"""The table of inputs of a stage in `own_sensor.md`, made of declarations; a script writes it."""
+
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from sweeps.engine.kinds import Count, Draws, Number, Switch
+from sweeps.engine.settings import Setting, Unit
+from sweeps.engine.stage import Stage
+from sweeps.experiment import stages_of
+from sweeps.stages import infrared, ladar, views
+
+PAGE = Path(__file__).resolve().parents[1] / "own_sensor.md"
+BEGIN, END = "<!-- begin: python docs/_extensions/stage_inputs.py -->\n", "<!-- end -->"
+SI = {"km": "m", "ns": "s", "urad": "rad", "um": "m", "dB km-1": "dB m-1"}
+TYPES = {Count: "int", Draws: "int", Number: "float", Switch: "bool"}
+MOST = 4  # arrays that are listed
+OBJECTS = {  # what holds several arrays: these, their shapes, and their units
+    "Hull": ("`sweeps.stages.views.Hull`: `source`, `digest`, `transform`", ""),
+    "trimesh.Trimesh": ("`trimesh.Trimesh`: `vertices` (n, 3), `faces` (m, 3)", "m, ship frame"),
+    "RangeImage | LineImage | Mask": (
+        "`ncti.render.RangeImage`: `down_range`, `hit`, `cos_incidence` (row, col); of lines "
+        "`LineImage`, of outlines only `Mask`",
+        "m",
+    ),
+    "RangeExtent": ("`ncti.ladar.RangeExtent`: `fraction` (ifov, bin), `down_range` (bin,)", "m"),
+    "DetectorView": ("`ncti.infrared.DetectorView`", "m"),
+    "Place": ("a pair of numbers", "IFOV"),
+}
+
+
+def rows() -> Iterator[tuple[str, str, str, str]]:
+    """Yield name, type with shape, unit and meaning of each input."""
+    for group in (views.Grid, views.Scene, views.Render):
+        for setting in group.declared:
+            yield of_setting(group.__name__, setting)
+    yield "`rng`", "`numpy.random.Generator`", "", "the stage's own draws; see `stream=`"
+    yield "`valid`", "bool (gathered axes)", "", "whether an input was made; with `gather=`"
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for module in (views, ladar, infrared):
+        for stage in stages_of([module]):
+            name, *about = of_stage(stage)
+            alike.setdefault((about[0], about[1], about[2]), []).append(name)
+    for about, names in alike.items():
+        yield ", ".join(names), *about
+
+
+def of_setting(group: str, setting: Setting) -> tuple[str, str, str, str]:
+    """Return the row of a setting, as a stage gets it that uses its group."""
+    kind = next((TYPES[one] for one in TYPES if isinstance(setting.kind, one)), "str")
+    unit = SI[setting.unit] if isinstance(setting.unit, Unit) else setting.unit
+    name = setting.key.rpartition(".")[2]
+    return f"`{name}`", kind, _unit(unit), f"{setting.label}; `uses=({group},)`"
+
+
+def of_stage(stage: Stage) -> tuple[str, str, str, str]:
+    """Return the row of a stage's result."""
+    returned = inspect.get_annotations(stage.function).get("return", "")
+    first = (inspect.getdoc(stage.function) or "").partition("\n")[0]
+    found = re.match(r"Return (?:the |a )?(\w+(?: \w+)?) \[([^]]*)\](.*)", first)
+    meaning = found[1] + found[3] if found else re.sub(r"^Return (the |a )?", "", first)
+    meaning = meaning.rstrip(".")
+    if returned in OBJECTS:
+        return f"`{stage.name}`", *OBJECTS[returned], meaning
+    if not stage.outputs:
+        named = returned.replace(" | ", " or ") or "pairs of a keyword and its value"
+        return f"`{stage.name}`", named, found[2].replace("deg", "degree") if found else "", meaning
+    if len(stage.outputs) > MOST:
+        return f"`{stage.name}`", "packed arrays, of which other stages make an object", "", meaning
+    several = len(stage.outputs) > 1
+    arrays = [
+        f"{f'`{one.name}` ' * several}{one.dtype} ({', '.join(one.dims)})" for one in stage.outputs
+    ]
+    units = dict.fromkeys(filter(None, (_unit(one.unit) for one in stage.outputs)))
+    kind = ("mapping: " if several else "") + ", ".join(arrays)
+    return f"`{stage.name}`", kind, ", ".join(units), meaning
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def table() -> str:
+    """Return the table, in Markdown."""
+    heads = (("argument", "type and shape", "unit", "meaning"), ("---",) * 4)
+    return "\n".join(f"| {' | '.join(row)} |" for row in (*heads, *rows()))
+
+
+def page() -> str:
+    """Return the page with the table as it is now."""
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    return f"{before}{BEGIN}\n{table()}\n\n{END}{rest.partition(END)[2]}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
