@@ -1,10 +1,10 @@
 """The pages of the documentation: their code runs, their commands are valid, their names exist."""
 
 import importlib.util
-import json
 import re
 import shlex
 import sys
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from sweeps.engine.overrides import read_jobs
 from sweeps.engine.places import Objects
 from sweeps.engine.provenance import check_extends, provenance
 from sweeps.engine.settings import Run
-from sweeps.engine.zarr_array import plain
+from sweeps.engine.zarr_array import nested, plain
 from sweeps.experiment import EXPERIMENT
 
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
@@ -126,24 +126,29 @@ def test_what_is_on_the_page_runs(
 
 
 def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeypatch):
-    """A command with the store of an earlier one extends it."""
+    """A command with the store of an earlier one, or with none as that has, extends it."""
     monkeypatch.chdir(tmp_path)
+    pages = (ROOT / "README.md", ROOT / "docs/quick_start.md", ROOT / "docs/sweeping.md")
+    lines = [shlex.split(one) for page in pages for one in commands(shell_of(page), "ncti-sweep")]
+    lines = [words[1:] for words in lines if not any(word.startswith("--") for word in words)]
+
+    def store(words):
+        return next((one for one in words if one.startswith("store=")), "store=sweep.zarr")
+
+    several = Counter(map(store, lines))
+    assert sum(count > 1 for count in several.values()) >= 3
     command, stores = Command(EXPERIMENT), {}
-    for page in (ROOT / "README.md", ROOT / "docs/quick_start.md", ROOT / "docs/sweeping.md"):
-        for line in (
-            line for block in blocks(page, "sh") for line in commands(block, "ncti-sweep")
-        ):
-            words = shlex.split(line.replace("hull.stl", "duncan"))[1:]
-            if any(word.startswith("--") for word in words):
-                continue  # it prints something, and ends
-            several = "-m" in words
-            jobs = read_jobs(EXPERIMENT, [one for one in words if one != "-m"], several=several)
-            for plan, place in command.prepare(jobs):
-                if place.store in stores:
-                    check_extends(EXPERIMENT, str(place.store), stores[place.store], plan)
-                if not plan.choices.one(Run.dry_run):
-                    stores[place.store] = json.loads(json.dumps(plain(provenance(plan))))
-    assert len(stores) > 15
+    for words in (one for one in lines if several[store(one)] > 1):
+        jobs = read_jobs(EXPERIMENT, [one for one in words if one != "-m"], several="-m" in words)
+        ((plan, place),) = command.prepare(jobs)
+        if place.store in stores:
+            check_extends(EXPERIMENT, str(place.store), stores[place.store], plan)
+        if not plan.choices.one(Run.dry_run):
+            stores[place.store] = nested(plain(provenance(plan)))
+
+
+def shell_of(page):
+    return "".join(blocks(page, "sh"))
 
 
 def test_the_gallery_has_every_script_and_the_command_that_runs_it():
