@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import hydra
@@ -285,8 +286,9 @@ class Command:
             show(f"{text}\n")
         path = os.path.relpath(store) if isinstance(store, Path) else store
         show(f"store   {path}")
-        if self.experiment.tables:
-            show(f"next    ncti-report {pasted(path)}")
+        scripts = entry_points(group="console_scripts") if self.experiment.tables else ()
+        for one in (one for one in scripts if one.value.startswith("sweeps.report.")):
+            show(f"next    {one.name} {pasted(path)}")
 
     def _cache(self, place: Where, *, clear: bool) -> None:
         """Print the contents of a cache, or clear it."""

@@ -321,7 +321,8 @@ def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) 
         if override is None:
             raise _unread(experiment, parser, arguments[place:])
         given: Any = override.value()
-        swept = [one for one in (given if isinstance(given, list) else [given]) if _sweeps(one)]
+        listed = given if isinstance(given, list) else [given]
+        swept = [one for one in listed if isinstance(one, Sweep)]
         if swept and (isinstance(given, list) or not several):
             ways = []
             if isinstance(swept[0], RangeSweep):
@@ -335,11 +336,6 @@ def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) 
         _check_key(experiment, loader, override)
         overrides.append(override)
     return overrides
-
-
-def _sweeps(value: Any) -> bool:
-    """Return whether a value is a function of Hydra's sweeps, such as range(0,90,5)."""
-    return isinstance(value, Sweep)
 
 
 def _in_steps(swept: RangeSweep) -> str:
