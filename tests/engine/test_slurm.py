@@ -4,7 +4,6 @@ import logging
 import os
 import signal
 import stat
-from types import SimpleNamespace
 
 import pytest
 import slurm
@@ -84,7 +83,7 @@ def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_job_killed_and_a_node_drained_change_nothing_of_the_store(tmp_path, monkeypatch, capsys):
+def test_a_job_killed_and_a_node_drained_change_nothing_of_the_store(tmp_path, capsys):
     (node,) = slurm.asked("sinfo", "-h", "-o", "%n")
 
     def meddle():
@@ -103,7 +102,6 @@ def test_a_job_killed_and_a_node_drained_change_nothing_of_the_store(tmp_path, m
         assert Command(SPRINGS).main(given) == 0
     assert capsys.readouterr().err.splitlines()[1] == "springs: submitting 2 jobs to Slurm"
     assert sorted(one.name for one in tmp_path.iterdir()) == ["cache", "s.zarr"]
-    monkeypatch.setattr("toys.time", SimpleNamespace(sleep=lambda seconds: None))
     go(tmp_path / "inline.zarr", measured__pause=1.5)
     assert files(tmp_path / "s.zarr") == files(tmp_path / "inline.zarr")
 
