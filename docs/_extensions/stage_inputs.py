@@ -12,7 +12,8 @@ from sweeps.experiment import stages_of
 from sweeps.stages import infrared, ladar, views
 
 PAGE = Path(__file__).resolve().parents[1] / "own_sensor.md"
-BEGIN, END = "<!-- begin: python docs/_extensions/stage_inputs.py -->\n", "<!-- end -->"
+BEGIN = "<!-- inputs: python docs/_extensions/stage_inputs.py -->\n"
+END = "<!-- end of inputs -->"
 SI = {"km": "m", "ns": "s", "urad": "rad", "um": "m", "dB km-1": "dB m-1"}
 TYPES = {Count: "int", Draws: "int", Number: "float", Switch: "bool"}
 MOST = 4  # arrays that are listed

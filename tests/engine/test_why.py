@@ -47,7 +47,7 @@ def test_the_command_prints_what_differs(store, capsys):
     assert main(["--why", "store=s.zarr", "spring.mass=[1,2,3]"]) == 0
     assert "rate: spring.mass\nsolver: its input rate\n" in capsys.readouterr().out
     assert main(["--why", "store=none.zarr"]) == 2
-    assert "store is 'none.zarr', but must be one" in capsys.readouterr().err
+    assert "store is 'none.zarr', which does not exist" in capsys.readouterr().err
 
 
 def squared(by):

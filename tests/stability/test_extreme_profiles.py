@@ -68,7 +68,7 @@ def test_the_expected_profile_of_one_bin(bin_width):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_more_bins_than_memory_holds_are_refused(engine):
     image = see(engine, box(), aspect=37.0, depression=3.84)
-    with pytest.raises(ValueError, match=r"^bin_width is 1e-05, but must be .* at least 5.96"):
+    with pytest.raises(ValueError, match=r"^bin_width is 1e-05 m, but must be .* at least 5.96"):
         ladar.range_extent(image, slant_range=1e5, bin_width=1e-5)
     fine = ladar.range_extent(image, slant_range=1e5, bin_width=1e-3)
     with pytest.raises(ValueError, match=r"^bin_width is 0.001 m, which makes 250000 range bins"):
