@@ -120,7 +120,9 @@ def require(
     said = f"{_line(value)}{unit if math.isfinite(number) else ''}"
     allowed = f"{sort} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
     other, power = OTHER_UNITS.get(unit.strip(), ("", 0))
-    meant = f"; {number:g} {other} is {number:g}e{power}" if inside(number * 10.0**power) else ""
+    digits = f"{number:g}"
+    is_slip = "e" not in digits and inside(number * 10.0**power)  # not of a number with an exponent
+    meant = f"; {digits} {other} is {digits}e{power}" if is_slip else ""
     raise ValueError(f"{name} is {said}, but must be {allowed}{unit}{meant}")
 
 
