@@ -95,7 +95,7 @@ class Body:
 
 @dataclass
 class Workshop:
-    """What is known of a mesh while its bodies are found, and its faults that are mended."""
+    """Name and units of a mesh while its bodies are separated, and the faults mended so far."""
 
     where: str  # name of the mesh in messages
     locate: Callable[[Floats], Floats] | None  # from [m] to the file's coordinates
@@ -251,7 +251,7 @@ def _without_openings(surface: Surface, work: Workshop) -> Surface:
 
 
 def _opening(surface: Surface, found: Openings, wide: NDArray[np.int64], work: Workshop) -> str:
-    """Return what is said of openings; refuse the surface if they may not be closed."""
+    """Return the sentence on openings; refuse the surface if they may not be closed."""
     areas, loops = found.areas[wide], [found.loops[number] for number in wide]
     water = APART * float(np.ptp(surface.vertices, axis=0).max())
     seen = np.array([surface.vertices[loop, 2].max() > water for loop in loops])

@@ -131,7 +131,7 @@ def _points_down(
 
 
 def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Floats, list[str]]:
-    """Return the offset [m] to the ship's origin, and what is wrong with that of the mesh.
+    """Return the offset [m] to the ship's origin, and the fault of the mesh's own origin.
 
     Vertices are in ship axes, and `up` is the axis of the mesh that points up there.
     """
@@ -161,7 +161,7 @@ def _origin_along(low: float, high: float) -> str:
 
 
 def _off_the_water(low: float, high: float, up: str) -> list[str]:
-    """Return what is said of a mesh whose ends in ship axes are both above z = 0, or both below.
+    """Return the finding on a mesh whose ends in ship axes are both above z = 0, or both below.
 
     It is said of the mesh as it is given: one that is upside down hangs above the water where the
     ship that it is turned into would be under it.

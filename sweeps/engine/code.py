@@ -97,7 +97,7 @@ class _Scan(NamedTuple):
 _GLOBALS = {"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"}
 _ATTRIBUTES = {"LOAD_ATTR", "LOAD_METHOD"}
 _BY_NAME = {*dis.hasname, *dis.haslocal, *dis.hasfree, *dis.hasjrel, *dis.hasjabs}
-# What a class inside a function is told of its text and lines, in the two instructions of each.
+# Attributes of a class body that hold its docstring and line numbers; each takes two instructions.
 _OF_CLASS = {"__doc__", "__firstlineno__", "__static_attributes__"}
 _KINDS = 0x3FF  # flags of code: kinds of arguments and of functions
 
@@ -243,7 +243,7 @@ class _Walk:
             self._load(*target)
 
     def _load(self, owner: str, name: str = "") -> None:
-        """Count a module, or what is imported from it, with all that it imports."""
+        """Add a module, or the name imported from it, and its imports, to the parts."""
         waiting = [*self._modules.reached(owner, name)]
         for one in waiting:  # which grows
             if one in self._loaded:
@@ -335,7 +335,7 @@ class _Walk:
             return reduced, self.token(inner)
         make, arguments, *rest = reduced
         state, items, pairs = (*rest, None, None, None)[:3]
-        if isinstance(state, dict):  # but for what was computed from the rest
+        if isinstance(state, dict):  # without cached properties, which derive from the rest
             kinds = {name: type(getattr(kind, str(name), None)) for name in state}
             own = {name: state[name] for name in state if kinds[name] is not cached_property}
             state = own or None
@@ -352,7 +352,7 @@ def looked_up(module: str, name: str) -> Any:
 
 
 def place_of(function: Callable[..., Any]) -> tuple[str, str]:
-    """Return module and qualified name of what is called in the end."""
+    """Return module and qualified name of the innermost wrapped function."""
     given: Any = None
     inner: Any = function
     while inner is not None:
