@@ -19,6 +19,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import accumulate, islice
+from pathlib import Path
 from typing import Any
 
 from sweeps.engine.cluster import Executor
@@ -172,8 +173,10 @@ def read_attributes(place: Where) -> dict[str, Any] | None:
 
 def zarr_store(place: Where) -> Any:
     """Return a place as zarr and xarray open it, to be read."""
-    from zarr.storage import ObjectStore  # takes long
+    from zarr.storage import LocalStore, ObjectStore  # takes long
 
+    if isinstance(place, Path):  # threads of obstore that answer when Python ends would abort it
+        return LocalStore(place, read_only=True)
     return ObjectStore(Objects(place).store, read_only=True)
 
 

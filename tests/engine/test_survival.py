@@ -265,9 +265,13 @@ def jumping(size):
 
 
 @pytest.mark.skipif(LIBRARY is None, reason="no libfaketime here (apt install faketime)")
-@pytest.mark.parametrize(("kind", "days"), [("inline", 3), ("local", -3)])
+@pytest.mark.parametrize(("kind", "days"), [("inline", -3), ("local", 3)])
 def test_a_clock_that_jumps_changes_nothing(kind, days, tmp_path):
-    """While cells are computed, after some were."""
+    """While cells are computed, after some were.
+
+    Not backwards with workers: a message of dask waits for the next whole milliseconds by this
+    clock (`distributed.batched`), and so for days if it is set within them.
+    """
     (tmp_path / "clock").write_text("+0")
     how = {"LD_PRELOAD": str(LIBRARY), "FAKETIME_TIMESTAMP_FILE": str(tmp_path / "clock")}
     how |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
