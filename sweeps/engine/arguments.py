@@ -125,7 +125,7 @@ def _argument(
     what = f"values[{name!r}]"
     try:
         for value in listed:
-            if not kind._holds(value):
+            if not kind.holds(value):
                 allowed = f"every value must be {kind.allowed}"
                 raise ValueError(f"{what} has {_short(value)}, but {allowed}")
         ascending(what, listed)

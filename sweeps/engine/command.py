@@ -227,7 +227,6 @@ class Command:
             self._cache_place(choices.one(Run.cache)),
             ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
             int(choices.one(Run.cache_limit) * 1e9),
-            choices.one(Run.verify),
             partial=bool(choices.one(Run.partial)),
             cache_shared=bool(choices.one(Run.cache_shared)),
         )

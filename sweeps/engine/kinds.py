@@ -37,7 +37,7 @@ class Kind:
         """Description of allowed values but null."""
         raise NotImplementedError
 
-    def _holds(self, value: Any) -> bool:
+    def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
         raise NotImplementedError
 
@@ -51,7 +51,7 @@ class Kind:
         """
         listed = self._listed(key, given)
         for value in listed:
-            if not (value is None and self.null) and not self._holds(value):
+            if not (value is None and self.null) and not self.holds(value):
                 raise ValueError(self._refused(key, value))
         return ascending(key, [None if value is None else self._read(value) for value in listed])
 
@@ -90,7 +90,8 @@ class Number(Kind):
         bounds += [f"below {self.below:g}"] if self.below < math.inf else []
         return f"{self.sort} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip() + unit
 
-    def _holds(self, value: Any) -> bool:
+    def holds(self, value: Any) -> bool:
+        """Return whether a value is of this kind."""
         return (
             isinstance(value, int | float)
             and not isinstance(value, bool)
@@ -124,8 +125,9 @@ class Count(Number):
 
     sort: ClassVar[str] = "a whole number"
 
-    def _holds(self, value: Any) -> bool:
-        return super()._holds(value) and value == int(value)
+    def holds(self, value: Any) -> bool:
+        """Return whether a value is of this kind."""
+        return super().holds(value) and value == int(value)
 
     def _read(self, value: Any) -> Value:
         return int(value)  # not through a float, which cannot represent all of them
@@ -158,7 +160,8 @@ class Word(Kind):
     def _words(self) -> str:
         return f"one of {', '.join(self.words)}"
 
-    def _holds(self, value: Any) -> bool:
+    def holds(self, value: Any) -> bool:
+        """Return whether a value is of this kind."""
         return isinstance(value, str) and value in self.words
 
 
@@ -168,7 +171,8 @@ class Switch(Kind):
 
     _words: ClassVar[str] = "one of true, false"
 
-    def _holds(self, value: Any) -> bool:
+    def holds(self, value: Any) -> bool:
+        """Return whether a value is of this kind."""
         return isinstance(value, bool)
 
 
@@ -178,7 +182,8 @@ class Text(Kind):
 
     _words: ClassVar[str] = "a text that is not empty"
 
-    def _holds(self, value: Any) -> bool:
+    def holds(self, value: Any) -> bool:
+        """Return whether a value is of this kind."""
         return isinstance(value, str) and value != ""
 
 
@@ -190,7 +195,8 @@ class Date(Kind):
 
     _words: ClassVar[str] = "a time from 1678 to 2261 without a zone"
 
-    def _holds(self, value: Any) -> bool:
+    def holds(self, value: Any) -> bool:
+        """Return whether a value is of this kind."""
         try:
             time = self._read(value) if isinstance(value, str) else value
             if not isinstance(time, np.datetime64 if self.unit else datetime):
@@ -225,7 +231,7 @@ class Vector(Kind):
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
         listed = self._listed(key, given)
-        if len(listed) != self.size or not all(map(self.element._holds, listed)):
+        if len(listed) != self.size or not all(map(self.element.holds, listed)):
             raise ValueError(f"{key} is {shown(given)}, but must be {self.allowed}")
         return (tuple(map(self.element._read, listed)),)
 
@@ -253,7 +259,7 @@ class SetOf(Kind):
         known = dict(self.spellings)
         if isinstance(given, str) and given in known:
             return (tuple(sorted(known[given])),)
-        if known and isinstance(given, str) and not self.kind._holds(given):
+        if known and isinstance(given, str) and not self.kind.holds(given):
             words = ", ".join(known)
             raise ValueError(f"{key} is {given!r}, but must be {self.kind.allowed}, {words}")
         return (self.kind.values(key, given),)
@@ -322,7 +328,7 @@ def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
             "stop and step, or be a list"
         )
     for name, value in given.items():
-        if not Number()._holds(value):
+        if not Number().holds(value):
             raise ValueError(Number()._refused(f"{key}.{name}", value))
     # As decimals: 0.1 steps give 0.3 and not 0.30000000000000004.
     numbers = [float(given[name]) for name in ("start", "stop", "step")]

@@ -57,16 +57,14 @@ Failures = list[tuple[str, str]]
 class Place:
     """Store, cache and cluster of a sweep, and the limit of the cache [byte].
 
-    All who may write to the cache are trusted if it is `cache_shared`. A share `verify` of the
-    cells is computed twice and compared. A `partial` store has what is in the cache; nothing is
-    computed.
+    All who may write to the cache are trusted if it is `cache_shared`. A `partial` store has the
+    cells that are in the cache; nothing is computed.
     """
 
     store: Where
     cache: Where
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 2**30
-    verify: float = 0.0
     cache_shared: bool = False
     partial: bool = False
 
@@ -150,7 +148,7 @@ def _until_undamaged(
     with ThreadPoolExecutor(1, "cluster") as thread:
         for _ in range(ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
-            schedule, stack = Schedule(plan, costs, place.verify), ExitStack()
+            schedule, stack = Schedule(plan, costs), ExitStack()
             try:
                 failures, workers = _compute(schedule, place, index, watch, thread, stack)
                 if place.cluster.kind in HERE:  # which end meanwhile

@@ -330,13 +330,11 @@ class Schedule:
 
     Distinct results, those of different keys, are numbered: `nodes` has by stage the number of each
     cell, negative if none is needed. `spots` has by number where a result is, and the key under
-    which it is kept; `failed`, why one failed. `costs` are seconds per cell by stage. Of a share
-    `verify` of the cells, calls say how to compute them again, alone.
+    which it is kept; `failed`, why one failed. `costs` are seconds per cell by stage.
     """
 
     plan: Plan
     costs: dict[str, float] = field(default_factory=dict)
-    verify: float = 0.0
     failed: dict[int, str] = field(default_factory=dict)
     progress: dict[str, Progress] = field(default_factory=dict)
     nodes: dict[Bound, Cells] = field(default_factory=dict)
@@ -497,11 +495,8 @@ class Schedule:
 
     # calls ----------------------------------------------------------------------------------
 
-    def part(self, bound: Bound, jobs: Sequence[Cells], *, verified: bool = True) -> Part:
-        """Return calls of a stage, each for cells that lie on its axes as those of the others do.
-
-        A share of the cells is computed again if `verified`.
-        """
+    def part(self, bound: Bound, jobs: Sequence[Cells]) -> Part:
+        """Return calls of a stage, whose cells all lie alike on its axes."""
         plan, cells = self.plan, np.concatenate(jobs)
         begins = np.cumsum([0, *map(len, jobs)])
         firsts = plan.start(bound, cells[begins[:-1]])
@@ -515,8 +510,6 @@ class Schedule:
         moved = cells - np.repeat(firsts, np.diff(begins))
         places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
         nodes = self.nodes[bound][cells]
-        chosen = self.spots.keys[nodes, 0] >> np.uint64(32) if verified and self.verify else ()
-        again = np.flatnonzero(np.asarray(chosen) < self.verify * 2**32).tolist()
         calls = self._calls_at(
             bound,
             firsts,
@@ -524,7 +517,6 @@ class Schedule:
             keys=self.spots.keys[nodes],
             begins=begins,
             places=places,
-            again={k: self.part(bound, [cells[k : k + 1]], verified=False).calls for k in again},
         )
         return Part(bound, cells, nodes, calls)
 

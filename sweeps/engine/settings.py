@@ -232,13 +232,6 @@ class Run(Settings, fixed=NO_RESULT):
     cache_shared = switch(False, label="trust all who may write to the cache, also other users")
     dry_run = switch(False, label="only print what would be computed")
     partial = switch(False, label="compute nothing, and write a store of what is in the cache")
-    verify = number(
-        0,
-        0,
-        1,
-        label="share of the computed cells that are computed again, alone, and compared",
-        help="a cell of which a bit differs fails; reused cells are not checked",
-    )
 
 
 class Together(Settings, key="grid", fixed=NO_RESULT):

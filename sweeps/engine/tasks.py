@@ -14,7 +14,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pkgutil import resolve_name
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ from sweeps.engine.failures import RAISED, Failure, described, reason, traceback
 from sweeps.engine.keys import Keys, cell_rng
 from sweeps.engine.packs import Arrays, Pack, Packing, Spots, each_cell
 from sweeps.engine.places import Objects
-from sweeps.engine.stage import FIRST, MEASURED, RNG, VALID, Output, Stage
+from sweeps.engine.stage import FIRST, RNG, VALID, Output, Stage
 from sweeps.engine.undeclared import NUMBERS, Undeclared, spread
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
@@ -114,8 +114,6 @@ class Calls:
     shape: tuple[int, ...] = ()
     streams: tuple[tuple[int, dict[str, Any]], ...] = ()  # seed and name of the `rng` of each
     valid: NDArray[np.bool_] | None = None  # (call, ...): flags of each
-    # By number of a cell, a call that computes it again, alone, to compare it.
-    again: Mapping[int, Calls] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.begins) - 1
@@ -221,30 +219,10 @@ class _Running:
             return
         self.seconds += time.perf_counter() - start
         for cell, arrays in enumerate(cells, begin):
-            if cell in calls.again and (how := self._difference(cell, arrays)):
-                self.failed[cell] = Failure("", how)
-            else:
-                self.packing.add(arrays)
-                self.kept.append(cell)
+            self.packing.add(arrays)
+            self.kept.append(cell)
         for output in step.even:  # those of a call are of one array
             self.shapes.add((step.name, output, cells[0][output].shape))
-
-    def _difference(self, cell: int, first: Arrays) -> str:
-        """Return how a cell differs if it is computed again, alone and from new objects."""
-        forget_all()
-        alone = _Running(self.calls.again[cell], self.packs)
-        [inputs] = alone._inputs
-        try:
-            given = _arguments(alone.calls, 0, inputs, self.packs)
-            [again] = alone._computed(0, given)
-            how = _difference(alone.calls.step, first, again)
-        except Damaged:
-            return ""  # noticed by others who need it
-        except RAISED as error:
-            how = f"it raises {reason(error)}"
-        finally:
-            forget_all()
-        return how and f"it differs when computed again, alone: {how}"
 
     def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
         """Return each wanted cell of a call's result."""
@@ -277,19 +255,6 @@ def _return_to(folder: str) -> None:
         if os.getcwd() == folder:
             return
     os.chdir(folder)
-
-
-def _difference(step: Step, first: Arrays, again: Arrays) -> str:
-    """Return the first difference of two results, bit by bit; empty if there is none."""
-    for name in (output.name for output in step.outputs if output.role != MEASURED):
-        one, other = first[name], again[name]
-        if one.shape != other.shape:
-            return f"{name} has the shape {one.shape}, and then {other.shape}"
-        for at in np.ndindex(one.shape) if one.tobytes() != other.tobytes() else ():
-            if one[at].tobytes() != other[at].tobytes():
-                where = f"{name}{list(at)}" if at else name
-                return f"{where} is {one[at].item()!r}, and then {other[at].item()!r}"
-    return ""
 
 
 # arguments --------------------------------------------------------------------------------------

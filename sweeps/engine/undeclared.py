@@ -155,7 +155,7 @@ def _array(what: str, given: Any) -> NDArray[Any]:
         dates = list(array[~np.isnat(array)].ravel())
     if array.dtype.kind == "M" or dates:
         kind = Date("" if objects else np.datetime_data(array.dtype)[0])
-        if wrong := [one for one in dates if not kind._holds(one)]:
+        if wrong := [one for one in dates if not kind.holds(one)]:
             raise TypeError(f"{what} with {wrong[0]!r}, but it must be {kind.allowed}")
         return array.astype(DATES)
     if array.dtype.kind in "TU" or (objects and all(isinstance(one, str) for one in objects)):

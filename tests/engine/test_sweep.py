@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from company import company
 from small_stores import files, opened
-from toys import CALLS, SPRINGS, Few, go, of, run_few, timed
+from toys import CALLS, Few, go, run_few, timed
 
 from sweeps.engine.keys import cell_rng
-from sweeps.engine.settings import read_choices
 from sweeps.engine.stage import Group, Output, stage
 from sweeps.engine.store import read_attributes
 
@@ -89,12 +87,6 @@ def test_local_workers_make_the_same_store(store, tmp_path, workers):
     assert files(tmp_path / "s.zarr") == files(store)
 
 
-def test_values_alone_and_in_company_are_equal():
-    choices = read_choices(SPRINGS.declared, {"measured.rule": ["max", "mean", "min"]})
-    assert company(SPRINGS, choices) == {"noisy": 24, "answers": 24}
-    assert company(SPRINGS, choices, most=5) == {"noisy": 6, "answers": 6}
-
-
 def test_what_was_measured_is_kept_and_says_so(tmp_path):
     run_few([timed], tmp_path / "a.zarr", tmp_path / "cache")
     first = opened(tmp_path / "a.zarr", "timed")
@@ -103,10 +95,6 @@ def test_what_was_measured_is_kept_and_says_so(tmp_path):
     run_few([timed], tmp_path / "a.zarr", tmp_path / "cache", [1, 2, 3, 4])
     second = opened(tmp_path / "a.zarr", "timed")
     assert second.sel(size=[1, 2, 3]).took.equals(first.took)
-    poor = of(timed)
-    assert company(poor, read_choices(poor.declared, {})) == {
-        "timed": 3
-    }  # its times differ, which is no fault
 
 
 @stage(Output("flat", ("place",), label="flat"), uses=(Few,), group=Group("poor"))

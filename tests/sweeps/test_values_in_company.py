@@ -5,9 +5,10 @@ from pathlib import Path
 
 import yaml
 from commands import FAST, chosen
-from company import company
 
+from sweeps.engine.plan import Plan
 from sweeps.experiment import EXPERIMENT, MODULES, stages_of
+from sweeps.testing import check_pure
 
 SWEEPS = yaml.safe_load(Path(__file__).with_name("company.yaml").read_text())
 MOST = 4  # cells of a stage that are computed alone
@@ -28,7 +29,12 @@ def test_every_value_is_the_same_alone_and_in_company():
     compared: Counter[str] = Counter()
     for sweeps in (SWEEPS.values(), of_new_sensors(compared)):
         for overrides in sweeps:
-            compared.update(company(EXPERIMENT, chosen(*FAST, *overrides), most=MOST))
+            choices = chosen(*FAST, *overrides)
+            several = {
+                bound.name for bound, axes in Plan(EXPERIMENT, choices).together.items() if axes
+            }
+            found = check_pure(EXPERIMENT, choices, most=MOST)
+            compared.update({name: cells for name, cells in found.items() if name in several})
     together = {stage.name for stage in EXPERIMENT.stages if stage.along}
     assert len(together) > 10
     assert {name for name, cells in compared.items() if cells >= 2} == together

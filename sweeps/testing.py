@@ -1,0 +1,100 @@
+"""Checks for the tests of an experiment."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.cluster import InlineExecutor
+from sweeps.engine.index import CellIndex
+from sweeps.engine.packs import cells_of, each_cell
+from sweeps.engine.plan import Plan
+from sweeps.engine.process import one_thread
+from sweeps.engine.run import execute
+from sweeps.engine.schedule import MOST_CELLS, Schedule, Watch
+from sweeps.engine.settings import Choices
+from sweeps.engine.stage import MEASURED, Bound, Experiment
+from sweeps.engine.tasks import forget_all, run_calls
+
+
+def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CELLS) -> Counter[str]:
+    """Return how many cells of each stage are the same when computed again, alone.
+
+    A result must depend on the arguments of its stage alone: on no clock, no generator of its own,
+    no earlier call and no object that another call has changed; and with `along`, not on the other
+    values that are computed together. Cells are computed in this process.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its stages; outputs whose role is `MEASURED` may differ.
+    choices : Choices
+        Values of its settings, as `sweeps.engine.settings.read_choices` makes them.
+    most : int
+        Cells of a stage that are computed again, spread evenly over all that it has.
+
+    Raises
+    ------
+    AssertionError
+        Naming every cell that failed or differs, and the first number of it that does.
+    """
+    with TemporaryDirectory() as folder, one_thread():  # as in workers
+        index = CellIndex(cells_of(Path(folder)), _ignore)
+        schedule = Schedule(Plan(experiment, choices))
+        schedule.resolve(index)
+        experiment.prepare(choices, _ignore)
+        failures = execute(schedule, InlineExecutor(), index, Watch(_ignore))
+        found = [f"{name} failed: {why}" for name, why in failures]
+        compared: Counter[str] = Counter()
+        for bound, nodes in schedule.nodes.items():
+            cells = np.flatnonzero(nodes >= 0)
+            cells = cells[schedule.spots[nodes[cells]].present].tolist()
+            for cell in cells[:: max(1, len(cells) // most)]:
+                compared[bound.name] += 1
+                if how := _difference(schedule, index, bound, cell):
+                    name = schedule.plan.described(bound, cell)
+                    found.append(f"{name} differs when computed again, alone: {how}")
+    if found:
+        raise AssertionError("\n".join(found))
+    return compared
+
+
+def _ignore(sentence: str) -> None:
+    pass
+
+
+def _difference(schedule: Schedule, index: CellIndex, bound: Bound, cell: int) -> str:
+    """Return how a cell that was computed differs from the same computed alone, if it does."""
+    spots = schedule.spots[schedule.nodes[bound][[cell]]]
+    [first] = each_cell(index.cells, spots)
+    part = schedule.part(bound, [np.array([cell])])
+    forget_all()
+    [outcome] = run_calls((part.calls,), [0], index.cells).outcomes
+    forget_all()
+    if outcome.pack is None:
+        return f"it raises {outcome.failed[0].why}"
+    pack = np.array([index.add(outcome.pack)], np.int32)
+    [again] = each_cell(index.cells, replace(spots, pack=pack, row=np.zeros_like(pack)))
+    if first is None or again is None:
+        return "it cannot be read back from the disk"
+    for name in (one.name for one in bound.stage.outputs if one.role != MEASURED):
+        if how := _first_difference(name, first[name], again[name]):
+            return how
+    return ""
+
+
+def _first_difference(name: str, one: NDArray[Any], other: NDArray[Any]) -> str:
+    """Return the first place where two arrays differ, bit by bit; empty if there is none."""
+    if one.shape != other.shape:
+        return f"{name} has the shape {one.shape}, and then {other.shape}"
+    for at in np.ndindex(one.shape) if one.tobytes() != other.tobytes() else ():
+        if one[at].tobytes() != other[at].tobytes():
+            where = f"{name}{list(at)}" if at else name
+            return f"{where} is {one[at].item()!r}, and then {other[at].item()!r}"
+    return ""

@@ -1,0 +1,65 @@
+"""Cells computed twice: those that are not reproducible, or depend on others, are named."""
+
+import numpy as np
+import pytest
+from toys import CALLS, SPRINGS, Few, of, timed
+
+from sweeps.engine.settings import read_choices
+from sweeps.engine.stage import Group, Output, stage
+from sweeps.testing import check_pure
+
+FOUR = {"few.size": [1, 2, 3, 4]}
+COUNTED = {"calls": 0}
+
+
+@stage(Output("x", ("place",), label="x", dtype="f8"), uses=(Few,), group=Group("all"), version="1")
+def counting(size):
+    """A result that depends on how often something was computed, for one size."""
+    COUNTED["calls"] += size == 3
+    return np.array([size, float(COUNTED["calls"])]) if size == 3 else np.array([size, np.nan])
+
+
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), along=(Few.size,), group=Group("all"))
+def in_company(size):
+    """A result that depends on the other values."""
+    return np.array(size) - np.mean(size) * (np.array(size) == 2)
+
+
+@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
+def failing(size):
+    """A number, but for one size."""
+    if size == 2:
+        raise ValueError("no")
+    return size
+
+
+def checked(experiment, most=10**9, **values):
+    """How many cells of each stage were compared."""
+    return check_pure(experiment, read_choices(experiment.declared, values), most=most)
+
+
+def test_reproducible_cells_are_computed_twice():
+    CALLS.clear()
+    rules = {"measured.rule": ["max", "mean", "min"]}
+    compared = checked(SPRINGS, **rules)
+    assert compared == {"period": 6, "energy": 6, "trace": 24, "noisy": 24, "answers": 24}
+    assert CALLS["trace"] == 48
+    assert checked(SPRINGS, 5, **rules) == dict.fromkeys(compared, 6)
+
+
+def test_cells_that_differ_or_fail_are_named():
+    message = r"^counting size=3 differs when computed again, alone: x\[1\] is 1.0, and then 2.0$"
+    with pytest.raises(AssertionError, match=message):
+        checked(of(counting), **FOUR)
+    with pytest.raises(AssertionError, match=r"^failing size=2 failed: ValueError: no$"):
+        checked(of(failing), **FOUR)
+
+
+def test_a_cell_that_depends_on_others_computed_with_it_is_named():
+    message = r"^in_company size=2 differs when computed again, alone: x is -0.5, and then 0.0$"
+    with pytest.raises(AssertionError, match=message):
+        checked(of(in_company), **FOUR)
+
+
+def test_measured_outputs_may_differ():
+    assert checked(of(timed), **FOUR) == {"timed": 4}
