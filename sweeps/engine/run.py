@@ -6,7 +6,7 @@ import errno
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -27,6 +27,7 @@ from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
 from sweeps.engine.locks import locked
 from sweeps.engine.manifest import verify
+from sweeps.engine.modules import within
 from sweeps.engine.packs import MISSING, cells_of, each_cell
 from sweeps.engine.places import Objects, Where
 from sweeps.engine.plan import Plan
@@ -43,6 +44,7 @@ from sweeps.engine.zarr_array import nested, plain
 ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
+QUICK = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
 
@@ -131,7 +133,8 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
                 "cache has no longer; give another path for partial=true"
             )
         else:
-            finished = _until_undamaged(plan, place, index, watch, check)
+            tried = _tried(plan, old or {})
+            finished = _until_undamaged(plan, place, index, watch, check, tried)
         try:
             use.shrink(place.cache_limit)
         except OSError as error:
@@ -140,8 +143,27 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     return finished
 
 
+def _tried(plan: Plan, old: Mapping[str, Any]) -> frozenset[str]:
+    """Return stages of packages that a store, by its attributes, has of the same code.
+
+    Calls of these end no process: they may run in the command. Those of a script may do anything.
+    """
+    if "failures" in old:
+        return frozenset()
+    bound = plan.bound.values()
+    ours = {
+        one.name for one in bound if within(place_of(one.stage.function)[0], plan.experiment.code)
+    }
+    return frozenset(ours & {*old.get("code", ())})
+
+
 def _until_undamaged(
-    plan: Plan, place: Place, index: CellIndex, watch: Watch, check: Callable[[], None]
+    plan: Plan,
+    place: Place,
+    index: CellIndex,
+    watch: Watch,
+    check: Callable[[], None],
+    tried: Collection[str],
 ) -> Finished:
     """Compute and write all cells, and again those that are damaged when they are read back."""
     # The thread starts and ends workers while this one plans and writes.
@@ -150,7 +172,7 @@ def _until_undamaged(
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
-                failures, workers = _compute(schedule, place, index, watch, thread, stack)
+                failures, workers = _compute(schedule, place, index, watch, thread, stack, tried)
                 if place.cluster.kind in HERE:  # which end meanwhile
                     thread.submit(stack.close)
                     workers = None
@@ -175,12 +197,14 @@ def _compute(
     watch: Watch,
     thread: ThreadPoolExecutor,
     stack: ExitStack,
+    tried: Collection[str],
 ) -> tuple[Failures, Executor | None]:
     """Compute missing cells on workers, which a stack ends; return them, if any were started.
 
+    Little work of stages that were `tried` before is done here instead of in local workers.
     Returns and raises what `execute` does.
     """
-    plan = schedule.plan
+    plan, choice = schedule.plan, place.cluster
     with interruptible():
         schedule.resolve(index)
         index.used(np.unique(schedule.spots.pack).tolist())
@@ -198,12 +222,15 @@ def _compute(
     watch.step(schedule)
     if not missing:
         return [], None
-    if place.cluster.kind == "local":
+    if choice.kind == "local":
         check_guard()
-    if place.cluster.kind == "slurm":
+        safe = all(bound.name in schedule.costs and bound.name in tried for bound, *_ in missing)
+        if safe and sum(schedule.work_left().values()) < QUICK:
+            choice = ClusterChoice("inline")
+    if choice.kind == "slurm":
         import_jobqueue()
     entered = executor(
-        place.cluster,
+        choice,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
         modules=sorted({place_of(one.stage.function)[0] for one in plan.bound.values()}),
@@ -212,7 +239,7 @@ def _compute(
         say=watch.say,
     )
     starting = thread.submit(stack.enter_context, entered)
-    if place.cluster.kind in HERE:
+    if choice.kind in HERE:
         plan.experiment.prepare(plan.choices, heeding(watch.say))
     with interruptible():
         workers = starting.result()

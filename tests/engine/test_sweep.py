@@ -7,6 +7,7 @@ import pytest
 from small_stores import files, opened
 from toys import CALLS, Few, go, run_few, timed
 
+from sweeps.engine.cluster import ClusterChoice, executor
 from sweeps.engine.keys import cell_rng
 from sweeps.engine.stage import Group, Output, stage
 from sweeps.engine.store import read_attributes
@@ -85,6 +86,24 @@ def test_equal_cells_are_computed_once_and_parents_shared(tmp_path):
 def test_local_workers_make_the_same_store(store, tmp_path, workers):
     go(tmp_path / "s.zarr", kind="local", workers=workers)
     assert files(tmp_path / "s.zarr") == files(store)
+
+
+def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeypatch):
+    """Only of a package: a script's own function may end its process, and then the command."""
+    started = []
+
+    def counted(choice, **how):
+        started.append(choice.kind)
+        return executor(ClusterChoice("inline"), **how)
+
+    monkeypatch.setattr("sweeps.engine.run.executor", counted)
+    for masses, store in (([1], "s"), ([1, 2], "s"), ([1, 2, 3], "new")):
+        go(tmp_path / f"{store}.zarr", tmp_path / "cache", kind="local", spring__mass=masses)
+    assert started == ["local", "inline", "local"]
+    started.clear()
+    for sizes in ([1], [1, 2]):
+        run_few([timed], tmp_path / "few.zarr", tmp_path / "cache", sizes, kind="local")
+    assert started == ["local", "local"]
 
 
 def test_what_was_measured_is_kept_and_says_so(tmp_path):
