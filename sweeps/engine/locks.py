@@ -1,68 +1,82 @@
-"""Locks of stores: objects beside them, of which one of several at once is made.
+"""Locks of stores, so that one process writes at a time.
 
-The objects are numbered. The one of the highest number holds the lock until it is deleted or its
-owner is dead, and then one process makes the next number. An owner is dead if it is a process of
-this machine that is gone; of any other, when it did not renew its object for a while. Clocks are
-never compared: whoever waits measures that while itself.
+Beside a folder, a file that the operating system locks: it is free as soon as its owner ends,
+however that ends. Beside the objects of a bucket, an object that its owner renews: whoever finds it
+silent for a while takes it over. Clocks are never compared: whoever waits measures that itself.
 """
 
 from __future__ import annotations
 
 import errno
-import json
 import os
-import random
+import re
 import socket
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
-from typing import Any
+
+from filelock import FileLock, Timeout
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.places import Objects, Where, apart, readable, real_place
+from sweeps.engine.places import OPEN, Objects, Where, apart, make_folder, real_place
 from sweeps.engine.process import repeating
 
-LEASE = 60.0  # s without renewal, after which an owner elsewhere is dead
+LEASE = 60.0  # s without renewal, after which the owner of an object is dead
 RENEWED = 10.0  # s between renewals
-LOOK = 1.0  # s between looks at the object of an owner elsewhere
-TRIES = 8  # when others come and go meanwhile
+LOOK = 1.0  # s between looks at the object of another owner
+OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 
 
 @contextmanager
 def locked(place: Where) -> Iterator[Callable[[], None]]:
-    """Hold the lock of a store, which need not exist; yield what raises OSError once it is lost.
+    """Hold the lock of a store, which need not exist; yield a check that it still is held.
 
-    It is advisory. A process that was stopped for longer than the lease may have lost it to another
-    one; call what is yielded before changes that readers see. ConfigurationError if another process
-    or thread holds it, or locking fails.
+    It is advisory. The check raises OSError if another process has taken over the lock of a bucket,
+    since this one was stopped for longer than the lease; call it before changes that readers see.
+    ConfigurationError if another process or thread holds the lock, or locking fails.
     """
-    above, room = _beside(place)
+    above, name = _beside(place)
     try:
-        lock = _acquired(place, Objects(above, make=True), room)
+        if isinstance(above, Path):
+            check, release = _take_file(above, name)
+        else:
+            check, release = _take_object(above, name)
     except OSError as error:
         raise ConfigurationError(
             f"store is {str(place)!r}, but nothing can be locked in {str(above)!r}: "
             f"{error.strerror}"
         ) from error
+    except _HeldError as held:
+        raise ConfigurationError(
+            f"store is {str(place)!r}, which is being written by {held}; "
+            "wait until it ends or give another path"
+        ) from None
     try:
-        with repeating(RENEWED, lock.check):  # a failure is said before anything is changed
-            yield lock.check
+        with repeating(RENEWED, check):
+            yield check
     finally:
-        with suppress(OSError):  # then it expires
-            lock.release()
+        with suppress(OSError):  # then the lease ends
+            release()
 
 
 def is_locked(place: Where) -> bool:
-    """Return whether a process holds the lock of a store; one elsewhere may have died lately."""
-    above, room = _beside(place)
-    objects = Objects(above)
-    numbers = _numbers(objects, room)
-    content = objects.get(f"{room}/{numbers[-1]}") if numbers else None
-    return content is not None and not _is_gone(content)
+    """Return whether a process holds the lock of a store; that of a bucket may have died lately."""
+    above, name = _beside(place)
+    if not isinstance(above, Path):
+        return Objects(above).get(name) is not None
+    if not (above / name).exists():
+        return False
+    try:
+        _, release = _take_file(above, name)
+    except (OSError, _HeldError):
+        return True
+    release()
+    return False
 
 
 def _beside(place: Where) -> tuple[Where, str]:
@@ -71,120 +85,72 @@ def _beside(place: Where) -> tuple[Where, str]:
     return above, f".{name}.lock"
 
 
-@dataclass
-class _Lock:
-    """The object of an owner, and those of dead ones before it, in a folder beside a store."""
+class _HeldError(Exception):
+    """Another process or thread holds a lock: its text says which."""
 
-    place: Where
-    objects: Objects
-    room: str
-    number: int
-    owner: dict[str, Any]
-    dead: tuple[int, ...]
-
-    def check(self) -> None:
-        """Renew the object; raise OSError if another owner has taken its place, or it fails."""
-        name = f"{self.room}/{self.number}"
-        found = _read(self.objects.get(name))
-        if found.get("id") != self.owner["id"] or max(_numbers(self.objects, self.room)) > (
-            self.number
-        ):
-            why = f"its lock was taken by another process after {LEASE:.0f} s without a sign"
-            raise OSError(errno.EIO, why, str(self.place))
-        self.owner["renewed"] = self.owner.get("renewed", 0) + 1
-        self.objects.put(name, json.dumps(self.owner).encode())
-
-    def release(self) -> None:
-        """Delete the objects: its own last, so that whoever found it dead sees that it is not."""
-        if _read(self.objects.get(f"{self.room}/{self.number}")).get("id") == self.owner["id"]:
-            for number in (*self.dead, self.number):
-                self.objects.delete([f"{self.room}/{number}"])
+    def __init__(self, owner: bytes) -> None:
+        text = owner.decode(errors="replace").partition("\n")[0]
+        super().__init__(text if OWNER.fullmatch(text) else "another process")
 
 
-def _acquired(place: Where, objects: Objects, room: str) -> _Lock:
-    """Return a lock that is now held; ConfigurationError if another owner is alive."""
-    owner = {
-        "id": uuid.uuid4().hex,
-        "pid": os.getpid(),
-        "host": socket.gethostname(),
-        "machine": _machine(),
-        "started": _start_of(os.getpid()),
-        "since": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    seen = "another process"
-    for _ in range(TRIES):
-        before = _numbers(objects, room)
-        last = f"{room}/{before[-1]}" if before else ""
-        content = objects.get(last) if last else None
-        if content is not None:
-            found = _read(content)
-            if {"pid", "host", "since"} <= found.keys():
-                seen = "process {pid} on {host} since {since}".format(**found)
-            if not _is_dead(objects, last, content):
+def _owner() -> str:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return f"process {os.getpid()} on {socket.gethostname()} since {now}"
+
+
+Taken = tuple[Callable[[], None], Callable[[], None]]
+"""A check that a lock is still held, and its release."""
+
+
+def _take_file(folder: Path, name: str) -> Taken:
+    """Lock a file, which is there only as long as it is locked, or its owner was killed."""
+    make_folder(folder, OPEN)
+    path = folder / name
+    lock = FileLock(path, blocking=False, thread_local=False)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise _HeldError(path.read_bytes() if path.exists() else b"") from None
+    path.write_text(_owner())
+
+    def release() -> None:
+        path.unlink(missing_ok=True)  # whoever has opened it meanwhile makes another
+        lock.release()
+
+    return lambda: None, release
+
+
+def _take_object(above: Where, name: str) -> Taken:
+    """Make an object that `check` renews, or take one over that was silent for a lease."""
+    objects, own, using = Objects(above), uuid.uuid4().hex, threading.Lock()
+    owner, turns, found, since = _owner(), count(), None, time.monotonic()
+
+    def content() -> bytes:
+        return f"{owner}\n{own} {next(turns)}".encode()  # another each time
+
+    while True:
+        before, found = found, objects.versioned(name)
+        if found and before and found != before:
+            raise _HeldError(found[0])
+        if found is None or time.monotonic() - since > LEASE:
+            version = objects.put_if(name, content(), found and found[1])
+            if version:
                 break
-        if bool(last) == (content is not None):  # else it was released just now
-            number = before[-1] + 1 if before else 1
-            with readable():
-                made = objects.create(f"{room}/{number}", json.dumps(owner).encode())
-            # Others may have come and gone since: then what was found dead is there no more.
-            alone = made and _numbers(objects, room) == [*before, number]
-            if alone and (not last or objects.get(last) == content):
-                return _Lock(place, objects, room, number, owner, tuple(before))
-            if made:
-                objects.delete([f"{room}/{number}"])
-        time.sleep(random.uniform(0.001, 0.02))
-    raise ConfigurationError(
-        f"store is {str(place)!r}, which is being written by {seen}; "
-        "wait until it ends or give another path"
-    )
-
-
-def _numbers(objects: Objects, room: str) -> list[int]:
-    """Return the numbers of objects of a lock, ascending."""
-    names = [name.rpartition("/")[2] for name in objects.sizes(room)]
-    return sorted(int(name) for name in names if name.isdecimal())
-
-
-def _read(content: bytes | None) -> dict[str, Any]:
-    """Return what an owner says of itself; nothing if that cannot be read."""
-    with suppress(ValueError):
-        found = json.loads(content or b"")
-        return found if isinstance(found, dict) else {}
-    return {}
-
-
-def _is_dead(objects: Objects, name: str, content: bytes) -> bool:
-    """Return whether the owner of an object is gone; wait for its lease if it is elsewhere."""
-    if (gone := _is_gone(content)) is not None:
-        return gone
-    until = time.monotonic() + LEASE
-    while time.monotonic() < until:
+            raise _HeldError(found[0] if found else b"")
         time.sleep(LOOK)
-        if objects.get(name) != content:
-            return False
-    return True
 
+    def check() -> None:
+        nonlocal version
+        with using:
+            version = version and objects.put_if(name, content(), version)
+            if not version and (there := objects.versioned(name)) and own.encode() in there[0]:
+                version = there[1]  # the answer to an earlier put was lost
+            if not version:
+                why = f"its lock was taken by another process after {LEASE:.0f} s without a sign"
+                raise OSError(errno.EIO, why, f"{above}/{name}")
 
-def _is_gone(content: bytes) -> bool | None:
-    """Return whether the owner of an object is gone; None if this process does not see it."""
-    owner = _read(content)
-    is_here = owner.get("machine") == _machine() != ""
-    return owner.get("started") != _start_of(owner.get("pid", 0)) if is_here else None
+    def release() -> None:
+        check()
+        objects.delete([name])
 
-
-def _machine() -> str:
-    """Return what all processes that see each other's numbers have in common; empty if unknown."""
-    try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-        return f"{socket.gethostname()} {boot} {os.readlink('/proc/self/ns/pid')}"
-    except OSError:
-        return ""
-
-
-def _start_of(process: int) -> str:
-    """Return when a process of this machine started, in ticks since the boot; empty if it ended."""
-    try:
-        state, *numbers = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        return "" if state == "Z" else numbers[18]
-    except (OSError, IndexError):
-        return ""
+    return check, release

@@ -10,7 +10,7 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -23,6 +23,7 @@ from obstore.exceptions import (
     AlreadyExistsError,
     BaseError,
     PermissionDeniedError,
+    PreconditionError,
     UnauthenticatedError,
 )
 from obstore.store import LocalStore, MemoryStore, ObjectStore, from_url
@@ -42,6 +43,9 @@ UNREACHED = errno.ECONNABORTED  # of a server that cannot be asked, or fails
 RETRIES = 6  # of a request, with growing pauses: some seconds
 
 AT_ONCE = 16  # requests under way
+
+Version = dict[str, str]
+"""Version of an object of a bucket, as its server numbers them."""
 
 One = TypeVar("One")
 Result = TypeVar("Result")
@@ -141,7 +145,7 @@ def told(place: Where, *, whole: bool = False) -> Iterator[None]:
     """
     try:
         yield
-    except AlreadyExistsError:
+    except (AlreadyExistsError, PreconditionError):
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place)) from None
     except FileNotFoundError:
         if whole:
@@ -218,14 +222,26 @@ class Objects:
             found = self.store.get_range(name, start=begin, end=end) if begin < end else b""
         return memoryview(found)
 
-    def create(self, name: str, content: bytes) -> bool:
-        """Write a new object; return False if there is one. Of several at once, one succeeds."""
+    def versioned(self, name: str) -> tuple[bytes, Version] | None:
+        """Return an object of a bucket, and its version; None if it is absent."""
+        try:
+            with told(self.place):
+                found = self.store.get(name)
+                return bytes(found.bytes()), _version(found.meta)
+        except FileNotFoundError:
+            return None
+
+    def put_if(self, name: str, content: bytes, version: Version | None) -> Version | None:
+        """Write an object of a bucket if it is still of a version, or absent if that is None.
+
+        Returns its new version, or None if it is of another: of several at once, one succeeds.
+        """
+        mode: Any = version or "create"
         try:
             with told(self.place, whole=True):
-                self.store.put(name, content, mode="create", use_multipart=False)
+                return _version(self.store.put(name, content, mode=mode, use_multipart=False))
         except FileExistsError:
-            return False
-        return True
+            return None
 
     def copy(self, name: str, to: str) -> bool:
         """Copy an object in its place, by a link on a disk; return False if that cannot be."""
@@ -284,6 +300,11 @@ class Objects:
         if any(map(_is_foreign, map(str, around))):
             return given
         return {name for name in given if _is_foreign(f"{self.place}/{name}")}
+
+
+def _version(told: Mapping[str, Any]) -> Version:
+    """Return the version of an object: a tag, a number, or both."""
+    return {name: told[name] for name in ("e_tag", "version") if told.get(name)}
 
 
 @lru_cache(maxsize=8)

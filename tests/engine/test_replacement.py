@@ -30,7 +30,7 @@ def grown(rows):
     return {"one": Group({"x": x, "note": note}), "two/three": Group({"x": x})}
 
 
-CHANGES = ("put", "create", "copy", "_delete")
+CHANGES = ("put", "copy", "_delete")
 
 
 class Killed(BaseException):
