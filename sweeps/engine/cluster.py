@@ -7,6 +7,7 @@ import re
 import shutil
 import signal
 import sys
+import uuid
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple, Protocol
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.forking import fork_server, worth_importing
 from sweeps.engine.modules import ENGINE, SHADERS, files, place
-from sweeps.engine.places import Objects
+from sweeps.engine.places import Objects, is_own
 from sweeps.engine.process import one_thread
 
 # Settings that each kind of cluster reads; all others must be null.
@@ -143,7 +144,6 @@ def executor(
     packages: Sequence[str] = (),
     modules: Sequence[str] = (),
     packs: Objects | None = None,
-    mark: str = "",
     say: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Start the chosen workers, or connect to them; stop or release them afterwards.
@@ -160,8 +160,6 @@ def executor(
         Modules of the functions that tasks call: imported once for all workers of this machine.
     packs : Objects, optional
         Where results are kept, which remote workers must see, too.
-    mark : str
-        Name of an object there that stays while this context does.
     say : callable
         Called with a sentence about what is awaited, or what the user should know.
 
@@ -187,7 +185,10 @@ def executor(
         shared = Shared()
         if choice.kind != "local":
             code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-            shared = Shared(code, packs, mark)
+            shared = Shared(code, packs, f"{uuid.uuid4().hex}.mark")
+            if packs:
+                packs.put(shared.mark, b"")
+                stack.callback(packs.delete, [shared.mark])
         start = getattr(workers, choice.kind)
         yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
 
@@ -258,13 +259,13 @@ UNSHARED = (OtherCode, Apart)
 
 @cache
 def _check_mark(packs: Objects, mark: str) -> None:
-    """Raise `Apart` if a mark is not seen by this process, or is another user's."""
+    """Raise `Apart` if a mark is not seen by this process, or its folder is another user's."""
     found = None
     with suppress(OSError):
         found = packs.get(mark)
     if found is None:
         what, remedy = "does not see the cache", "it must be where all of them see it"
-    elif packs.foreign([mark]):
+    elif isinstance(packs.place, Path) and not is_own(packs.place):
         what, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return

@@ -22,10 +22,11 @@ from platformdirs import user_cache_path
 from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.failures import FailureLog, reason
-from sweeps.engine.folders import check_apart, check_folder, check_target
+from sweeps.engine.folders import check_apart, check_cache, check_target
 from sweeps.engine.index import CellIndex
 from sweeps.engine.interrupts import Stopped, heed, interruptible, stopping
 from sweeps.engine.kinds import Value
+from sweeps.engine.locks import used
 from sweeps.engine.overrides import (
     STORE,
     Job,
@@ -38,7 +39,7 @@ from sweeps.engine.overrides import (
     register,
     replaceable,
 )
-from sweeps.engine.packs import PACK, SHORTAGES, cells_of
+from sweeps.engine.packs import SHORTAGES, cells_of
 from sweeps.engine.places import UNREACHED, Where, namesake, where
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment, forgiving, say, show
@@ -52,6 +53,7 @@ from sweeps.engine.watching import NAMED_FAILURES, counted, described, summary, 
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
 RESUMED = "the same command resumes the sweep"
+PRUNE = "prune="  # to a size, beside --cache
 HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
 
 MOST_CELLS = 10_000_000  # whose keys fit into memory
@@ -130,7 +132,11 @@ class Command:
             show(listing(experiment, [word for word in given if word != "--settings"]))
             return
         if "--cache" in given:
-            self._cache(self._places(given, "--cache", "clear")[1], clear="clear" in given)
+            done = [word for word in given if word == "clear" or word.startswith(PRUNE)]
+            _, place = self._places(
+                [word for word in given if word not in done], "--cache", "clear", f"{PRUNE}20GB"
+            )
+            self._cache(place, _limit(done))
             return
         if "--status" in given:
             for shown in described(*self._places(given, "--status")):
@@ -187,7 +193,7 @@ class Command:
         with interruptible():
             for choices, store in fused(self.experiment, checked):
                 place = self._place(choices, store)
-                check_folder("cache", place.cache)
+                check_cache(place.cache)
                 check_apart(stores, place.cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
@@ -228,7 +234,6 @@ class Command:
             ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
             int(choices.one(Run.cache_limit) * 1e9),
             partial=bool(choices.one(Run.partial)),
-            cache_shared=bool(choices.one(Run.cache_shared)),
         )
 
     # running --------------------------------------------------------------------------------
@@ -289,15 +294,39 @@ class Command:
         for one in (one for one in scripts if one.value.startswith("sweeps.report.")):
             show(f"next    {one.name} {pasted(path)}")
 
-    def _cache(self, place: Where, *, clear: bool) -> None:
-        """Print the contents of a cache, or clear it."""
-        check_folder("cache", place)
-        packs = cells_of(place, make=False, shared=True)  # of which none is used
-        cells, size = CellIndex(packs, lambda sentence: say(self.name, sentence)).size()
-        if clear:
-            packs.delete(name for name in packs.listed() if name.endswith(PACK))
-        done = "removed" if clear else "kept"
+    def _cache(self, place: Where, limit: float | None) -> None:
+        """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
+
+        Raises ConfigurationError if a sweep uses it.
+        """
+        check_cache(place)
+        packs = cells_of(place, make=False)
+        index = CellIndex(packs, lambda sentence: say(self.name, sentence))
+        cells, size = index.size()
+        if limit is not None:
+            try:
+                with used(packs.place, alone=isinstance(place, Path)):
+                    cells, size = index.prune(limit)
+            except BlockingIOError:
+                reason = "which a sweep uses; wait until it ends"
+                raise ConfigurationError(f"cache is {str(place)!r}, {reason}") from None
+        done = "kept" if limit is None else "removed"
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
+
+
+def _limit(words: Sequence[str]) -> float | None:
+    """Return how much of a cache is to stay [byte], by the words beside `--cache`; None for all."""
+    from dask.utils import parse_bytes  # takes long
+
+    if "clear" in words:
+        return 0.0
+    for word in words:
+        if word.startswith(PRUNE):
+            try:
+                return float(parse_bytes(word.removeprefix(PRUNE)))
+            except ValueError:
+                raise ConfigurationError(f"{word} must be a size, such as {PRUNE}20GB") from None
+    return None
 
 
 def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:

@@ -10,7 +10,17 @@ from pathlib import Path
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.manifest import read_manifest
-from sweeps.engine.places import Objects, Where, around, namesake, real_place, where
+from sweeps.engine.packs import ROOM
+from sweeps.engine.places import (
+    Objects,
+    Where,
+    around,
+    below,
+    is_own,
+    namesake,
+    real_place,
+    where,
+)
 from sweeps.engine.zarr_array import METADATA
 
 OF_ZARR = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
@@ -44,9 +54,16 @@ def _names(key: str, place: Where) -> set[str]:
         raise _wrong(key, place, f"which cannot be read: {error.strerror}") from error
 
 
-def check_folder(key: str, path: Where) -> None:
-    """Refuse a setting's path that is in a store, or is not a folder and cannot become one."""
-    _checked_place(key, path, inside=False)
+def check_cache(path: Where) -> None:
+    """Refuse a cache that is in a store, is no folder and cannot become one, or is not its user's.
+
+    Who may write to a bucket is said there.
+    """
+    place = _checked_place("cache", path, inside=False)
+    for folder in (place, below(place, ROOM)):
+        if isinstance(folder, Path) and not is_own(folder):
+            reason = f"but others own {str(folder)!r} or may write there; a cache is its user's own"
+            raise _wrong("cache", path, f"{reason}: chmod go-w, or give another folder")
 
 
 def check_apart(
@@ -54,7 +71,7 @@ def check_apart(
 ) -> None:
     """Refuse stores of one command in one another, around its cache, or where reports are written.
 
-    `check_target` and `check_folder` refuse those that are there already. `beside` returns the
+    `check_target` and `check_cache` refuse those that are there already. `beside` returns the
     paths that the report of a store writes to, which may be a store that is there, too.
     """
     places = {real_place(path): path for path in stores}

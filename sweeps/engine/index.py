@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import repeat
@@ -13,7 +13,6 @@ import numpy as np
 from sweeps.engine.keys import Keys
 from sweeps.engine.packs import MISSING, NO_SPOTS, PACK, Pack, Spots, declared, described_pack
 from sweeps.engine.places import Objects
-from sweeps.engine.sharing import Use
 from sweeps.engine.stage import Output
 
 READERS = 16  # packs whose heads are read at once
@@ -22,34 +21,21 @@ AT_ONCE = 2**20  # keys that are looked up together
 
 
 class CellIndex:
-    """Packs of a cache, by number; `say` is called with a warning, and `use` told what is used.
+    """Packs of a cache, by number; `say` is called with a warning."""
 
-    What another user may have written is not read, nor what another sweep is about to delete.
-    """
-
-    def __init__(self, cells: Objects, say: Callable[[str], None], use: Use | None = None) -> None:
-        self.cells = cells
-        self._say, self.use = say, use
+    def __init__(self, cells: Objects, say: Callable[[str], None]) -> None:
+        self.cells, self._say = cells, say
         self.packs: list[Pack] = []
         self.paths: list[str] = []  # of all packs, by number
         self._new: dict[int, Keys | None] = {}  # keys of packs not yet in what follows, if read
         # All cells, sorted by the first half of their key, the newest of equal ones last.
         self._spots = replace(NO_SPOTS, paths=self.paths)
-        leaving = use.leaving() if use else set()  # before the others are listed
         listed = cells.listed()
         names = sorted(name for name in listed if name.endswith(PACK))  # in the order of their time
-        foreign = cells.foreign(names)
-        names = [name for name in names if name not in leaving | foreign]
         with ThreadPoolExecutor(READERS) as pool:  # each waits for a bucket's answer
             sizes = (listed[name]["size"] for name in names)
             for pack, keys in pool.map(described_pack, repeat(cells), names, sizes):
                 self.add(pack, keys)
-        trusting = "cache_shared=true trusts all who can write there"
-        if foreign:
-            say(
-                f"{len(foreign):,} files in {cells.place} are not read, since others own them or "
-                f"may write them; {trusting}"
-            )
         if lost := sum(not pack.cells for pack in self.packs):
             say(f"results in the cache are damaged, or of another version (files: {lost:,})")
 
@@ -128,10 +114,17 @@ class CellIndex:
         totals = {stage: list(map(sum, zip(*of, strict=True))) for stage, of in sums.items()}
         return {stage: (spent / n, size / n) for stage, (n, spent, size) in totals.items()}
 
-    def used(self, packs: Iterable[int]) -> None:
-        """Keep packs, by number, from being deleted while this sweep runs."""
-        if self.use:
-            self.use.take(self.paths[number] for number in set(packs) - {MISSING})
+    def prune(self, limit: float) -> tuple[int, int]:
+        """Delete the oldest packs until the others have at most `limit` bytes.
+
+        Returns the number of cells and of bytes that are gone.
+        """
+        newest_first = np.cumsum([pack.size for pack in reversed(self.packs)])
+        kept = int(np.searchsorted(newest_first, limit, side="right"))
+        old = self.packs[: len(self.packs) - kept]
+        self.cells.delete(pack.path for pack in old)
+        self.cells.tidy()
+        return sum(pack.cells for pack in old), sum(pack.size for pack in old)
 
     def size(self) -> tuple[int, int]:
         """Return the number of cells and of bytes."""

@@ -8,6 +8,7 @@ silent for a while takes it over. Clocks are never compared: whoever waits measu
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import re
 import socket
@@ -15,7 +16,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -154,3 +155,23 @@ def _take_object(above: Where, name: str) -> Taken:
         objects.delete([name])
 
     return check, release
+
+
+@contextmanager
+def used(folder: Where, *, alone: bool = False) -> Iterator[None]:
+    """Use a folder together with others, or alone: then raise BlockingIOError if others use it.
+
+    A bucket, and a file system without locks, are never used alone.
+    """
+    if isinstance(folder, Path) and folder.is_dir():
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            with nullcontext() if alone else suppress(OSError):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB if alone else fcntl.LOCK_SH)
+            yield
+        finally:
+            os.close(descriptor)
+    elif alone:
+        raise BlockingIOError(errno.EWOULDBLOCK, "it is no folder", str(folder))
+    else:
+        yield

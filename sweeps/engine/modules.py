@@ -22,12 +22,12 @@ from typing import Any, NamedTuple
 
 from platformdirs import user_cache_path
 
-from sweeps.engine.places import Objects
+from sweeps.engine.places import CLOSED, Objects, is_own
 
 ENGINE = frozenset({__name__.rpartition(".")[0]})
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
 SOURCES, MOST_SOURCES = "sources.json", 4000  # how many are kept
-CACHE = Objects(user_cache_path("sweeps"), make=True, mode=0o700, clean=False)
+CACHE = Objects(user_cache_path("sweeps"), make=True, mode=CLOSED, clean=False)
 
 Reference = tuple[str, str]  # a module, and a name that is imported from it; "" for none
 
@@ -95,10 +95,10 @@ def absolute(name: str, package: str) -> str:
 def _before() -> dict[str, Any]:
     """Return modules by the hash of their source, of which parsing takes long, from the cache.
 
-    Nothing if the file is missing, damaged, or another user may write to it.
+    Nothing if the file is missing, damaged, or another user may write to its folder.
     """
     with suppress(OSError, TypeError, ValueError):
-        if not CACHE.foreign([SOURCES]):
+        if is_own(Path(CACHE.place)):
             return dict(json.loads(CACHE.get(SOURCES) or b"{}"))
     return {}
 

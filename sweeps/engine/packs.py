@@ -28,12 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.keys import Keys
-from sweeps.engine.places import UNREACHED, Objects, Where, below
+from sweeps.engine.places import CLOSED, UNREACHED, Objects, Where, below
 from sweeps.engine.stage import Output
 from sweeps.engine.undeclared import Layout, Undeclared
 
 ROOM = "cells"
-CLOSED, SHARED = 0o700, 0o777  # modes of the folder of a cache, as far as the umask lets
 ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
 MISSING = -1  # instead of the number of a pack
 PACK = ".pack"
@@ -115,10 +114,9 @@ def unseal(line: bytes) -> Any:
     return json.loads(text)
 
 
-def cells_of(cache: Where, *, make: bool = True, shared: bool = False) -> Objects:
-    """Return the packs of a cache; all who may write there are trusted if it is `shared`."""
-    mode = SHARED if shared else CLOSED
-    return Objects(below(cache, ROOM), make=make, mode=mode, shared=shared, clean=False)
+def cells_of(cache: Where, *, make: bool = True) -> Objects:
+    """Return the packs of a cache, a folder that is closed to others when it is made."""
+    return Objects(below(cache, ROOM), make=make, mode=CLOSED, clean=False)
 
 
 @dataclass(frozen=True)

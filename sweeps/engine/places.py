@@ -38,7 +38,8 @@ Where = Path | str
 
 SCHEMES = ("s3", "gs", "az")
 OPEN = 0o755  # mode of folders: others may read them
-OTHERS, OTHERS_WRITE = stat.S_IRWXG | stat.S_IRWXO, stat.S_IWGRP | stat.S_IWOTH
+CLOSED = 0o700  # of those that they may not even read
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 UNREACHED = errno.ECONNABORTED  # of a server that cannot be asked, or fails
 RETRIES = 6  # of a request, with growing pauses: some seconds
 
@@ -183,8 +184,7 @@ class Objects:
 
     place: Where
     make: bool = False  # the folder when it is written
-    mode: int = OPEN  # of the folder then; of its files, too, if nobody else is to read them
-    shared: bool = False  # whether all who may write there are trusted
+    mode: int = OPEN  # of the folder then
     clean: bool = True  # whether folders that become empty go
 
     @cached_property
@@ -194,7 +194,7 @@ class Objects:
             return opened(self.place, make=self.make, mode=self.mode, clean=self.clean)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _received, (self.place, self.make, self.mode, self.shared, self.clean)
+        return _received, (self.place, self.make, self.mode, self.clean)
 
     def get(self, name: str) -> bytes | None:
         """Return an object; None if it is absent."""
@@ -208,9 +208,6 @@ class Objects:
         """Write an object: readers see it whole, or as it was before."""
         with told(self.place, whole=True):
             self.store.put(name, content, use_multipart=False)
-        if isinstance(self.place, Path) and not self.mode & OTHERS:
-            with suppress(FileNotFoundError):  # another process has deleted it
-                (self.place / name).chmod(self.mode & 0o666)
 
     def part(self, name: str, begin: int, end: int) -> memoryview:
         """Return bytes of an object, as many as there are; FileNotFoundError if it is absent."""
@@ -274,32 +271,16 @@ class Objects:
         """Return the bytes of all objects, or of those under a prefix, by name."""
         return {name: one["size"] for name, one in self.listed(under).items()}
 
-    def tidy(self, before: float) -> None:
-        """Delete what killed writers left in a folder before a time [s, epoch]."""
+    def tidy(self) -> None:
+        """Delete the unfinished files of writers that were killed, in a folder."""
         for file in self.place.rglob("*#[0-9]*") if isinstance(self.place, Path) else ():
-            with suppress(OSError):
-                if file.stat().st_mtime < before:
-                    file.unlink()
+            file.unlink(missing_ok=True)
 
     def leave(self) -> None:
         """Remove a folder, or those in it, if nothing is there."""
         for folder, *_ in os.walk(self.place, topdown=False):  # nothing of a URL
             with suppress(OSError):
                 os.rmdir(folder)
-
-    def foreign(self, names: Iterable[str]) -> set[str]:
-        """Return those of some objects that others may have written, unless all are trusted.
-
-        Those are files that others own or may write, or all, if the folder or the one around it is
-        such. Who may write to a bucket is said there.
-        """
-        given = set(names)
-        if self.shared or not isinstance(self.place, Path) or not hasattr(os, "geteuid"):
-            return set()
-        around = (self.place, self.place.parent)
-        if any(map(_is_foreign, map(str, around))):
-            return given
-        return {name for name in given if _is_foreign(f"{self.place}/{name}")}
 
 
 def _version(told: Mapping[str, Any]) -> Version:
@@ -312,9 +293,9 @@ def _received(*fields: Any) -> Objects:
     return Objects(*fields)
 
 
-def _is_foreign(path: str) -> bool:
-    """Return whether others own or may write a file or folder, if it is there."""
+def is_own(folder: Path) -> bool:
+    """Return whether a folder is this user's, and no other may write to it, or there is none."""
     with suppress(FileNotFoundError):
-        status = os.stat(path)
-        return status.st_uid != os.geteuid() or bool(status.st_mode & OTHERS_WRITE)
-    return False
+        status = os.stat(folder)
+        return status.st_uid == os.geteuid() and not status.st_mode & OTHERS_WRITE
+    return True

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,22 +21,21 @@ from sweeps.engine.code import place_of
 from sweeps.engine.cube import Cube
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, reason, traceback_of
-from sweeps.engine.folders import check_apart, check_folder, check_target
+from sweeps.engine.folders import check_apart, check_cache, check_target
 from sweeps.engine.forking import check_guard
 from sweeps.engine.index import CellIndex
 from sweeps.engine.interrupts import heed, heeding, interruptible
 from sweeps.engine.keys import distinct
-from sweeps.engine.locks import locked
+from sweeps.engine.locks import locked, used
 from sweeps.engine.manifest import verify
 from sweeps.engine.modules import within
 from sweeps.engine.packs import MISSING, cells_of, each_cell
-from sweeps.engine.places import Objects, Where
+from sweeps.engine.places import CLOSED, Objects, Where, make_folder
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
 from sweeps.engine.provenance import EVERYWHERE, check_extends, provenance, why
 from sweeps.engine.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.settings import Choices
-from sweeps.engine.sharing import using
 from sweeps.engine.stage import Experiment
 from sweeps.engine.store import read_attributes, recover, write_store
 from sweeps.engine.tasks import Damaged, Outcome, Report, run_calls, uneven
@@ -57,23 +57,21 @@ Failures = list[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Place:
-    """Store, cache and cluster of a sweep, and the limit of the cache [byte].
+    """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
 
-    All who may write to the cache are trusted if it is `cache_shared`. A `partial` store has the
-    cells that are in the cache; nothing is computed.
+    A `partial` store has the cells that are in the cache; nothing is computed.
     """
 
     store: Where
     cache: Where
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
-    cache_limit: int = 20 * 2**30
-    cache_shared: bool = False
+    cache_limit: int = 20 * 10**9
     partial: bool = False
 
     @property
     def packs(self) -> Objects:
         """Where results are kept."""
-        return cells_of(self.cache, shared=self.cache_shared)
+        return cells_of(self.cache)
 
 
 @dataclass
@@ -113,13 +111,15 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     with ExitStack() as stack:
         stack.enter_context(environment(choices.variables))
         check_target(place.store)
-        check_folder("cache", place.cache)
+        check_cache(place.cache)
         check_apart([place.store], place.cache, lambda store: ())
         plan = Plan(experiment, choices)
         check = stack.enter_context(locked(place.store))
         recover(place.store)
-        use = stack.enter_context(using(place.packs))
-        index = CellIndex(place.packs, watch.say, use)
+        if isinstance(packs := place.packs.place, Path):
+            make_folder(packs, CLOSED)
+        stack.enter_context(used(packs))
+        index = CellIndex(place.packs, watch.say)
         old = existing(experiment, place.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
             for name, found in why(plan, old or {}):
@@ -135,10 +135,12 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         else:
             tried = _tried(plan, old or {})
             finished = _until_undamaged(plan, place, index, watch, check, tried)
-        try:
-            use.shrink(place.cache_limit)
-        except OSError as error:
-            watch.say(f"Finished results in {place.cache} cannot be deleted ({error}).")
+        if (size := index.size()[1]) > place.cache_limit:
+            limit = f"{place.cache_limit / 1e9:g} GB"
+            watch.say(
+                f"{place.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
+                f"`{experiment.name} --cache prune={limit.replace(' ', '')}` deletes the oldest"
+            )
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
 
@@ -207,7 +209,6 @@ def _compute(
     plan, choice = schedule.plan, place.cluster
     with interruptible():
         schedule.resolve(index)
-        index.used(np.unique(schedule.spots.pack).tolist())
         missing = schedule.missing_cells()
     cells = sum(number for _, number, _ in missing)
     total = sum(one.total for one in schedule.progress.values())
@@ -235,7 +236,6 @@ def _compute(
         packages=plan.experiment.code,
         modules=sorted({place_of(one.stage.function)[0] for one in plan.bound.values()}),
         packs=index.cells,
-        mark=index.use.name if index.use else "",
         say=watch.say,
     )
     starting = thread.submit(stack.enter_context, entered)
@@ -339,7 +339,6 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     for bound in plan.targets:
         keys = plan.keys(bound)
         plan.forget_keys(bound)
-        index.used(np.unique(index.find(keys, bound.stage.outputs).pack).tolist())
         total = len(distinct(keys)[0])
         progress[bound.name] = Progress(total, total)
     cells = sum(one.total for one in progress.values())

@@ -227,9 +227,8 @@ class Run(Settings, fixed=NO_RESULT):
     store = text(None, label="folder of the store; null: sweep.zarr")
     cache = text(None, label="place of finished results; null: the user's cache folder")
     cache_limit = number(
-        20, 0, 1e6, unit="GB", label="limit of the cache; the oldest results are deleted first"
+        20, 0, 1e6, unit="GB", label="size of the cache from which on a sweep says it at its end"
     )
-    cache_shared = switch(False, label="trust all who may write to the cache, also other users")
     dry_run = switch(False, label="only print what would be computed")
     partial = switch(False, label="compute nothing, and write a store of what is in the cache")
 

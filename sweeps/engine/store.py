@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 import zlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -114,7 +113,7 @@ def recover(place: Where) -> None:
     manifest = read_manifest(place)
     if manifest is not None and (manifest.nodes or manifest.coming):
         objects = Objects(place, make=True)
-        objects.tidy(math.inf)
+        objects.tidy()
         if manifest.nodes:
             _finish(objects, manifest, lambda: None)
         else:

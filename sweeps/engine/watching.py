@@ -21,8 +21,7 @@ from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.failures import Failure, FailureLog
 from sweeps.engine.keys import digest
 from sweeps.engine.locks import is_locked
-from sweeps.engine.packs import CLOSED
-from sweeps.engine.places import Objects, Where, below, real_place
+from sweeps.engine.places import CLOSED, Objects, Where, below, real_place
 from sweeps.engine.process import say
 from sweeps.engine.schedule import Progress, Schedule, Watch
 

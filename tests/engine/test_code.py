@@ -98,7 +98,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
     plain = digest()
     [file] = (tmp_path / "home").rglob(SOURCES)
     whole = file.read_text()
-    assert not file.stat().st_mode & 0o077
+    assert not file.parent.stat().st_mode & 0o077
     assert digest() == plain and file.read_text() == whole
     for damaged in ("", "{", "[]", "7", whole[:-9]):
         file.write_text(damaged)
@@ -107,7 +107,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
     # Another source, or another rule, is another key; what is there counts as it is.
     file.write_text(re.sub(r'\["[0-9a-f]{64}",', f'["{64 * "0"}",', whole))
     assert digest() != plain
-    file.chmod(0o620)
+    file.parent.chmod(0o720)
     assert digest() == plain
     assert json.loads(file.read_text()) == json.loads(whole)
 

@@ -1,4 +1,4 @@
-"""The index of a cache: which pack has which cell, and whom it trusts."""
+"""The index of a cache: which pack has which cell, and what goes when it is pruned."""
 
 import os
 import signal
@@ -17,15 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from packed import SMALL, keys, small, whole, write_pack, written
 from running import ROOT
-from toys import SPRINGS, Told
 
-from sweeps.engine.cluster import ClusterChoice
 from sweeps.engine.index import CellIndex
 from sweeps.engine.packs import Pack, cells_of, declared
 from sweeps.engine.places import Objects
-from sweeps.engine.run import Place, sweep
-from sweeps.engine.settings import read_choices
-from sweeps.engine.sharing import using
 
 
 @pytest.fixture
@@ -116,34 +111,44 @@ def test_packs_of_a_killed_run_are_whole_or_absent(six, said, tmp_path):
     assert sum(pack.cells for pack in index.packs) >= 10
 
 
-def test_what_killed_writers_left_goes_after_a_day(six, said):
+def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, said):
     left = six.place / "0.pack#1"
     left.write_bytes(b"")
-    for age, stays in ((0, True), (86400 + 60, False)):
-        os.utime(left, (0, time.time() - age))
-        with using(six) as use:
-            use.leaving()
-            use.shrink(2**40)
-        assert left.exists() == stays
-    assert whole(six, CellIndex(six, said.append), range(6)) and said == []
+    index = CellIndex(six, said.append)
+    assert index.prune(2**40) == (0, 0)
+    assert not left.exists()
+    assert whole(six, index, range(6)) and said == []
 
 
-def test_a_pack_that_says_something_else_has_no_cells_and_is_evicted(six, said):
+def test_a_pack_that_says_something_else_has_no_cells(six, said):
     lost = written(six, "lost").path
     (six.place / lost).write_bytes(b"something else")
     (six.place / "notes.pack").write_text("of another version")
-    with using(six) as use:
-        index = CellIndex(six, said.append, use)
-        assert whole(six, index, range(6)) and not index.find(keys("lost"), SMALL).present
-        cells, size = index.size()
-        assert cells == 6 and index.costs().keys() == {"render"}
-        index.used(range(3))
-        os.utime(six.place / lost, (1, 1))
-        os.utime(six.place / "notes.pack", (2, 2))
-        use.shrink(size - 10)
-    assert not (six.place / lost).exists() and (six.place / "notes.pack").exists()
-    assert whole(six, CellIndex(six, lambda sentence: None), range(6))
+    index = CellIndex(six, said.append)
+    assert whole(six, index, range(6)) and not index.find(keys("lost"), SMALL).present
+    cells, size = index.size()
+    assert cells == 6 and index.costs().keys() == {"render"}
+    assert index.prune(0) == (6, size) and not six.sizes()
     assert said == ["results in the cache are damaged, or of another version (files: 2)"]
+
+
+@settings(max_examples=20, deadline=None)
+@given(sizes=st.lists(st.integers(0, 200), min_size=5, max_size=5), percent=st.integers(0, 100))
+def test_the_oldest_packs_go_first(sizes, percent):
+    """Against a plain model."""
+    with tempfile.TemporaryDirectory() as name:
+        cells = Objects(Path(name))
+        packs = [
+            write_pack(cells, "s", [n], [{"a": np.zeros(size, dtype="u1")}])
+            for n, size in enumerate(sizes)
+        ]
+        stay, limit = [*packs], sum(pack.size for pack in packs) * percent // 100
+        while sum(pack.size for pack in stay) > limit:
+            stay.pop(0)
+        gone = packs[: len(packs) - len(stay)]
+        done = CellIndex(cells, print).prune(limit)
+        assert done == (len(gone), sum(pack.size for pack in gone))
+        assert cells.sizes().keys() == {pack.path for pack in stay}
 
 
 # trust --------------------------------------------------------------------------------------------
@@ -154,66 +159,9 @@ def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, said, mask):
     umask(mask)
     cells = cells_of(tmp_path / "home" / "cache")
     written(cells, 1)
-    made = [*(tmp_path / "home").rglob("*")]
-    modes = {one.is_dir(): stat.S_IMODE(one.stat().st_mode) for one in made}
-    assert len(made) == 3 and modes == {True: 0o700, False: 0o600}
-    assert stat.S_IMODE((tmp_path / "home").stat().st_mode) == 0o700
+    made = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
+    assert {stat.S_IMODE(one.stat().st_mode) for one in made if one.is_dir()} == {0o700}
     assert whole(cells, CellIndex(cells, said.append), [1]) and said == []
-
-
-def test_a_shared_cache_is_made_for_all_that_the_umask_lets(tmp_path, umask):
-    umask(0o002)
-    written(cells_of(tmp_path / "cache", shared=True), 1)
-    modes = {stat.S_IMODE(one.stat().st_mode) for one in (tmp_path / "cache").rglob("*")}
-    assert modes == {0o775, 0o664}
-
-
-def others(count, cells):
-    return [
-        f"{count} files in {cells.place} are not read, since others own them or may write them; "
-        "cache_shared=true trusts all who can write there"
-    ]
-
-
-def test_a_folder_of_another_user_is_not_read(six, said, monkeypatch):
-    assert whole(six, CellIndex(six, said.append), range(6)) and said == []
-    monkeypatch.setattr(os, "geteuid", lambda: os.stat(six.place).st_uid + 1)
-    index = CellIndex(six, said.append)
-    index.refresh()
-    assert not index.find(keys(*range(6)), SMALL).present.any() and index.costs() == {}
-    assert said == others(3, six)
-    trusting = cells_of(six.place.parent, shared=True)
-    assert whole(trusting, CellIndex(trusting, said.append), range(6)) and len(said) == 1
-
-
-@pytest.mark.parametrize("bits", [0o020, 0o002])
-@pytest.mark.parametrize("which", ["cache", "folder", "file"])
-def test_what_others_may_write_is_not_read(six, said, bits, which):
-    file = min(six.place.glob("*.pack"))
-    opened = {"cache": six.place.parent, "folder": six.place, "file": file}[which]
-    opened.chmod(opened.stat().st_mode | bits)
-    index = CellIndex(six, said.append)
-    index.refresh()
-    found = index.find(keys(*range(6)), SMALL).present
-    assert found.tolist() == 2 * [False] + 4 * [which == "file"]
-    assert said == others(1 if which == "file" else 3, six)
-    trusting = cells_of(six.place.parent, shared=True)
-    assert whole(trusting, CellIndex(trusting, said.append), range(6)) and len(said) == 1
-
-
-def test_a_sweep_reads_its_own_packs_where_others_may_write(tmp_path):
-    told, cache = Told(), tmp_path / "cache"
-    chosen = SPRINGS.check(read_choices(SPRINGS.declared, {}))
-    cache.mkdir()
-    cache.chmod(0o777)
-    for reused in (0, 0, 74):
-        place = Place(tmp_path / "s.zarr", cache, ClusterChoice("inline"), cache_shared=reused > 0)
-        finished = sweep(SPRINGS, chosen, place, told.watch)
-        progress = finished.progress.values()
-        assert sum(one.reused for one in progress) == reused
-        assert not finished.failures
-        (tmp_path / "s.zarr").rename(tmp_path / f"{len(told.sentences)}.zarr")
-    assert sum("are not read, since others" in one for one in told.sentences) == 1
 
 
 # several at once ----------------------------------------------------------------------------------
@@ -224,13 +172,10 @@ def drive(cache, driver: int) -> list[str]:
     said: list[str] = []
     cells = cells_of(cache)
     for number in range(4):
-        with using(cells) as use:
-            index = CellIndex(cells, said.append, use)
-            for name in (driver, "shared"):
-                index.add(written(cells, (name, number)))
-            assert whole(cells, index, [(driver, number), ("shared", number)])
-            index.used([])
-            use.shrink(2**40)
+        index = CellIndex(cells, said.append)
+        for name in (driver, "shared"):
+            index.add(written(cells, (name, number)))
+        assert whole(cells, index, [(driver, number), ("shared", number)])
     return said
 
 
@@ -242,4 +187,3 @@ def test_several_drivers_share_a_cache(place, said):
     names = [(driver, number) for driver in [*range(4), "shared"] for number in range(4)]
     assert whole(cells, index, names)
     assert index.size()[0] == 32 and said == []
-    assert not cells.sizes("running/")

@@ -18,8 +18,7 @@ def test_objects_of_either_kind_behave_alike(place):
     there = Objects(below(place, "new"), make=True)
     assert there.sizes() == {}
     assert there.get("a/b") is None
-    assert there.create("a/b", b"one")
-    assert not there.create("a/b", b"two")
+    there.put("a/b", b"one")
     assert there.get("a/b") == b"one"
     there.put("a/b", b"three")
     assert there.copy("a/b", "c")
@@ -30,6 +29,17 @@ def test_objects_of_either_kind_behave_alike(place):
     assert again == there and again.get("c") == b"three"
     there.delete(["a/b", "c", "absent"])
     assert there.sizes() == {}
+
+
+def test_an_object_of_a_bucket_is_written_if_it_is_of_a_version(bucket):
+    there = Objects(bucket)
+    assert there.versioned("a") is None
+    one = there.put_if("a", b"one", None)
+    assert there.versioned("a") == (b"one", one)
+    assert there.put_if("a", b"two", None) is None
+    two = there.put_if("a", b"two", one)
+    assert there.put_if("a", b"three", one) is None
+    assert there.versioned("a") == (b"two", two)
 
 
 def test_a_folder_that_is_read_is_not_made(tmp_path):

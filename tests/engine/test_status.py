@@ -14,6 +14,7 @@ from toys import SPRINGS, go
 
 from sweeps.engine import watching
 from sweeps.engine.command import Command
+from sweeps.engine.locks import used
 from sweeps.engine.store import read_attributes
 
 GIVEN = ["store=s.zarr", "cache=cache", "cluster=inline"]
@@ -144,3 +145,28 @@ def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
     told = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
     assert "s.zarr', which is not partial, and would lose what the cache has no longer" in told
     assert contents(tmp_path / "s.zarr") == whole
+
+
+def test_a_cache_is_pruned_unless_a_sweep_uses_it(start):
+    start(*GIVEN)
+    assert "cells, " in start("--cache", "cache=cache") and "kept" in start(
+        "--cache", "cache=cache"
+    )
+    packs = sorted(Path("cache", "cells").glob("*.pack"))
+    newest = packs[-1].stat().st_size
+    with used(Path("cache", "cells").absolute()):
+        for word in ("clear", "prune=1GB"):
+            told = start("--cache", word, "cache=cache", status=2)
+            assert "cache is 'cache', which a sweep uses; wait until it ends" in told
+    assert "removed" in start("--cache", f"prune={newest}B", "cache=cache")
+    assert [*Path("cache", "cells").glob("*.pack")] == packs[-1:]
+    told = start("--cache", "prune=much", "cache=cache", status=2)
+    assert "prune=much must be a size, such as prune=20GB" in told
+    assert "removed" in start("--cache", "clear", "cache=cache")
+    assert not [*Path("cache", "cells").iterdir()]
+
+
+def test_a_sweep_says_that_its_cache_is_large(start, capsys):
+    assert Command(SPRINGS).main([*GIVEN, "cache_limit=1e-6"]) == 0
+    told = "more than cache_limit, 1e-06 GB; `springs --cache prune=1e-06GB` deletes the oldest"
+    assert told in capsys.readouterr().err

@@ -9,7 +9,7 @@ import pytest
 from small_stores import array, files, opened, small
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import check_apart, check_folder, check_target
+from sweeps.engine.folders import check_apart, check_cache, check_target
 from sweeps.engine.locks import locked
 from sweeps.engine.store import write_store
 
@@ -43,8 +43,23 @@ def test_impossible_paths_are_refused(tmp_path, monkeypatch, path, reason):
     with pytest.raises(ConfigurationError, match=rf"^store is [^\n]*{reason}[^\n]*$"):
         check_target(path)
     with pytest.raises(ConfigurationError, match=rf"^cache is [^\n]*{reason}[^\n]*$"):
-        check_folder("cache", path)
+        check_cache(path)
     assert sorted(os.listdir()) == before
+
+
+@pytest.mark.parametrize("which", ["cache", "cache/cells"])
+@pytest.mark.parametrize("bits", [0o020, 0o002, None])
+def test_a_cache_that_others_own_or_may_write_is_refused(tmp_path, monkeypatch, which, bits):
+    folder = tmp_path / which
+    folder.mkdir(parents=True)
+    check_cache(tmp_path / "cache")
+    if bits:
+        folder.chmod(0o700 | bits)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    sentence = r"^cache is .*, but others own .* or may write there; .*: chmod go-w, or give"
+    with pytest.raises(ConfigurationError, match=sentence):
+        check_cache(tmp_path / "cache")
 
 
 @pytest.mark.parametrize("appears", [False, True])
