@@ -353,7 +353,7 @@ class Plan:
             keys = np.empty((self.count(bound), 2), np.uint64)
             for start in range(0, len(keys), AT_ONCE):
                 part = np.arange(start, min(start + AT_ONCE, len(keys)))
-                keys[start : start + AT_ONCE] = self._new_keys(bound, part)
+                keys[start : start + AT_ONCE] = self.new_keys(bound, part, self.keys)
             self._keys[bound] = keys
         return self._keys[bound]
 
@@ -361,7 +361,8 @@ class Plan:
         """Free the memory of a stage's keys, which are made again if they are asked for."""
         self._keys.pop(bound, None)
 
-    def _new_keys(self, bound: Bound, cells: Cells) -> Keys:
+    def new_keys(self, bound: Bound, cells: Cells, known: Callable[[Bound], Keys]) -> Keys:
+        """Return the keys of some cells of a stage, made of the `known` ones of its inputs."""
         keys = np.tile(hashed([self.identity[bound.name]]), (len(cells), 1))
         for name, source in bound.arguments.items():
             if isinstance(source, Setting) or source.stage.plain:
@@ -372,7 +373,7 @@ class Plan:
                 taken = self.taken(bound)[source]
                 first, places = np.unique(taken.first[cells], return_inverse=True)
                 every = (first[:, None] + taken.further.ravel()).ravel()
-                rows = self.keys(source)[every].reshape(len(first), -1, 2)
+                rows = known(source)[every].reshape(len(first), taken.further.size, 2)
                 several = rows.shape[1] > 1
                 words = hashed(row.tobytes() for row in rows) if several else rows[:, 0]
                 fold(keys, hashed([f"{name}:"]))

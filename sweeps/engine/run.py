@@ -29,7 +29,7 @@ from sweeps.engine.keys import distinct
 from sweeps.engine.locks import locked, used
 from sweeps.engine.manifest import verify
 from sweeps.engine.modules import within
-from sweeps.engine.packs import MISSING, cells_of, each_cell
+from sweeps.engine.packs import MISSING, cells_of, declared, each_cell
 from sweeps.engine.places import CLOSED, Objects, Where, make_folder
 from sweeps.engine.plan import Plan
 from sweeps.engine.process import environment
@@ -145,18 +145,20 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     return finished
 
 
-def _tried(plan: Plan, old: Mapping[str, Any]) -> frozenset[str]:
-    """Return stages of packages that a store, by its attributes, has of the same code.
+def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
+    """Return stages declared in packages that a store, by its attributes, has of the same code.
 
-    Calls of these end no process: they may run in the command. Those of a script may do anything.
+    Calls of these end no process: they may run in the command. A script's function may do anything.
     """
     if "failures" in old:
-        return frozenset()
-    bound = plan.bound.values()
-    ours = {
-        one.name for one in bound if within(place_of(one.stage.function)[0], plan.experiment.code)
+        return set()
+    return {
+        bound.name
+        for bound in plan.bound.values()
+        if bound.name in old.get("code", ())
+        and declared(bound.stage.outputs)
+        and within(place_of(bound.stage.function)[0], plan.experiment.code)
     }
-    return frozenset(ours & {*old.get("code", ())})
 
 
 def _until_undamaged(

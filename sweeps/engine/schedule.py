@@ -1,13 +1,12 @@
 """The order of work: missing cells, the calls that compute them, and tasks of several calls.
 
-Calls that are left are numbered so that those that share in-memory objects are neighbours, closest
-where they share most. A call waits for missing results; or for a gate, which several calls may
-share: all that one of them gathers, or all that an in-memory object is made of.
+The calls of a stage become ready when all results that it needs are done, so that it is known which
+of them failed. Stages that become ready together are computed side by side, and calls that share
+in-memory objects are neighbours, closest where they share most.
 """
 
 from __future__ import annotations
 
-import heapq
 import logging
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,72 +20,90 @@ from numpy.typing import NDArray
 
 from sweeps.engine.failures import Failure
 from sweeps.engine.index import CellIndex
-from sweeps.engine.keys import Keys, distinct, hashed, joined, spelt_key
+from sweeps.engine.keys import Keys, distinct, hashed, joined
 from sweeps.engine.packs import NO_SPOTS, Spots
-from sweeps.engine.plan import Cells, Plan
+from sweeps.engine.plan import Cells, Plan, Taken
 from sweeps.engine.settings import Setting
 from sweeps.engine.stage import VALID, At, Bound
 from sweeps.engine.tasks import Calls, Column, Made, Outcome, Read, Step
 
 LOG = logging.getLogger(__name__)
 MOST_CELLS = 4096  # of one task
+FAILED = hashed(["failed"])[0]  # in place of the key of a result
 
+Flags = NDArray[np.bool_]
 Job = tuple[Bound, Cells]  # cells of a stage that one call computes
 
 
-class Waiting:
-    """Calls for missing cells; those of stages without in-memory objects come first."""
+@dataclass
+class Block:
+    """Calls of stages that became ready together; call k has `cells[begins[k]:begins[k + 1]]`.
 
-    def __init__(
-        self,
-        plan: Plan,
-        nodes: Mapping[Bound, Cells],
-        absent: NDArray[np.bool_],
-        missing: Mapping[Bound, Cells],
-    ) -> None:
-        """Plan calls.
+    Its stage is `stages[stage[k]]`. `objects`, (call, ...), are numbers of the in-memory objects
+    that it needs, dependencies first, and -1 beyond those; calls are in the order of these, so that
+    calls that share most are neighbours.
+    """
 
-        Parameters
-        ----------
-        plan : Plan
-            What depends on what.
-        nodes : mapping of Bound to (cell,) ndarray
-            Number of the result of every cell that is needed.
-        absent : (node,) ndarray of bool
-            Which results are missing.
-        missing : mapping of Bound to (cell,) ndarray
-            The cells to be computed by stage, one of each result.
-        """
-        self._plan, self._nodes, self._absent = plan, nodes, absent
-        self._stages = [*missing]
+    stages: list[Bound]
+    stage: Cells
+    begins: Cells
+    cells: Cells
+    objects: Cells
+    at: int = 0  # the first call that is left
+
+    def __len__(self) -> int:
+        return len(self.stage) - self.at
+
+    def run(self, most: int) -> tuple[Bound, Cells]:
+        """Return the stage of the next calls, and where their cells begin, and the last ends."""
+        calls = self.stage[self.at : self.at + most]
+        same = int(np.argmax(np.append(calls != calls[0], True)))
+        return self.stages[calls[0]], self.begins[self.at : self.at + same + 1]
+
+
+class Queue:
+    """Calls that are ready, in the order in which tasks take them."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._blocks: deque[Block] = deque()
         self._split: deque[Job] = deque()
         self._made: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
-        tables = [self._calls(number, cells) for number, cells in enumerate(missing.values())]
-        width = max((objects.shape[1] for _, _, objects, _ in tables), default=0)
-        fill = [np.full((len(o), width), -1, np.int32) for _, _, o, _ in tables]
-        for padded, (_, _, objects, _) in zip(fill, tables, strict=True):
-            padded[:, : objects.shape[1]] = objects
-        empty = np.empty(0, dtype=np.int32)
-        lengths = joined(empty, *(lengths for _, lengths, _, _ in tables))
-        self._stage = joined(empty, *(stage for stage, _, _, _ in tables))
-        self._cells = joined(empty, *(cells for _, _, _, cells in tables))
-        self._objects = joined(np.empty((0, width), np.int32), *fill)
-        if width:
-            order = np.lexsort(self._objects.T[::-1])
-            begins = np.cumsum(lengths) - lengths
-            self._stage, self._objects = self._stage[order], self._objects[order]
-            lengths = lengths[order]
-            self._cells = self._cells[_ranges(begins[order], lengths)]
-        self._begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-        self._wait()
-        del self._nodes, self._absent, self._made, self._known
+        self.load: Counter[Bound] = Counter()  # cells
 
-    def _calls(self, number: int, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
+    def __bool__(self) -> bool:
+        return bool(self._split or self._blocks)
+
+    def add(self, ready: Mapping[Bound, Cells]) -> None:
+        """Add calls for cells of some stages, of which those that share in-memory objects mix."""
+        tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
+        width = max(objects.shape[1] for _, _, objects, _ in tables)
+        stage, lengths, cells = (np.concatenate([one[k] for one in tables]) for k in (0, 1, 3))
+        objects = np.full((len(stage), width), -1, np.int32)
+        filled = 0
+        for _, _, own, _ in tables:
+            objects[filled : filled + len(own), : own.shape[1]] = own
+            filled += len(own)
+        if width:
+            order = np.lexsort(objects.T[::-1])
+            begins = np.cumsum(lengths) - lengths
+            stage, objects = stage[order], objects[order]
+            lengths = lengths[order]
+            cells = cells[_ranges(begins[order], lengths)]
+        begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+        self._blocks.append(Block([*ready], stage, begins, cells, objects))
+        self.load.update({bound: len(of) for bound, of in ready.items()})
+
+    def again(self, bound: Bound, cells: Cells) -> None:
+        """Add a call, which comes before all others."""
+        self._split.append((bound, cells))
+        self.load[bound] += len(cells)
+
+    def _calls(self, number: int, bound: Bound, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
         """Return stage, number of cells and in-memory objects of each call; and all their cells.
 
         Cells that differ only on axes computed together share a call.
         """
-        bound = self._stages[number]
         starts = self._plan.start(bound, cells)
         objects = np.array(self._shared(bound, starts)).reshape(-1, len(cells))
         if len(objects) or bound.along:
@@ -109,168 +126,51 @@ class Waiting:
                 found += [*self._shared(source, first[cells]), number[known:][places]]
         return found
 
-    # what they wait for ---------------------------------------------------------------------
-
-    def _wait(self) -> None:
-        """Find what each call waits for, and which wait for nothing."""
-        self._gates = len(self._absent)  # number of the first gate, behind the nodes
-        self._known: dict[Bound | tuple[Bound, Bound], Cells] = {}  # gates by where they begin
-        edges: list[tuple[Cells, Cells]] = []  # node or gate, and the call or gate that waits
-        count, calls = 0, len(self._stage)
-        for number, bound in enumerate(self._stages):
-            if not self._plan.inputs(bound):
-                continue
-            own = np.flatnonzero(self._stage == number)
-            own = np.repeat(own, np.diff(self._begins)[own])
-            cells = self._cells[np.repeat(self._stage == number, np.diff(self._begins))]
-            count = self._edges(bound, cells, own, count, edges)
-        empty = np.empty(0, dtype=np.int64)
-        sources = joined(empty, *(source for source, _ in edges))
-        self._targets = joined(empty, *(target for _, target in edges))
-        order = np.argsort(sources, kind="stable")
-        self._targets = self._targets[order]
-        things = self._gates + count
-        self._from = np.searchsorted(sources[order], np.arange(things + 1)) if len(order) else None
-        self._left = np.zeros(calls + count, dtype=np.int32)
-        np.add.at(self._left, self._targets, 1)
-        self._later: list[int] = []
-        open_gates = np.flatnonzero(self._left[calls:] == 0)
-        # Calls that wait for nothing, and then those that only waited for open gates.
-        ready = self._left[:calls] == 0
-        self._first, self._at = np.flatnonzero(ready).astype(np.int32), 0
-        lengths, stages = np.diff(self._begins)[self._first], self._stage[self._first]
-        self.load = Counter(
-            {bound: int(lengths[stages == n].sum()) for n, bound in enumerate(self._stages)}
-        )
-        self.release(self._gates + open_gates)
-
-    def _edges(
-        self,
-        bound: Bound,
-        cells: Cells,
-        waiting: Cells,
-        count: int,
-        edges: list[tuple[Cells, Cells]],
-    ) -> int:
-        """Add what cells of a stage, and thus calls or gates, wait for; return number of gates."""
-        for source, first, further in self._plan.inputs(bound):
-            kept = source.stage.kept
-            starts = first[cells]
-            if kept and further.size == 1:
-                nodes = self._nodes[source][starts + further.ravel()]
-                absent = self._absent[nodes]
-                edges.append((nodes[absent], waiting[absent]))
-                continue
-            # The same gate for all that take the same.
-            known = self._known.setdefault(
-                (bound, source) if kept else source,
-                np.full(self._plan.count(source), -1, dtype=np.int64),
-            )
-            new = np.unique(starts[known[starts] < 0])
-            known[new] = count + np.arange(len(new))
-            count += len(new)
-            edges.append((self._gates + known[starts], waiting))
-            behind = len(self._stage) + np.repeat(known[new], further.size)
-            taken = (new[:, None] + further.ravel()).ravel()
-            if kept:
-                nodes = self._nodes[source][taken]
-                absent = self._absent[nodes]
-                edges.append((nodes[absent], behind[absent]))
-            else:
-                count = self._edges(source, taken, behind, count, edges)
-        return count
-
-    def release(self, nodes: Cells) -> None:
-        """Let go what waits for nodes that are finished or failed, or for gates that are open."""
-        calls = len(self._stage)
-        while len(nodes) and self._from is not None:
-            begins = self._from[nodes]
-            targets = self._targets[_ranges(begins, self._from[nodes + 1] - begins)]
-            np.subtract.at(self._left, targets, 1)
-            free = np.unique(targets[self._left[targets] == 0])
-            for call in free[free < calls].tolist():
-                heapq.heappush(self._later, call)
-                length = int(self._begins[call + 1] - self._begins[call])
-                self.load[self._stages[self._stage[call]]] += length
-            nodes = free[free >= calls] - calls + self._gates
-
-    # what is next ---------------------------------------------------------------------------
-
-    @property
-    def ready(self) -> bool:
-        """Whether there are calls that wait for nothing."""
-        return bool(self._split or self._later or self._at < len(self._first))
-
-    def counts(self) -> list[tuple[Bound, int, int]]:
-        """Return stages, and for each how many cells are in how many calls, of all planned."""
-        cells = np.bincount(self._stage, np.diff(self._begins), minlength=len(self._stages))
-        calls = np.bincount(self._stage, minlength=len(self._stages))
-        return [*zip(self._stages, cells.astype(int).tolist(), calls.tolist(), strict=True)]
-
-    def add(self, jobs: Iterable[Job]) -> None:
-        """Add calls that wait for nothing."""
-        for bound, cells in jobs:
-            self._split.append((bound, cells))
-            self.load[bound] += len(cells)
-
     def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Job]:
         """Remove and yield calls that take about `size` seconds, by the cost of a cell of a stage.
 
-        Up to `together` where calls share two in-memory objects, and have a third.
+        At least one. Up to `together` where calls share two in-memory objects, and have a third.
         """
         seconds, cells = 0.0, 0
         before: list[int] = []
-        # At least one, even if a damaged index has wrong costs.
-        while self.ready and cells < MOST_CELLS:
-            if not (self._objects.shape[1] or self._later or self._split):
-                yield from self._block(costs, size - seconds, MOST_CELLS - cells, cells == 0)
+        while self and cells < MOST_CELLS:
+            block = self._blocks[0] if not self._split else None
+            if block and not block.objects.shape[1]:
+                yield from self._run(block, costs, size - seconds, MOST_CELLS - cells, cells == 0)
                 break
-            at = self._next()
-            objects = [] if at is None else self._objects[at].tolist()
+            objects = block.objects[block.at].tolist() if block else []
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
             if cells and seconds >= (together if shared else size):
                 break
-            bound, own = self._split.popleft() if at is None else self._pop(at)
+            if block:
+                bound, (begin, end) = block.run(1)
+                own = block.cells[begin:end]
+                self._advance(1)
+            else:
+                bound, own = self._split.popleft()
             before = objects[:2]
             seconds += costs[bound.name] * len(own)
             cells += len(own)
             self.load[bound] -= len(own)
             yield bound, own
 
-    def _block(
-        self, costs: Mapping[str, float], size: float, most: int, begins: bool
+    def _run(
+        self, block: Block, costs: Mapping[str, float], size: float, most: int, begins: bool
     ) -> Iterator[Job]:
-        """Remove and yield calls of one stage, of those that share no objects, as `next` does."""
-        calls = self._first[self._at : self._at + most]
-        stage = self._stage[calls[0]]
-        calls = calls[: np.argmax(np.append(self._stage[calls] != stage, True))]
-        starts, ends = self._begins[calls], self._begins[calls + 1]
-        bound, done = self._stages[stage], np.cumsum(ends - starts)
-        before = np.append(0, done[:-1])
+        """Remove and yield calls of one stage that share no objects, as `next` does."""
+        bound, ends = block.run(most)
+        before = (ends - ends[0])[:-1]
         count = int(np.count_nonzero((before * costs[bound.name] < size) & (before < most)))
         count = max(count, int(begins))  # at least one, even if a damaged index has wrong costs
-        if not count:
-            return
-        self._at += count
-        self.load[bound] -= int(done[count - 1])
-        for start, end in zip(starts[:count].tolist(), ends[:count].tolist(), strict=True):
-            yield bound, self._cells[start:end]
+        self._advance(count)
+        self.load[bound] -= int(ends[count] - ends[0])
+        for begin, end in pairwise(ends[: count + 1].tolist()):
+            yield bound, block.cells[begin:end]
 
-    def _next(self) -> int | None:
-        """Return the first of the calls that are ready; None for one that was split."""
-        if self._split:
-            return None
-        first = int(self._first[self._at]) if self._at < len(self._first) else None
-        later = self._later[0] if self._later else None
-        return min(one for one in (first, later) if one is not None)
-
-    def _pop(self, call: int) -> Job:
-        if self._later and self._later[0] == call:
-            heapq.heappop(self._later)
-        else:
-            self._at += 1
-        own = self._cells[self._begins[call] : self._begins[call + 1]]
-        return self._stages[self._stage[call]], own
+    def _advance(self, calls: int) -> None:
+        self._blocks[0].at += calls
+        if not self._blocks[0]:
+            self._blocks.popleft()
 
 
 def _ranges(begins: Cells, lengths: Cells) -> Cells:
@@ -360,9 +260,31 @@ class Schedule:
                 missing[bound] = cells
             for taken in plan.inputs(bound):
                 wanted[taken.source][taken.of(cells)] = True
-        self._odd = np.zeros(len(self.spots), dtype=bool)
-        missing = {bound: cells for bound, cells in missing.items() if len(cells)}
-        self._calls = Waiting(plan, self.nodes, ~self.spots.present, missing)
+        self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
+        self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
+        maker = np.full(len(self.spots), -1, np.int16)  # which of these stages computes a result
+        for number, (bound, cells) in enumerate(self._missing.items()):
+            maker[self.nodes[bound][cells]] = number
+        stages = [*self._missing]
+        self._needs = {
+            bound: [stages[n] for n in self._makers(bound, maker) if n >= 0] for bound in stages
+        }
+        missing_of = self._missing.items()
+        self._counts = [(one, len(cells), self._count(one, cells)) for one, cells in missing_of]
+        self._object_keys: dict[Bound, Keys] = {}
+        self._calls = Queue(plan)
+        self._open()
+
+    def _makers(self, bound: Bound, maker: NDArray[np.int16]) -> set[int]:
+        """Return who makes the inputs of a stage, also of its in-memory objects."""
+        found: set[int] = set()
+        for source, *_ in self.plan.inputs(bound):
+            if source.stage.kept:
+                nodes = self.nodes[source]
+                found |= {*(np.flatnonzero(np.bincount(maker[nodes[nodes >= 0]] + 1)) - 1).tolist()}
+            else:
+                found |= self._makers(source, maker)
+        return found
 
     def _look_up(self, bound: Bound, cells: Cells, alike: list[range]) -> Cells:
         """Number the results of some cells; return those that are to be computed, one of each.
@@ -396,14 +318,89 @@ class Schedule:
         self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
 
-    @property
-    def ready(self) -> bool:
-        """Return whether there are calls whose inputs are all finished."""
-        return self._calls.ready
-
     def missing_cells(self) -> list[tuple[Bound, int, int]]:
         """Return every stage with missing cells, how many, and in how many calls."""
-        return self._calls.counts()
+        return self._counts
+
+    def _count(self, bound: Bound, cells: Cells) -> int:
+        """Return in how many calls some cells are computed."""
+        return len(np.unique(self.plan.start(bound, cells))) if bound.along else len(cells)
+
+    # stages that become ready ---------------------------------------------------------------
+
+    @property
+    def ready(self) -> bool:
+        """Whether there are calls whose inputs are all finished."""
+        return bool(self._calls)
+
+    def _open(self) -> None:
+        """Add the calls of stages whose inputs are done: which of them failed is known then."""
+        while ready := {
+            bound: cells
+            for bound, cells in self._missing.items()
+            if not any(self._left[one] for one in self._needs[bound])
+        }:
+            for bound in ready:
+                del self._missing[bound]
+            possible = {bound: self._possible(bound, cells) for bound, cells in ready.items()}
+            if calls := {bound: cells for bound, cells in possible.items() if len(cells)}:
+                self._calls.add(calls)
+
+    def _possible(self, bound: Bound, cells: Cells) -> Cells:
+        """Return which cells of a stage are to be computed: those whose inputs have not failed.
+
+        A result that gathers failed ones with others has another key, and may be in the cache.
+        """
+        if not self.failed:
+            return cells
+        taken = self.plan.inputs(bound)
+        gone = {source: self._are_lost(source) for source, *_ in taken}
+        lost = self._lack(taken, gone, cells)
+        for cell in cells[lost].tolist():
+            source, at = next(
+                (source, at)
+                for source, first, further in taken
+                if gone[source][at := (first[cell] + further).ravel()].all()
+            )
+            why = f"needs {self.plan.described(source, int(at[0]))}, which failed"
+            self._fail(bound, int(self.nodes[bound][cell]), why)
+        cells = cells[~lost]
+        nodes = self.nodes[bound][cells]
+        keys = self.plan.new_keys(bound, cells, self._keys_now)
+        changed = np.flatnonzero((keys != self.spots.keys[nodes]).any(axis=1))
+        self.spots.keys[nodes[changed]] = keys[changed]
+        found = self._index.find(keys[changed], bound.stage.outputs)
+        here = changed[found.present]
+        self._finish(bound, nodes[here], found.pack[found.present], found.row[found.present])
+        return np.delete(cells, here)
+
+    def _lack(self, taken: list[Taken], gone: Mapping[Bound, Flags], cells: Cells) -> Flags:
+        """Return which cells lack an input, or all of one that they gather."""
+        lost = np.zeros(len(cells), dtype=bool)
+        for source, first, further in taken:
+            starts, places = np.unique(first[cells], return_inverse=True)
+            lost |= gone[source][starts[:, None] + further.ravel()].all(axis=1)[places]
+        return lost
+
+    def _are_lost(self, bound: Bound) -> Flags:
+        """Return which cells of a stage failed, or cannot be made in memory."""
+        if bound.stage.kept:
+            return np.isin(self.nodes[bound], [*self.failed])
+        taken = self.plan.inputs(bound)
+        gone = {source: self._are_lost(source) for source, *_ in taken}
+        return self._lack(taken, gone, self.plan.cells(bound))
+
+    def _keys_now(self, bound: Bound) -> Keys:
+        """Return the keys of a stage's cells as they are with the inputs that failed."""
+        if bound.stage.kept:
+            keys = self.spots.keys[self.nodes[bound]]
+        elif bound in self._object_keys:
+            return self._object_keys[bound]
+        else:
+            keys = self.plan.new_keys(bound, self.plan.cells(bound), self._keys_now)
+            self._object_keys[bound] = keys  # whose inputs are done
+        keys[self._are_lost(bound)] = FAILED
+        return keys
 
     # batches --------------------------------------------------------------------------------
 
@@ -426,7 +423,7 @@ class Schedule:
         of_stage: dict[tuple[Bound, bytes], list[Cells]] = defaultdict(list)
         order: list[int] = []
         numbers: dict[tuple[Bound, bytes], int] = {}
-        for bound, cells in self.possible(jobs) if self.failed else jobs:
+        for bound, cells in jobs:
             # Those of a part compute equal places of the axes that are computed together.
             starts = self.plan.start(bound, cells[:1]) if bound.along else None
             pattern = b"" if starts is None else (cells - starts).tobytes()
@@ -434,64 +431,6 @@ class Schedule:
             of_stage[bound, pattern].append(cells)
         parts = (self.part(bound, cells) for (bound, _), cells in of_stage.items())
         return Task(tuple(parts), np.array(order, dtype=np.int16))
-
-    def possible(self, jobs: Iterable[Job]) -> Iterator[Job]:
-        """Yield calls as they are if no input has failed, else those of cells that are possible."""
-        for bound, cells in jobs:
-            odd = self._is_odd(bound, cells)
-            if not odd.any():
-                yield bound, cells
-                continue
-            for number in range(len(cells)):
-                one = cells[number : number + 1]
-                node = self.nodes[bound][one]
-                why, self.spots.keys[node] = self._now(bound, int(one[0]))
-                self._odd[node] = odd[number]
-                found = self._index.find(self.spots.keys[node], bound.stage.outputs)
-                if why:
-                    self._fail(bound, int(node[0]), why)
-                elif found.present[0]:
-                    self._finish(bound, node, found.pack, found.row)
-                else:
-                    yield bound, one
-
-    def _is_odd(self, bound: Bound, cells: Cells) -> NDArray[np.bool_]:
-        """Return which cells depend on any that failed, or on one that in turn does."""
-        found = np.zeros(len(cells), dtype=bool)
-        for source, first, further in self.plan.inputs(bound):
-            starts, places = np.unique(first[cells], return_inverse=True)
-            if source.stage.kept:
-                nodes = self.nodes[source][starts[:, None] + further.ravel()]
-                found |= self._odd[nodes].any(axis=1)[places]
-            else:
-                found |= self._is_odd(source, starts)[places]
-        return found
-
-    def _now(self, bound: Bound, cell: int) -> tuple[str, Keys]:
-        """Return why a cell cannot be computed, if an input failed, and the key of its result.
-
-        That is another key than its own where some of the inputs that it gathers failed.
-        """
-        key = self.plan.keys(bound)[cell]
-        odd = []
-        for source, first, further in self.plan.inputs(bound) if self.failed else ():
-            taken = (first[cell] + further).ravel().tolist()
-            states = [self._input_now(source, there) for there in taken]
-            gone = [there for there, (why, _) in zip(taken, states, strict=True) if why]
-            if gone and (len(gone) == len(taken) or not further.ndim):
-                return f"needs {self.plan.described(source, gone[0])}, which failed", key
-            planned = self.plan.keys(source)[taken]
-            for number, (why, now) in enumerate(states):
-                if why or (now != planned[number]).any():
-                    odd.append((source.name, number, "" if why else spelt_key(now)))
-        return "", hashed([repr((spelt_key(key), odd))])[0] if odd else key
-
-    def _input_now(self, source: Bound, cell: int) -> tuple[str, Keys]:
-        """Return why an input's cell failed, and the key under which its result is kept."""
-        if not source.stage.kept:
-            return self._now(source, cell)
-        node = int(self.nodes[source][cell])
-        return self.failed.get(node, ""), self.spots.keys[node]
 
     # calls ----------------------------------------------------------------------------------
 
@@ -544,9 +483,7 @@ class Schedule:
                 made, places = np.unique(
                     plan.taken(bound)[source].first[firsts], return_inverse=True
                 )
-                keys = plan.keys(source)[made]
-                for one in np.flatnonzero(self._is_odd(source, made)) if self.failed else ():
-                    _, keys[one] = self._now(source, int(made[one]))
+                keys = (self._keys_now if self.failed else plan.keys)(source)[made]
                 own = {"keys": keys, "begins": np.arange(len(made) + 1), "places": 0 * made}
                 calls = self._calls_at(source, made, np.zeros((), dtype=np.int64), **own)
                 sources[name] = Made(calls, places.astype(np.int32))
@@ -563,9 +500,7 @@ class Schedule:
             step, sources, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
         )
 
-    def _read(
-        self, bound: Bound, source: Bound, firsts: Cells, grid: Cells
-    ) -> tuple[Spots, NDArray[np.bool_]]:
+    def _read(self, bound: Bound, source: Bound, firsts: Cells, grid: Cells) -> tuple[Spots, Flags]:
         """Return where an input is, and by call where on gathered axes all of its cells exist."""
         _, first, further = self.plan.taken(bound)[source]
         # Along axes on which the input does not depend, it is the same.
@@ -582,7 +517,7 @@ class Schedule:
     def finish(
         self, part: Part, outcome: Outcome, pack: int, *, split: bool = True
     ) -> list[Failure]:
-        """Record where the cells of some calls are, and release those that wait for them.
+        """Record where the cells of some calls are, and let stages begin that wait for them.
 
         Returns what failed. Several cells of a call that raised are computed by one call each if
         `split`, since one of them may be the cause.
@@ -597,7 +532,7 @@ class Schedule:
             done[number] = False
             cells = part.cells[number : number + 1]
             if split and failure.traceback and together[number]:
-                self._calls.add([(bound, cells)])
+                self._calls.again(bound, cells)
             else:
                 failed.append(failure._replace(what=self.plan.described(bound, int(cells[0]))))
                 self._fail(bound, int(part.nodes[number]), failure.why)
@@ -607,27 +542,27 @@ class Schedule:
         if outcome.seconds:
             each = outcome.seconds / len(part.cells)
             self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
+        if not self._left[bound]:
+            self._open()
         return failed
 
     def each(self, task: Task) -> list[Task]:
         """Return a task for every call of a task."""
-        jobs = [
-            (part.bound, part.cells[begin:end])
+        return [
+            self._task([(part.bound, part.cells[begin:end])])
             for part in task.parts
             for begin, end in pairwise(part.calls.begins.tolist())
         ]
-        tasks = (self._task([job]) for job in jobs)
-        return [task for task in tasks if task.parts]
 
     def _finish(self, bound: Bound, nodes: Cells, pack: Any, row: Any) -> None:
         self.spots.pack[nodes], self.spots.row[nodes] = pack, row
         self.progress[bound.name].done += len(nodes)
-        self._calls.release(nodes)
+        self._left[bound] -= len(nodes)
 
     def _fail(self, bound: Bound, node: int, why: str) -> None:
-        self.failed[node], self._odd[node] = why, True
+        self.failed[node] = why
         self.progress[bound.name].failed += 1
-        self._calls.release(np.array([node]))
+        self._left[bound] -= 1
 
     def work_left(self) -> dict[str, float]:
         """Return seconds that the missing cells of stages take; of an untimed one, the median."""
