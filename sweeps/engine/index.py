@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import repeat
 
 import numpy as np
 
@@ -21,20 +20,22 @@ AT_ONCE = 2**20  # keys that are looked up together
 
 
 class CellIndex:
-    """Packs of a cache, by number; `say` is called with a warning."""
+    """Packs of a cache, or of some of its rooms, by number; `say` is called with a warning."""
 
-    def __init__(self, cells: Objects, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, cells: Objects, say: Callable[[str], None], rooms: Iterable[str] = ("",)
+    ) -> None:
         self.cells, self._say = cells, say
         self.packs: list[Pack] = []
         self.paths: list[str] = []  # of all packs, by number
         self._new: dict[int, Keys | None] = {}  # keys of packs not yet in what follows, if read
         # All cells, sorted by the first half of their key, the newest of equal ones last.
         self._spots = replace(NO_SPOTS, paths=self.paths)
-        listed = cells.listed()
-        names = sorted(name for name in listed if name.endswith(PACK))  # in the order of their time
+        found = [one for part in cells.each(cells.sizes, rooms) for one in part.items()]
+        packs = [one for one in found if one[0].endswith(PACK)]
+        packs.sort(key=lambda one: one[0].rpartition("/")[2])  # by their time
         with ThreadPoolExecutor(READERS) as pool:  # each waits for a bucket's answer
-            sizes = (listed[name]["size"] for name in names)
-            for pack, keys in pool.map(described_pack, repeat(cells), names, sizes):
+            for pack, keys in pool.map(lambda one: described_pack(cells, *one), packs):
                 self.add(pack, keys)
         if lost := sum(not pack.cells for pack in self.packs):
             say(f"results in the cache are damaged, or of another version (files: {lost:,})")
@@ -124,6 +125,7 @@ class CellIndex:
         old = self.packs[: len(self.packs) - kept]
         self.cells.delete(pack.path for pack in old)
         self.cells.tidy()
+        self.cells.leave()
         return sum(pack.cells for pack in old), sum(pack.size for pack in old)
 
     def size(self) -> tuple[int, int]:

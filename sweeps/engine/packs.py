@@ -36,7 +36,7 @@ ROOM = "cells"
 ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
 MISSING = -1  # instead of the number of a pack
 PACK = ".pack"
-NAME = re.compile(r"[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
+NAME = re.compile(r"(?:\w+/)?[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
 KEY, NUMBER = np.dtype(("<u8", 2)), np.dtype("<u4")
 LARGEST = 2**30  # bytes of a head, of more cells than a sweep may have
 CHECK = 8  # bytes of the digest of a record
@@ -211,16 +211,18 @@ class Packing:
         self.checks.append(_digest(CHECK, record))
         self.parts.append(record)
 
-    def write(self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0) -> Pack:
+    def write(
+        self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0, room: str = ""
+    ) -> Pack:
         """Write the cells, whose keys are (cell, 2), as a new pack; OSError if that fails.
 
-        Others see all of it or none.
+        Others see all of it or none. `room` is the folder of the packs of a stage and its code.
         """
         line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
         numbers = np.array(self.numbers, NUMBER).tobytes()
         head = b"".join((line, b"\n", keys.astype(KEY.base).tobytes(), numbers, *self.checks))
         # A name begins with the time, so that the newest of equal cells is known.
-        path = f"{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack"
+        path = f"{room}/{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack".lstrip("/")
         size, parts = sum(map(len, self.parts)), self.parts
         step = TOGETHER * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))

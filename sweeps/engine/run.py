@@ -119,7 +119,7 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         if isinstance(packs := place.packs.place, Path):
             make_folder(packs, CLOSED)
         stack.enter_context(used(packs))
-        index = CellIndex(place.packs, watch.say)
+        index = CellIndex(place.packs, watch.say, plan.identity.values())
         old = existing(experiment, place.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
             for name, found in why(plan, old or {}):
@@ -135,7 +135,8 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         else:
             tried = _tried(plan, old or {})
             finished = _until_undamaged(plan, place, index, watch, check, tried)
-        if (size := index.size()[1]) > place.cache_limit:
+        size = sum(place.packs.sizes().values()) if finished.written else 0
+        if size > place.cache_limit:
             limit = f"{place.cache_limit / 1e9:g} GB"
             watch.say(
                 f"{place.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
@@ -407,7 +408,8 @@ def preview(plan: Plan, place: Place) -> tuple[Mapping[str, tuple[int, int]], st
     if old is not None and is_whole(plan, place.store, old, lambda sentence: None):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
-    index = CellIndex(replace(place.packs, make=False), lambda sentence: None)
+    packs = replace(place.packs, make=False)
+    index = CellIndex(packs, lambda sentence: None, plan.identity.values())
     schedule, costs = Schedule(plan), index.costs()
     schedule.resolve(index)
     stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}

@@ -456,6 +456,7 @@ class Schedule:
             keys=self.spots.keys[nodes],
             begins=begins,
             places=places,
+            room=plan.identity[bound.name],
         )
         return Part(bound, cells, nodes, calls)
 

@@ -112,6 +112,7 @@ class Calls:
     begins: NDArray[np.int64]
     places: NDArray[np.int64]
     shape: tuple[int, ...] = ()
+    room: str = ""  # folder of the packs
     streams: tuple[tuple[int, dict[str, Any]], ...] = ()  # seed and name of the `rng` of each
     valid: NDArray[np.bool_] | None = None  # (call, ...): flags of each
 
@@ -245,7 +246,7 @@ class _Running:
         if not self.kept:
             return Outcome(self.seconds, self.failed, self.lacking)
         keys, name = self.calls.keys[self.kept], self.calls.step.name
-        pack = self.packing.write(self.packs, name, keys, self.seconds)
+        pack = self.packing.write(self.packs, name, keys, self.seconds, self.calls.room)
         return Outcome(self.seconds, self.failed, self.lacking, pack)
 
 

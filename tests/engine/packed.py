@@ -60,4 +60,4 @@ def whole(cells: Objects, index, names) -> bool:
 
 def pack_files(cache):
     """Files of the packs of a cache in a folder."""
-    return sorted(cell for cell in cells_of(cache).place.glob("*.pack"))
+    return sorted(cell for cell in cells_of(cache).place.rglob("*.pack"))

@@ -19,7 +19,7 @@ from packed import SMALL, keys, small, whole, write_pack, written
 from running import ROOT
 
 from sweeps.engine.index import CellIndex
-from sweeps.engine.packs import Pack, cells_of, declared
+from sweeps.engine.packs import Pack, Packing, cells_of, declared
 from sweeps.engine.places import Objects
 
 
@@ -149,6 +149,21 @@ def test_the_oldest_packs_go_first(sizes, percent):
         done = CellIndex(cells, print).prune(limit)
         assert done == (len(gone), sum(pack.size for pack in gone))
         assert cells.sizes().keys() == {pack.path for pack in stay}
+
+
+def test_an_index_reads_the_packs_of_its_rooms_alone(place, said):
+    """Those of other stages, or of other code, cost no time, and may be damaged."""
+    cells = cells_of(place)
+    packing = Packing()
+    packing.add(small(1))
+    mine = packing.write(cells, "stage", keys(1), room="a1")
+    packing.write(cells, "stage", keys(2), room="b2")
+    cells.put("b2/bad.pack", b"")
+    index = CellIndex(cells, said.append, ["a1", "absent"])
+    assert index.packs == [mine] and said == []
+    index.refresh()
+    assert index.find(keys(1, 2), SMALL).present.tolist() == [True, False]
+    assert index.costs().keys() == {"stage"}
 
 
 # trust --------------------------------------------------------------------------------------------
