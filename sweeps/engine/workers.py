@@ -15,15 +15,12 @@ from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
-from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import urlsplit
 
 import dask
-from cryptography import x509
-from cryptography.hazmat.primitives.serialization import Encoding, load_pem_private_key
 from dask.system import CPU_COUNT
 from distributed import Client, Future, KilledWorker, LocalCluster, Status, as_completed
 from distributed.core import rpc
@@ -57,7 +54,6 @@ COUNTED = 1.0  # s between looks at how many workers a running cluster has
 ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first worker; of checks
 JOBS_CHECKED = 10.0  # s between checks whether a job has ended, for example by its time limit
 LOST = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
-BEHIND = timedelta(days=30)  # that a clock may be
 VAIN = 3  # checks that find jobs ended, and no worker, until jobs are submitted no more
 GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
 
@@ -164,7 +160,6 @@ def local(
         scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **FORGIVING))
         settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
         stack.enter_context(_started_with(SETTINGS | settings, ENVIRONMENT | quiet))
-        certificate, key = _certificate()
         try:
             with interrupts_held():
                 cluster = stack.enter_context(
@@ -174,7 +169,7 @@ def local(
                         env=dict(os.environ),  # they may be forked from an older process
                         host="127.0.0.1",
                         protocol="tls://",
-                        security=_security(certificate, certificate, key),
+                        security=Security.temporary(),
                         dashboard_address=None,
                         scheduler_kwargs=SCHEDULER,
                         silence_logs=logging.CRITICAL,
@@ -288,40 +283,18 @@ def _security(ca_file: str | None, cert: str | None, private_key: str | None) ->
     return security
 
 
-def _certificate() -> tuple[str, str]:
-    """Return a certificate of this run and its private key, as PEM.
-
-    It is dask's, but valid from some time ago: else nobody could connect while a clock is behind,
-    of another machine or after it was set back.
-    """
-    made = Security.temporary()
-    key: Any = load_pem_private_key(made.tls_client_key.encode(), None)
-    one: Any = x509.load_pem_x509_certificate(made.tls_client_cert.encode())
-    signed = x509.CertificateBuilder(
-        one.issuer,
-        one.subject,
-        one.public_key(),
-        one.serial_number,
-        one.not_valid_before_utc - BEHIND,
-        one.not_valid_after_utc,
-        list(one.extensions),
-    ).sign(key, one.signature_hash_algorithm)
-    return signed.public_bytes(Encoding.PEM).decode(), made.tls_client_key
-
-
 def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
     """Return a cluster without jobs, whose certificate, logs and scratch files are in a folder."""
-    files = [folder / "certificate.pem", folder / "key.pem"]
-    for file, text in zip(files, _certificate(), strict=True):
-        file.write_text(text, encoding="ascii")
-    certificate, key = map(str, files)
+    made, certificate, key = Security.temporary(), folder / "certificate.pem", folder / "key.pem"
+    certificate.write_text(made.tls_client_cert, encoding="ascii")
+    key.write_text(made.tls_client_key, encoding="ascii")
     return import_jobqueue()(
         **asked,
         cores=1,
         processes=1,
         local_directory=str(folder),
         protocol="tls://",
-        security=_security(certificate, certificate, key),
+        security=_security(str(certificate), str(certificate), str(key)),
         log_directory=str(folder),
         scheduler_options=SCHEDULER,
         job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
