@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import logging
-import zlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -25,7 +24,7 @@ from sweeps.engine.cluster import Executor
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.folders import check_target
 from sweeps.engine.interrupts import Stopped, heed, interruptible
-from sweeps.engine.manifest import MANIFEST, Manifest, checksum_of, manifest_of, read_manifest
+from sweeps.engine.manifest import MANIFEST, Manifest, manifest_of, read_manifest
 from sweeps.engine.places import AT_ONCE, Objects, Where, readable, real_place
 from sweeps.engine.zarr_array import (
     METADATA,
@@ -60,10 +59,11 @@ def write_store(
 
     Hold its lock meanwhile (`locked`), whose `check` is called before readers see a change. Memory
     holds a few chunks. If anything fails before that, the store is as it was. Readers of the old
-    store must open it again, before it is written once more. Files are left to the operating system
-    to flush: `verify` finds damage of a power cut. `groups` are by path, as 'classification/acn';
-    parents need not be given. `attributes` are those of the root, of which all groups repeat those
-    named `everywhere`. Chunks that other processes can make are written by `writers`.
+    store must open it again, before it is written once more. Files are left to the operating
+    system to flush: `verify` finds those that a power cut has lost. `groups` are by path, as
+    'classification/acn'; parents need not be given. `attributes` are those of the root, of which
+    all groups repeat those named `everywhere`. Chunks that other processes can make are written by
+    `writers`.
     """
     check_target(place)
     with readable():
@@ -86,14 +86,14 @@ def write_store(
             with interruptible():
                 rest = [chunk for chunk in chunks if chunk.name not in made]
                 files = _write_chunks(objects, rest, old)
-            files |= {name: checksum for name, checksum in made.items() if checksum is not None}
+            files |= {name: size for name, size in made.items() if size is not None}
             check_target(place)  # another process may have written something there
             check()
         except BaseException:
             with suppress(OSError):
                 _undo(objects, intent)
             raise
-        files |= {name: zlib.crc32(content) for name, content in _documents(nodes).items()}
+        files |= {name: len(content) for name, content in _documents(nodes).items()}
         files = dict(sorted(files.items()))  # whoever wrote them
         kept = len(chunks) - len(coming)
         LOG.debug("%d chunks are written, %d stay: they have equal cells", len(coming), kept)
@@ -160,8 +160,8 @@ def read_attributes(place: Where) -> dict[str, Any] | None:
     if content is None and manifest.allows(METADATA, None):
         return None  # its first writer did not finish
     try:
-        if content is None or not manifest.allows(METADATA, zlib.crc32(content)):
-            raise ValueError("its checksum differs")
+        if content is None or not manifest.allows(METADATA, len(content)):
+            raise ValueError("its size differs")
         return nested(json.loads(content)["attributes"])
     except ValueError as error:
         raise ConfigurationError(
@@ -217,15 +217,16 @@ def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
 
 
 def _write_chunks(objects: Objects, chunks: Sequence[Chunk], old: Manifest) -> dict[str, int]:
-    """Write all chunks that are not empty; return checksums of them.
+    """Write all chunks that are not empty; return sizes of them.
 
     Those that the store has are not made again: they stay, or are copied.
     """
-    kept = [chunk for chunk in chunks if chunk.source]
-    carried = objects.each(lambda chunk: _carry(objects, chunk, old), kept)
+    there = objects.sizes()
+    kept = [one for one in chunks if one.source and old.allows(one.source, there.get(one.source))]
+    carried = objects.each(lambda chunk: _carry(objects, chunk, there), kept)
     those = (chunk for chunk, done in zip(kept, carried, strict=True) if done)
-    done = {chunk.name: old.files.get(chunk.source) for chunk in those}
-    files = {name: checksum for name, checksum in done.items() if checksum is not None}
+    done = {chunk.name: there.get(chunk.source) for chunk in those}
+    files = {name: size for name, size in done.items() if size is not None}
     with ThreadPoolExecutor(AT_ONCE) as pool:
         under_way: deque[Future[None]] = deque()
         for chunk in chunks:
@@ -233,7 +234,7 @@ def _write_chunks(objects: Objects, chunks: Sequence[Chunk], old: Manifest) -> d
                 continue
             content = encode(chunk.array, chunk.region)
             if content is not None:
-                files[chunk.name] = zlib.crc32(content)
+                files[chunk.name] = len(content)
                 under_way.append(pool.submit(objects.put, chunk.name, content))
             if len(under_way) > 2 * AT_ONCE:
                 under_way.popleft().result()
@@ -276,7 +277,7 @@ def _written_elsewhere(
 def put_chunks(
     objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
 ) -> dict[str, int | None]:
-    """Write chunks that a store awaits; return their checksums by name, None of empty ones."""
+    """Write chunks that a store awaits; return their sizes by name, None of empty ones."""
     files: dict[str, int | None] = {}
     with readable():
         for name, array, region in chunks:
@@ -285,16 +286,14 @@ def put_chunks(
             if manifest is not None and name in manifest.coming:
                 if content is not None:
                     objects.put(name, content)
-                files[name] = None if content is None else zlib.crc32(content)
+                files[name] = None if content is None else len(content)
     return files
 
 
-def _carry(objects: Objects, chunk: Chunk, old: Manifest) -> bool:
-    """Bring an undamaged chunk of a store to its new name; return whether that was possible."""
-    checksum = old.files.get(chunk.source)
-    if checksum_of(objects, chunk.source) != checksum:
-        return False
-    return checksum is None or chunk.name == chunk.source or objects.copy(chunk.source, chunk.name)
+def _carry(objects: Objects, chunk: Chunk, there: Mapping[str, int]) -> bool:
+    """Bring a chunk of a store to its new name, if it is a file; return whether that succeeded."""
+    stays = chunk.source not in there or chunk.name == chunk.source
+    return stays or objects.copy(chunk.source, chunk.name)
 
 
 def _left(old: Manifest, files: Mapping[str, int]) -> dict[str, tuple[str, list[str]]]:

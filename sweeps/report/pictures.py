@@ -235,11 +235,12 @@ def pictures_of(path: Where, store: Any, pictures: Pictures) -> dict[str, tuple[
 
     A picture that fails is empty, and does not prevent the page.
     """
-    files, drawn = sorted(manifest_of(path).files.items()), {}
+    manifest, drawn = manifest_of(path), {}
+    content = [*sorted(manifest.files.items()), *sorted(manifest.chunks.items())]
     for group in (name for name in DRAWN if name in groups(store)):
         # Flights are corrected again for their picture, as the attributes of the store say.
         inside = "" if group == "validation" else f"{group}/"
-        shown = [item for item in files if item[0].startswith(inside)]
+        shown = [item for item in content if item[0].startswith(inside)]
         try:
             drawn[group] = *pictures.taken(repr(shown).encode(), partial(_png, path, group)), ""
         except Exception as error:

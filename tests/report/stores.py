@@ -53,8 +53,9 @@ def signed(path: Path) -> Path:
         zarr.consolidate_metadata(path)
     (path / MANIFEST).unlink(missing_ok=True)
     files = [file for file in path.rglob("*") if file.is_file()]
-    checksums = {str(file.relative_to(path)): crc32(file.read_bytes()) for file in files}
-    (path / MANIFEST).write_bytes(seal({"files": checksums}))
+    sizes = {str(file.relative_to(path)): file.stat().st_size for file in files}
+    chunks = {name: ("", {"0": crc32((path / name).read_bytes())}) for name in sizes}
+    (path / MANIFEST).write_bytes(seal({"files": sizes, "chunks": chunks}))
     return path
 
 
