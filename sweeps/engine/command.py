@@ -97,7 +97,7 @@ class Command:
             return status or (SOME_FAILED if why else ALL_DONE)
 
     def _ended(self, given: Sequence[str]) -> tuple[str, int]:
-        """Run a command line; return a sentence on what is wrong, if anything, and the status."""
+        """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
             with stopping():
                 self._main(given)

@@ -115,7 +115,7 @@ def _take_file(folder: Path, name: str) -> Taken:
     path.write_text(_owner())
 
     def release() -> None:
-        path.unlink(missing_ok=True)  # whoever has opened it meanwhile makes another
+        path.unlink(missing_ok=True)  # a process that has just opened it makes another
         lock.release()
 
     return lambda: None, release

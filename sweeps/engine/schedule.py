@@ -334,7 +334,7 @@ class Schedule:
         return bool(self._calls)
 
     def _open(self) -> None:
-        """Add the calls of stages whose inputs are done: which of them failed is known then."""
+        """Add the calls of all stages whose inputs are done."""
         while ready := {
             bound: cells
             for bound, cells in self._missing.items()
