@@ -174,11 +174,12 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
 
 
 @pytest.mark.parametrize("kept", [True, False], ids=["with cache", "without cache"])
-def test_a_damaged_chunk_of_a_store_is_made_again_and_said(tmp_path, kept):
+def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept):
     store, cache, told = tmp_path / "s.zarr", tmp_path / "cache", Told()
     go(store, cache)
     before, names = contents(store), files(store)
-    damage(store / next(name for name in names if name.startswith("answers/answer/c.")))
+    short = store / next(name for name in names if name.startswith("answers/answer/c."))
+    short.write_bytes(short.read_bytes()[:-1])
     (store / next(name for name in names if name.startswith("springs/period/c."))).unlink()
     CALLS.clear()
     go(store, cache if kept else tmp_path / "new", watch=told.watch)
