@@ -55,7 +55,7 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
         for bound, nodes in schedule.nodes.items():
             cells = np.flatnonzero(nodes >= 0)
             cells = cells[schedule.spots[nodes[cells]].present].tolist()
-            for cell in cells[:: max(1, len(cells) // most)]:
+            for cell in cells[:: max(1, -(-len(cells) // most))]:
                 compared[bound.name] += 1
                 if how := _difference(schedule, index, bound, cell):
                     name = schedule.plan.described(bound, cell)

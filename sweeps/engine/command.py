@@ -305,7 +305,7 @@ class Command:
         cells, size = index.size()
         if limit is not None:
             try:
-                with used(packs.place, alone=isinstance(place, Path)):
+                with used(packs.place, alone=True):
                     cells, size = index.prune(limit)
             except BlockingIOError:
                 reason = "which a sweep uses; wait until it ends"

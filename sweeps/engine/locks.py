@@ -111,7 +111,10 @@ def _take_file(folder: Path, name: str) -> Taken:
     try:
         lock.acquire()
     except Timeout:
-        raise _HeldError(path.read_bytes() if path.exists() else b"") from None
+        owner = b""
+        with suppress(FileNotFoundError):  # it has just been released
+            owner = path.read_bytes()
+        raise _HeldError(owner) from None
     path.write_text(_owner())
 
     def release() -> None:
@@ -161,7 +164,7 @@ def _take_object(above: Where, name: str) -> Taken:
 def used(folder: Where, *, alone: bool = False) -> Iterator[None]:
     """Use a folder together with others, or alone: then raise BlockingIOError if others use it.
 
-    A bucket, and a file system without locks, are never used alone.
+    Of a bucket, or a folder that is not there, nobody is known to use it.
     """
     if isinstance(folder, Path) and folder.is_dir():
         descriptor = os.open(folder, os.O_RDONLY)
@@ -171,7 +174,5 @@ def used(folder: Where, *, alone: bool = False) -> Iterator[None]:
             yield
         finally:
             os.close(descriptor)
-    elif alone:
-        raise BlockingIOError(errno.EWOULDBLOCK, "it is no folder", str(folder))
     else:
         yield

@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -135,7 +135,9 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
         else:
             tried = _tried(plan, old or {})
             finished = _until_undamaged(plan, place, index, watch, check, tried)
-        size = sum(place.packs.sizes().values()) if finished.written else 0
+        size = 0
+        with suppress(OSError):  # the store is written, whatever the cache does now
+            size = sum(place.packs.sizes().values()) if finished.written else 0
         if size > place.cache_limit:
             limit = f"{place.cache_limit / 1e9:g} GB"
             watch.say(

@@ -21,7 +21,10 @@ OPTIONS = (
     ("-m, --multirun", "sweep the values a=1,2 as one store"),
     ("--cfg job", "print the whole configuration, without running it"),
     ("--settings [WORD]", "print every key, or those of a word, with default, bounds, meaning"),
-    ("--cache [prune=20GB]", "print what is in the cache, or delete the oldest down to a size"),
+    (
+        "--cache [prune=20GB]",
+        "print the size of the cache, or delete the oldest results beyond one",
+    ),
     ("--why", "print what of each stage's keys differs from those of store=PATH"),
     ("--status", "print how far the sweep of store=PATH is, from another terminal"),
     ("--version", "print the version"),

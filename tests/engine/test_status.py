@@ -148,6 +148,9 @@ def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
 
 
 def test_a_cache_is_pruned_unless_a_sweep_uses_it(start):
+    for word in ("clear", "prune=1GB"):
+        assert "0 cells, 0.0 MB removed" in start("--cache", word, "cache=absent")
+    assert not Path("absent").exists()
     start(*GIVEN)
     assert "cells, " in start("--cache", "cache=cache") and "kept" in start(
         "--cache", "cache=cache"
