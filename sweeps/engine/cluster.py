@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.forking import fork_server, worth_importing
+from sweeps.engine.forking import start_method, worth_importing
 from sweeps.engine.modules import ENGINE, SHADERS, files, place
 from sweeps.engine.places import Objects, is_own
 from sweeps.engine.process import one_thread
@@ -157,7 +157,8 @@ def executor(
     packages : sequence of str
         Packages, besides the engine, whose code must be the same on remote workers.
     modules : sequence of str
-        Modules of the functions that tasks call: imported once for all workers of this machine.
+        Modules of the functions that tasks call: imported once for all local workers of this
+        process, which do not see them change.
     packs : Objects, optional
         Where results are kept, which remote workers must see, too.
     say : callable
@@ -179,7 +180,7 @@ def executor(
     settings: dict[str, Any] = {name: getattr(choice, name) for name in READ[choice.kind]}
     with ExitStack() as stack:
         if choice.kind == "local":  # it imports while this process imports dask
-            settings["method"] = stack.enter_context(fork_server(worth_importing(modules)))
+            settings["method"] = start_method(worth_importing(modules))
         from sweeps.engine import workers  # which imports dask
 
         shared = Shared()

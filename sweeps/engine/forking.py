@@ -13,14 +13,10 @@ import multiprocessing
 import os
 import signal
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.spawn import get_preparation_data
-from typing import Any
-
-import psutil  # type: ignore[import-untyped]
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.process import ONE_THREAD, environment
@@ -35,8 +31,6 @@ ENVIRONMENT = ONE_THREAD | dict(
 
 IMPORTS = "IMPORTS"
 """Name of a module's list of what its stages import when they are called."""
-
-ENDING = 5.0  # s until a process that was asked to start or to end has done so
 
 
 def check_guard() -> None:
@@ -69,52 +63,25 @@ def worth_importing(modules: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(name for names in found for name in names))
 
 
-@contextmanager
-def fork_server(modules: Iterable[str]) -> Iterator[str]:
-    """Start the process that imports some modules; it ends with this context.
+def start_method(modules: Iterable[str]) -> str:
+    """Start the process that imports some modules, and return the start method of workers.
 
-    Yields the start method of `multiprocessing` to use meanwhile. If this process has another
-    server, which may have older code, or none can be started, as where the path of the temporary
-    folder is too long for a socket, workers are spawned instead.
+    They are forked from it, until this process ends; at a prompt or in a notebook, where modules
+    are edited and loaded again meanwhile, each worker imports them itself. If the process cannot be
+    started, as where the path of the temporary folder is too long for a socket, workers are spawned
+    instead.
     """
     main = vars(sys.modules["__main__"])
     if not os.path.exists(main.get("__file__") or "."):  # '<stdin>', which no worker can run
         del main["__file__"]
-    if running_server():
-        yield "spawn"
-        return
-    multiprocessing.set_forkserver_preload(["distributed", *modules])
+    imported = [] if hasattr(sys, "ps1") else modules
+    multiprocessing.set_forkserver_preload(["distributed", *imported])
     try:
         with environment(ENVIRONMENT), interrupts_held():
             forkserver.ensure_running()
     except OSError:
-        yield "spawn"
-        return
-    _wait(running_server)  # until it runs its own command, it looks like a copy of this process
-    try:
-        yield "forkserver"
-    finally:
-        if server := running_server():  # or its replacement; `forkserver` reaps it later
-            with suppress(psutil.NoSuchProcess):
-                server.terminate()
-            _wait(lambda: running_server() is None)
-
-
-def _wait(condition: Callable[[], Any]) -> None:
-    """Wait some seconds for a condition."""
-    end = time.monotonic() + ENDING
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.002)
-
-
-def running_server() -> Any:
-    """Return the process (of psutil) from which `multiprocessing` forks; None if there is none."""
-    for child in psutil.Process().children():
-        with suppress(psutil.Error):  # one that has just ended
-            is_server = any(forkserver.__name__ in word for word in child.cmdline())
-            if is_server and child.status() != psutil.STATUS_ZOMBIE:
-                return child
-    return None
+        return "spawn"
+    return "forkserver"
 
 
 @contextmanager

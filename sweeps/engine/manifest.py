@@ -8,14 +8,14 @@ metadata as they will be, which are put in place, the root's last; then the fini
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from sweeps.engine.errors import ConfigurationError
 from sweeps.engine.packs import seal, unseal
 from sweeps.engine.places import Objects, Where
-from sweeps.engine.zarr_array import METADATA, chunk_name
+from sweeps.engine.zarr_array import METADATA
 
 MANIFEST = "manifest"
 
@@ -25,14 +25,12 @@ class Manifest:
     """What a store has: by name of an object, or by path of an array.
 
     `chunks` are the key space of each array and, by index, the digest of what decides the values of
-    a chunk; one that holds only the fill value is no file. `left` are chunks of the store as it
-    was, by array and key space, for readers that opened it then. While it is written: names of the
-    chunks to come; then all metadata, and the sizes of those before.
+    a chunk; one that holds only the fill value is no file. While it is written: names of the chunks
+    to come; then all metadata, and the sizes of all objects before.
     """
 
     files: dict[str, int] = field(default_factory=dict)
     chunks: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
-    left: dict[str, tuple[str, list[str]]] = field(default_factory=dict)
     coming: list[str] = field(default_factory=list)
     nodes: dict[str, Any] = field(default_factory=dict)
     before: dict[str, int] = field(default_factory=dict)
@@ -43,19 +41,13 @@ class Manifest:
         objects.put(MANIFEST, seal(document))
 
     @property
-    def left_names(self) -> Iterator[str]:
-        """Names of chunks of the store as it was."""
-        for path, (space, indices) in self.left.items():
-            yield from (chunk_name(path, space, index) for index in indices)
-
-    @property
     def known(self) -> set[str]:
         """Names of all objects that sweeps wrote."""
-        return {MANIFEST, *self.files, *self.left_names, *self.coming, *self.before}
+        return {MANIFEST, *self.files, *self.coming, *self.before}
 
     def allows(self, name: str, size: int | None) -> bool:
         """Return whether an object may have a size, or be absent."""
-        if self.nodes and name.endswith(METADATA):
+        if self.nodes and (name in self.before or name.endswith(METADATA)):
             return size in (self.files.get(name), self.before.get(name))
         return name not in self.files or size == self.files[name]
 

@@ -240,15 +240,6 @@ class Objects:
         except FileExistsError:
             return None
 
-    def copy(self, name: str, to: str) -> bool:
-        """Copy an object in its place, by a link on a disk; return False if that cannot be."""
-        try:
-            with told(self.place):
-                self.store.copy(name, to)
-        except OSError:
-            return False
-        return True
-
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects, which may be absent."""
         self.each(self._delete, names)

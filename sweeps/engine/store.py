@@ -3,8 +3,8 @@
 Equal input, given in the same order, makes equal bytes of a new store: it holds no times, hosts or
 paths. The metadata of a group repeat those of all below it ("consolidated"), so that a store opens
 by one object, at the root or at any group. A store grows where it is: chunks that metadata refer to
-are never changed. An array that is written again takes other names for its chunks, and the chunks
-that it had stay until the store is written once more.
+are never changed. A changed array takes other names for its chunks, and when all metadata refer to
+these, the old ones are deleted.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def write_store(
 
     Hold its lock meanwhile (`locked`), whose `check` is called before readers see a change. Memory
     holds a few chunks. If anything fails before that, the store is as it was. Readers of the old
-    store must open it again, before it is written once more. Files are left to the operating
-    system to flush: `verify` finds those that a power cut has lost. `groups` are by path, as
+    store must open it again. Files are left to the operating system to flush: `verify` finds those
+    that a power cut has lost. `groups` are by path, as
     'classification/acn'; parents need not be given. `attributes` are those of the root, of which
     all groups repeat those named `everywhere`. Chunks that other processes can make are written by
     `writers`.
@@ -78,15 +78,17 @@ def write_store(
         described = {path: metadata(array, laid[path][0]) for path, array in arrays.items()}
         nodes = _nodes(groups, described, attributes, everywhere)
         chunks = [chunk for _, of_array in laid.values() for chunk in of_array]
-        coming = [chunk.name for chunk in chunks if chunk.name != chunk.source]
+        there = objects.sizes()
+        kept = {one.name: there.get(one.name) for one in chunks if one.is_kept(old, there)}
+        new = [chunk for chunk in chunks if chunk.name not in kept]
+        coming = [chunk.name for chunk in new]
         intent = replace(old, coming=coming)
         try:
             intent.put(objects)
-            made = {} if writers is None else _written_elsewhere(objects, chunks, writers)
+            made = kept if writers is None else kept | _written_elsewhere(objects, new, writers)
             with interruptible():
-                rest = [chunk for chunk in chunks if chunk.name not in made]
-                files = _write_chunks(objects, rest, old)
-            files |= {name: size for name, size in made.items() if size is not None}
+                made |= _write_chunks(objects, [one for one in new if one.name not in made])
+            files = {name: size for name, size in made.items() if size is not None}
             check_target(place)  # another process may have written something there
             check()
         except BaseException:
@@ -95,17 +97,15 @@ def write_store(
             raise
         files |= {name: len(content) for name, content in _documents(nodes).items()}
         files = dict(sorted(files.items()))  # whoever wrote them
-        kept = len(chunks) - len(coming)
-        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(coming), kept)
+        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(kept))
         made_of = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
             for path, (space, of_array) in laid.items()
             if of_array
         }
-        before = {name: one for name, one in old.files.items() if name.endswith(METADATA)}
-        new = Manifest(files, made_of, _left(old, files), [*old.left_names], nodes, before)
-        new.put(objects)
-        _finish(objects, new, check)
+        finished = Manifest(files, made_of, coming, nodes, old.files)
+        finished.put(objects)
+        _finish(objects, finished, check)
 
 
 def recover(place: Where) -> None:
@@ -121,20 +121,13 @@ def recover(place: Where) -> None:
 
 
 def _finish(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
-    """Put all metadata in place, the root's last, and remove what no reader needs any more."""
+    """Put all metadata in place, the root's last, and delete what they no longer refer to."""
     documents = _documents(manifest.nodes)
-    for group in (False, True):  # arrays before groups, which readers open
-        some = [
-            (name, content)
-            for name, content in documents.items()
-            if name != METADATA
-            if (manifest.nodes[name[: -len(METADATA) - 1]]["node_type"] == "group") == group
-        ]
-        objects.each(lambda one: objects.put(*one), some)
+    root = documents.pop(METADATA)
+    objects.each(lambda one: objects.put(*one), documents.items())
     check()
-    objects.put(METADATA, documents[METADATA])
-    gone = {*manifest.before, *manifest.coming}.difference(manifest.files, manifest.left_names)
-    objects.delete(sorted(gone))
+    objects.put(METADATA, root)
+    objects.delete(sorted({*manifest.before, *manifest.coming}.difference(manifest.files)))
     replace(manifest, coming=[], nodes={}, before={}).put(objects)
 
 
@@ -184,14 +177,18 @@ def zarr_store(place: Where) -> Any:
 
 @dataclass(frozen=True)
 class Chunk:
-    """A chunk of an array; `source` is an equal one of the store as it was, if there is one."""
+    """A chunk of an array; `known` says whether the store had one of this name with equal cells."""
 
     name: str
     index: str
     array: Array
     region: Region
     digest: str
-    source: str
+    known: bool
+
+    def is_kept(self, old: Manifest, there: Mapping[str, int]) -> bool:
+        """Return whether an undamaged chunk is there already, or need not be, being empty."""
+        return self.known and old.allows(self.name, there.get(self.name))
 
 
 def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
@@ -200,41 +197,24 @@ def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
     If all chunks that it had are among them, these stay where they are.
     """
     made = [(index, region, array.digest(region)) for index, region in regions(array)]
-    before, known = old.chunks.get(path, (SPACES[0], {}))
-    if known.items() <= {(index, digest) for index, _, digest in made}:
-        space = before
-    else:
-        taken = {before, *old.left.get(path, ())[:1]}
-        space = next(one for one in SPACES if one not in taken)
-    equal = {digest: chunk_name(path, before, index) for index, digest in known.items()}
-    chunks = []
-    for index, region, digest in made:
-        name, source = chunk_name(path, space, index), equal.get(digest, "")
-        if space == before and known.get(index) == digest:
-            source = name
-        chunks.append(Chunk(name, index, array, region, digest, source))
-    return space, chunks
+    space, known = old.chunks.get(path, (SPACES[0], {}))
+    if not known.items() <= {(index, digest) for index, _, digest in made}:
+        space, known = next(one for one in SPACES if one != space), {}
+    return space, [
+        Chunk(chunk_name(path, space, index), index, array, region, digest, index in known)
+        for index, region, digest in made
+    ]
 
 
-def _write_chunks(objects: Objects, chunks: Sequence[Chunk], old: Manifest) -> dict[str, int]:
-    """Write all chunks that are not empty; return sizes of them.
-
-    Those that the store has are not made again: they stay, or are copied.
-    """
-    there = objects.sizes()
-    kept = [one for one in chunks if one.source and old.allows(one.source, there.get(one.source))]
-    carried = objects.each(lambda chunk: _carry(objects, chunk, there), kept)
-    those = (chunk for chunk, done in zip(kept, carried, strict=True) if done)
-    done = {chunk.name: there.get(chunk.source) for chunk in those}
-    files = {name: size for name, size in done.items() if size is not None}
+def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | None]:
+    """Write chunks, several at once; return their sizes by name, None of empty ones."""
+    files: dict[str, int | None] = {}
     with ThreadPoolExecutor(AT_ONCE) as pool:
         under_way: deque[Future[None]] = deque()
         for chunk in chunks:
-            if chunk.name in done:
-                continue
             content = encode(chunk.array, chunk.region)
+            files[chunk.name] = None if content is None else len(content)
             if content is not None:
-                files[chunk.name] = len(content)
                 under_way.append(pool.submit(objects.put, chunk.name, content))
             if len(under_way) > 2 * AT_ONCE:
                 under_way.popleft().result()
@@ -251,7 +231,7 @@ def _written_elsewhere(
     What they do not write, as where they do not see the store, is left to this process.
     """
     objects = Objects(real_place(objects.place))  # which no worker makes
-    new = [chunk for chunk in chunks if chunk.array.sent is not None and not chunk.source]
+    new = [chunk for chunk in chunks if chunk.array.sent is not None]
     size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
     parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
     files: dict[str, int | None] = {}
@@ -288,25 +268,6 @@ def put_chunks(
                     objects.put(name, content)
                 files[name] = None if content is None else len(content)
     return files
-
-
-def _carry(objects: Objects, chunk: Chunk, there: Mapping[str, int]) -> bool:
-    """Bring a chunk of a store to its new name, if it is a file; return whether that succeeded."""
-    stays = chunk.source not in there or chunk.name == chunk.source
-    return stays or objects.copy(chunk.source, chunk.name)
-
-
-def _left(old: Manifest, files: Mapping[str, int]) -> dict[str, tuple[str, list[str]]]:
-    """Return the chunks of a store that are not of the new one."""
-    left = {
-        path: [
-            index
-            for index in known
-            if (name := chunk_name(path, space, index)) in old.files and name not in files
-        ]
-        for path, (space, known) in old.chunks.items()
-    }
-    return {path: (old.chunks[path][0], indices) for path, indices in left.items() if indices}
 
 
 # metadata -----------------------------------------------------------------------------------------

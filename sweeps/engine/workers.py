@@ -149,7 +149,7 @@ def local(
 ) -> Iterator[DaskExecutor]:
     """Start worker processes on this machine, which end with this process in any case.
 
-    `method` is the start method of `multiprocessing`; see `forking.fork_server`.
+    `method` is the start method of `multiprocessing`; see `forking.start_method`.
     """
     count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")

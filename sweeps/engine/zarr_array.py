@@ -23,9 +23,9 @@ from sweeps.engine.keys import BYTES
 
 METADATA = "zarr.json"
 
-# What the name of a chunk begins with: three of zarr's ways to name them, of which an array that is
-# written again takes another, so that readers of the old metadata still find the old chunks.
-SPACES = ("c.", "", "c/")
+# What the name of a chunk begins with: two of zarr's ways to name them, of which a changed array
+# takes the other, so that the old metadata never refer to new chunks.
+SPACES = ("c.", "")
 
 CHUNK_BYTES = 2**20
 LEVEL = 1  # level 3 compresses results no better and takes three times as long
@@ -235,7 +235,7 @@ def regions(array: Array) -> Iterator[tuple[str, Region]]:
 
 def chunk_name(path: str, space: str, index: str) -> str:
     """Return the name of a chunk of an array, in one of its key spaces."""
-    return f"{path}/{space}{index.replace('.', '/') if space.endswith('/') else index}"
+    return f"{path}/{space}{index}"
 
 
 def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
@@ -253,7 +253,7 @@ def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
         "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(array.chunks)}},
         "chunk_key_encoding": {
             "name": "default" if space else "v2",
-            "configuration": {"separator": space[1:] or "."},
+            "configuration": {"separator": "."},
         },
         "fill_value": _fill(array.empty),
         "codecs": [

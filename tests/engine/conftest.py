@@ -5,11 +5,10 @@ import uuid
 
 import buckets
 import pytest
-from executors import eventually, silent
+from executors import eventually, running_server, silent
 
 from sweeps.engine import workers
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.forking import running_server
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,9 @@ import sys
 import time
 from pathlib import Path
 
-from executors import eventually, meanwhile
+from executors import eventually, meanwhile, running_server
 from toys import Few, run_few
 
-from sweeps.engine.forking import running_server
 from sweeps.engine.stage import Group, Output, stage
 
 MINUTE = 60.0

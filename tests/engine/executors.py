@@ -6,10 +6,12 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from multiprocessing import forkserver
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from distributed.security import Security
 from threadpoolctl import threadpool_info
@@ -74,6 +76,16 @@ def eventually(condition):
     while not condition():
         assert time.monotonic() < deadline, "it never came about"
         time.sleep(0.02)
+
+
+def running_server():
+    """The process from which this one has its workers forked; None if there is none."""
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):  # one that has just ended
+            is_server = any(forkserver.__name__ in word for word in child.cmdline())
+            if is_server and child.status() != psutil.STATUS_ZOMBIE:
+                return child
+    return None
 
 
 def parsed(path):

@@ -1,16 +1,14 @@
 """Workers of this machine are forked from a process that has imported what they need, once."""
 
-import os
-import signal
+import subprocess
 import sys
-from multiprocessing import forkserver
 
 import psutil
-import pytest
-from executors import eventually, result_of, silent
+from executors import IMPORTS as SEARCH
+from executors import result_of, running_server, silent
 
 from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.forking import fork_server, running_server, worth_importing
+from sweeps.engine.forking import start_method, worth_importing
 
 IMPORTS = ("wave",)  # which nothing else imports, nor `tabnanny`
 
@@ -20,10 +18,6 @@ def parent_and_modules():
     return psutil.Process().parent().num_threads(), set(sys.modules)
 
 
-def server_is_gone():
-    return running_server() is None
-
-
 def test_workers_have_the_modules_of_stages_and_what_these_list():
     assert worth_importing([__name__, "nowhere", __name__]) == [__name__, "wave", "nowhere"]
     asked = ["tabnanny", "no_such_module", *IMPORTS]
@@ -31,19 +25,51 @@ def test_workers_have_the_modules_of_stages_and_what_these_list():
         threads, modules = result_of(run, parent_and_modules)
     assert {"tabnanny", "wave"} <= modules
     assert threads == 1  # or it would not be safe to fork
-    assert server_is_gone()
 
 
-def test_the_server_ends_after_an_error():
-    with pytest.raises(KeyError), fork_server([]):
-        raise KeyError
-    assert server_is_gone()
+def test_the_next_workers_are_forked_from_the_same_process():
+    assert start_method([]) == "forkserver"
+    server = running_server()
+    assert start_method(["tabnanny"]) == "forkserver"
+    assert running_server() == server
 
 
-def test_a_server_that_is_killed_is_no_error():
-    with fork_server([]):
-        os.kill(running_server().pid, signal.SIGKILL)
-        eventually(server_is_gone)
-        forkserver.ensure_running()  # as the start of a worker does
-        eventually(running_server)
-    assert server_is_gone()
+EDITED = """
+import importlib, pathlib, sys
+sys.ps1 = ">>> "  # as at a prompt
+sys.path.insert(0, ".")
+sys.dont_write_bytecode = True
+from executors import result_of, silent
+from sweeps.engine.cluster import ClusterChoice, executor
+if __name__ == "__main__":
+    for number in (1, 2):
+        pathlib.Path("edited.py").write_text(f"def given(): return {number}")
+        edited = importlib.import_module("edited")
+        importlib.reload(edited)
+        with executor(ClusterChoice(workers=1), modules=["edited"], say=silent) as run:
+            print(result_of(run, edited.given))
+"""
+
+
+def test_a_module_that_is_edited_at_a_prompt_is_run_as_it_is_now(tmp_path):
+    (tmp_path / "prompt.py").write_text(EDITED)
+    command = [sys.executable, "-B", "prompt.py"]
+    found = subprocess.run(
+        command, cwd=tmp_path, env={"PYTHONPATH": SEARCH}, capture_output=True, text=True
+    )
+    assert found.stdout.split() == ["1", "2"], found.stderr
+
+
+def test_the_process_ends_with_the_one_that_started_it():
+    source = (
+        "from executors import running_server; from sweeps.engine.forking import start_method; "
+        "start_method([]); print(running_server().pid)"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", source], env={"PYTHONPATH": SEARCH}, capture_output=True, text=True
+    )
+    assert found.returncode == 0, found.stderr
+    psutil.wait_procs(
+        [one for one in psutil.process_iter() if one.pid == int(found.stdout)], timeout=30
+    )
+    assert not psutil.pid_exists(int(found.stdout))

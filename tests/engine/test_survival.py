@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cut_off import MARKS, MINUTE
-from executors import IMPORTS, cluster_at, eventually, meanwhile
+from executors import IMPORTS, cluster_at, eventually, meanwhile, running_server
 from running import python
 from small_stores import files, opened
 from toys import SPRINGS, Few, go, run_few
@@ -24,7 +24,6 @@ from toys import SPRINGS, Few, go, run_few
 from sweeps.engine import provenance, run, workers
 from sweeps.engine.command import Command
 from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.forking import running_server
 from sweeps.engine.stage import Group, Output, stage
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
