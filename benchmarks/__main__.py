@@ -48,7 +48,7 @@ from benchmarks import (
     workers,
 )
 from benchmarks.reports import Report, machine, show, write_json
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.stages.views import cache_folder
 
 REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]] = {

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.repeated import WORKERS, listed, over_seeds, percent_of, swept
 from benchmarks.reports import Column, Report
-from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.run.cluster import ClusterChoice
 
 STEP, LAST, DRAWS = 3.0, 90.0, 10
 COMMON = ("classifier=likelihood", "render.engine=lines", "classifier.gain_sigma=[0,1]")

@@ -9,10 +9,10 @@ from pathlib import Path
 from benchmarks.phases import timed
 from benchmarks.reports import Report
 from benchmarks.sweeping import by_stage, choices_of, on_workers
-from sweeps.engine.index import CellIndex
-from sweeps.engine.packs import cells_of
-from sweeps.engine.plan import Plan
-from sweeps.engine.stage import Bound
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.packs import cells_of
+from sweeps.engine.declare.stage import Bound
+from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid
 

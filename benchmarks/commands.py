@@ -91,7 +91,7 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
 def sweeps_printed(output: str) -> Iterator[tuple[int, int, float]]:
     """Yield cells computed, cells reused and work [s] of every sweep of which a command printed.
 
-    The sentences are those of `sweeps.engine.watching.summary`.
+    The sentences are those of `sweeps.engine.run.progress.summary`.
     """
     for found in SUMMARY.finditer(output):
         done, reused = (int(found[name].replace(",", "")) for name in ("done", "reused"))

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.repeated import WORKERS, Interval, over_seeds, swept_by_seed
 from benchmarks.reports import Column, Report
 from benchmarks.result_tables import shares, views_of
-from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.run.cluster import ClusterChoice
 
 REPEATS, SEEDS, FRESH, STEP = 20, 10, 2, 1.5
 LAST = 90.0

@@ -14,10 +14,10 @@ from benchmarks import toy
 from benchmarks.phases import timed
 from benchmarks.processes import peak_memory, watch
 from benchmarks.reports import Column, Report, Sample
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.plan import Plan
-from sweeps.engine.run import Place, preview
-from sweeps.engine.settings import Choices
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.store.sweeping import Place, preview
 
 GOAL = 0.2  # ms a cell
 GRIDS = ((4, 31, 3, 4, 3, 5), (4, 50, 10, 4, 5, 5))  # 22,320 cells, as the article's, and 200,000

@@ -19,8 +19,8 @@ from ncti.classify import Similarities, cluster
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from ncti.reproduction import article_figures
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.run import Place
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.store.sweeping import Place
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import cache_folder
 

@@ -13,8 +13,8 @@ from benchmarks import toy
 from benchmarks.commands import CORES, new_folder, sweep
 from benchmarks.phases import timed
 from benchmarks.reports import Column, Report, Sample
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.run import Place
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.store.sweeping import Place
 
 TOY, SHIPS = "toy", "range profiles"
 TOYS = tuple((4, 25, times, 4, 3) for times in (1, 4, 16, 64))  # 1,200 cells, and times that

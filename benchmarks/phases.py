@@ -6,10 +6,10 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sweeps.engine.run import Place, sweep
-from sweeps.engine.schedule import Progress, Schedule, Watch
-from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Experiment
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.declare.stage import Experiment
+from sweeps.engine.run.schedule import Progress, Schedule, Watch
+from sweeps.engine.store.sweeping import Place, sweep
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from scipy import stats
 
 from benchmarks.phases import timed
 from benchmarks.sweeping import CORES, choices_of
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.run import Place
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.store.sweeping import Place
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.classifier import drawn_aspects
 from sweeps.stages.views import cache_folder

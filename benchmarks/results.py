@@ -47,7 +47,7 @@ from benchmarks.result_tables import (
     with_known,
 )
 from ncti.operate.fleets import ARTICLE
-from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.run.cluster import ClusterChoice
 
 SEEDS, LEAST_SEEDS = 20, 2
 DRAWS = 10  # of what takes long: trainings of the multilayered network, and flights

@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks import processes
 from benchmarks.commands import CORES, new_folder, sweep
 from benchmarks.reports import Column, Report
-from sweeps.engine.settings import Run
+from sweeps.engine.declare.settings import Run
 from sweeps.stages.classifier import drawn_aspects
 from sweeps.stages.views import Grid
 

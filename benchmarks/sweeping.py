@@ -8,10 +8,10 @@ from typing import Any
 
 from benchmarks.phases import Timed
 from benchmarks.reports import Column, Report, Sample
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.overrides import read_jobs
-from sweeps.engine.run import Place
-from sweeps.engine.settings import Choices
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.resolve.overrides import read_jobs
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.store.sweeping import Place
 from sweeps.experiment import EXPERIMENT
 
 CORES = 2

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.command import Command
-from sweeps.engine.settings import Choices, Settings, count, number, read_choices, word
-from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.settings import Choices, Settings, count, number, read_choices, word
+from sweeps.engine.declare.stage import Experiment, Group, Output, stage
 
 LENGTH = 1000  # floats of a profile
 NAP = 0.1  # s

@@ -30,7 +30,7 @@ from ncti.ladar.pulse import target_kernel
 from ncti.ladar.reference import reference_range_extent
 from ncti.render import LineImage, available_engines
 from ncti.render.view import View
-from sweeps.engine.process import ONE_THREAD, environment
+from sweeps.engine.run.process import ONE_THREAD, environment
 
 DEPRESSION = 3.84  # of the article's experiment [deg]
 ASPECTS = tuple(range(0, 91, 6))  # [deg]

@@ -24,7 +24,7 @@ from distributed import Client, Worker
 from benchmarks import toy
 from benchmarks.processes import peak_memory, watch
 from benchmarks.reports import Column, Report
-from sweeps.engine import workers as engine
+from sweeps.engine.run import workers as engine
 
 COUNTS = (10, 100, 1000)
 HOSTS = 4  # processes that the workers share

@@ -14,13 +14,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sweeps.engine.interrupts import Stopped, heed, stopping
+from sweeps.engine.run.interrupts import Stopped, heed, stopping
 
 if TYPE_CHECKING:
-    from sweeps.engine.command import Command
-    from sweeps.engine.places import Where
-    from sweeps.engine.run import Finished
-    from sweeps.engine.settings import Choices
+    from sweeps.engine.command.line import Command
+    from sweeps.engine.declare.places import Where
+    from sweeps.engine.declare.settings import Choices
+    from sweeps.engine.store.sweeping import Finished
 
 NAME = "ncti-sweep"
 _until_exit: list[ExitStack] = []
@@ -64,8 +64,8 @@ def _say(sentence: str) -> None:
 def command(*modules: Any) -> Command:
     """Return the command of the experiment, with further modules if any."""
     heed()
-    from sweeps.engine.command import Command
-    from sweeps.engine.process import seek_garbage_less
+    from sweeps.engine.command.line import Command
+    from sweeps.engine.run.process import seek_garbage_less
 
     seek_garbage_less()
     heed()
@@ -83,7 +83,7 @@ def report(store: Where, choices: Choices, finished: Finished) -> None:
 
     Raises SweepIncomplete if another file is in the place of one of these; all others are written.
     """
-    from sweeps.engine.errors import SweepIncomplete
+    from sweeps.engine.declare.errors import SweepIncomplete
     from sweeps.report.own import sentence_of
     from sweeps.report.page.write import is_current
     from sweeps.report.screen import screen
@@ -116,7 +116,7 @@ def report(store: Where, choices: Choices, finished: Finished) -> None:
 @contextmanager
 def _said() -> Iterator[None]:
     """Print a sentence on what cannot be written."""
-    from sweeps.engine.errors import ConfigurationError
+    from sweeps.engine.declare.errors import ConfigurationError
 
     try:
         yield

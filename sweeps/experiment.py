@@ -20,10 +20,10 @@ from ncti.irar.loops import TILTS
 from ncti.ladar.loops import BOXES, FRAMES
 from ncti.render.choice import choose_engine
 from ncti.render.loops import LINES, MASK, of_engine
-from sweeps.engine.kinds import Draws, Kind, SetOf, Word
-from sweeps.engine.process import environment
-from sweeps.engine.settings import Choices, Setting, Settings
-from sweeps.engine.stage import Experiment, Stage
+from sweeps.engine.declare.kinds import Draws, Kind, SetOf, Word
+from sweeps.engine.declare.settings import Choices, Setting, Settings
+from sweeps.engine.declare.stage import Experiment, Stage
+from sweeps.engine.run.process import environment
 from sweeps.stages import views
 from sweeps.stages.benchmark import Benchmark
 from sweeps.stages.classifier import Classifier

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.cluster import InlineExecutor
-from sweeps.engine.index import CellIndex
-from sweeps.engine.packs import cells_of, each_cell
-from sweeps.engine.plan import Plan
-from sweeps.engine.process import one_thread
-from sweeps.engine.run import execute
-from sweeps.engine.schedule import MOST_CELLS, Schedule, Watch
-from sweeps.engine.settings import Choices
-from sweeps.engine.stage import MEASURED, Bound, Experiment
-from sweeps.engine.tasks import forget_all, run_calls
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.packs import cells_of, each_cell
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.declare.stage import MEASURED, Bound, Experiment
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.cluster import InlineExecutor
+from sweeps.engine.run.process import one_thread
+from sweeps.engine.run.schedule import MOST_CELLS, Schedule, Watch
+from sweeps.engine.run.tasks import forget_all, run_calls
+from sweeps.engine.store.sweeping import execute
 
 
 def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CELLS) -> Counter[str]:
@@ -35,7 +35,7 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
     experiment : Experiment
         Its stages; outputs whose role is `MEASURED` may differ.
     choices : Choices
-        Values of its settings, as `sweeps.engine.settings.read_choices` makes them.
+        Values of its settings, as `sweeps.engine.declare.settings.read_choices` makes them.
     most : int
         Cells of a stage that are computed again, spread evenly over all that it has.
 

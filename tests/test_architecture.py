@@ -74,7 +74,36 @@ def test_every_rule_is_of_a_room():
     assert all(name in ROOMS or name.startswith("ncti.") for name in rooms)
 
 
-@pytest.mark.parametrize("path", modules("sweeps/engine"), ids=lambda p: p.name)
+# Floors of the engine, the lowest first; a room imports from those below, and from itself.
+FLOORS = (("declare",), ("resolve",), ("cache",), ("run",), ("store",), ("command", "function"))
+FRONT = {"sweeps.engine", "sweeps.engine.settings", "sweeps.engine.stage"}  # names for users
+
+
+def engine_imports(path: Path) -> set[str]:
+    """Modules of the engine that one of it imports, wherever in it."""
+    known = {name_of(one) for one in modules("sweeps/engine")}
+    return {name for name in imports(path) if name in known} - {name_of(path), *FRONT}
+
+
+@pytest.mark.parametrize("path", modules("sweeps/engine"), ids=name_of)
+def test_rooms_of_the_engine_import_from_those_below(path):
+    if name_of(path) in FRONT:
+        return
+    floor = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+    own = name_of(path).split(".")[2]
+    others = {name.split(".")[2] for name in engine_imports(path)} - {own}
+    assert all(floor[other] < floor[own] for other in others)
+
+
+def test_no_modules_of_the_engine_import_each_other():
+    left = {name_of(path): engine_imports(path) for path in modules("sweeps/engine")}
+    left["sweeps.engine.command"] = set()  # which only names its `Command`
+    while free := {name for name, needed in left.items() if not needed & left.keys()}:
+        left = {name: needed for name, needed in left.items() if name not in free}
+    assert left == {}
+
+
+@pytest.mark.parametrize("path", modules("sweeps/engine"), ids=name_of)
 def test_the_engine_has_no_word_of_the_experiment(path):
     text = path.read_text(encoding="utf-8")  # its comments, too
     assert [line for line in text.splitlines() if re.search(OF_THE_EXPERIMENT, line)] == []

@@ -19,12 +19,12 @@ from documentation import DOCS, PAGES, ROOT, blocks, commands, fences, text_of
 from once import sharing_ships
 
 import ncti.ships
-from sweeps.engine.command import Command
-from sweeps.engine.overrides import read_jobs
-from sweeps.engine.places import Objects
-from sweeps.engine.provenance import check_extends, provenance
-from sweeps.engine.settings import Run
-from sweeps.engine.zarr_array import nested, plain
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.settings import Run
+from sweeps.engine.declare.storable import nested, plain
+from sweeps.engine.resolve.overrides import read_jobs
+from sweeps.engine.store.provenance import check_extends, provenance
 from sweeps.experiment import EXPERIMENT
 
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sweeps.engine.kinds import spelt
+from sweeps.engine.declare.kinds import spelt
 from sweeps.experiment import EXPERIMENT
 
 PAGE = Path(__file__).resolve().parents[1] / "settings.md"

@@ -5,9 +5,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from sweeps.engine.kinds import Count, Draws, Number, Switch
-from sweeps.engine.settings import Setting, Unit
-from sweeps.engine.stage import Stage
+from sweeps.engine.declare.kinds import Count, Draws, Number, Switch
+from sweeps.engine.declare.settings import Setting, Unit
+from sweeps.engine.declare.stage import Stage
 from sweeps.experiment import stages_of
 from sweeps.stages import infrared, ladar, views
 

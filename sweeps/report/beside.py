@@ -15,8 +15,8 @@ import yaml
 from ncti import ships
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.reproduction import article_figures
-from sweeps.engine.kinds import Draws
-from sweeps.engine.settings import Settings, flatten
+from sweeps.engine.declare.kinds import Draws
+from sweeps.engine.declare.settings import Settings, flatten
 from sweeps.report.words import missing
 from sweeps.stages.acn import Network
 from sweeps.stages.classifier import Classifier, RandomAspects

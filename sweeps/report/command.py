@@ -18,7 +18,7 @@ def main() -> None:
     with 2 if the store cannot be read.
     """
     arguments = _parser().parse_args()
-    from sweeps.engine.process import forgiving
+    from sweeps.engine.run.process import forgiving
     from sweeps.report.screen import complain
 
     with forgiving() as lost:
@@ -33,7 +33,7 @@ def main() -> None:
 def _reported(arguments: argparse.Namespace) -> int:
     """Print and write what a command line asks for; return the status."""
     # Imported here, so that `--help` and `--version` are quick.
-    from sweeps.engine.errors import ConfigurationError
+    from sweeps.engine.declare.errors import ConfigurationError
     from sweeps.report.own import sentence_of
     from sweeps.report.pictures import write_pictures
     from sweeps.report.screen import complain, screen
@@ -61,7 +61,7 @@ def _reported(arguments: argparse.Namespace) -> int:
 
 def _place(given: str) -> Any:
     """Return a store's URL, or its absolute path; refuse other URLs."""
-    from sweeps.engine.places import where
+    from sweeps.engine.declare.places import where
 
     place = where("store", given)
     return place.absolute() if isinstance(place, Path) else place

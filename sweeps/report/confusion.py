@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from sweeps.engine.display import Display, Figure
+from sweeps.engine.declare.display import Display, Figure
 from sweeps.report.frames import DRAWS, Frame, stacked, tidy
 from sweeps.report.stores import groups, read
 

@@ -11,8 +11,8 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from sweeps.engine.display import ATTRIBUTE, Display, Figure, read_display
-from sweeps.engine.places import Where, where
+from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, read_display
+from sweeps.engine.declare.places import Where, where
 from sweeps.report.beside import with_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
 from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of
@@ -164,7 +164,7 @@ def frame(path: Where, name: str) -> pd.DataFrame:
 
 def chosen(frames: Mapping[str, Frame], name: str) -> Frame:
     """Return the table of a name. Raises ConfigurationError, which lists the names."""
-    from sweeps.engine.errors import ConfigurationError
+    from sweeps.engine.declare.errors import ConfigurationError
 
     if name not in frames:
         raise ConfigurationError(f"table is {name!r}, but must be one of {', '.join(frames)}")

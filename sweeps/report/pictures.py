@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.manifest import manifest_of
-from sweeps.engine.places import Where
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import Where
+from sweeps.engine.store.manifest import manifest_of
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page

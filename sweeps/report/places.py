@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sweeps.engine.places import Where, namesake
+from sweeps.engine.declare.places import Where, namesake
 
 SUFFIX = ".zarr"
 

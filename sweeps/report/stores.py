@@ -10,11 +10,11 @@ from typing import Any
 import xarray as xr
 import zarr
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.manifest import verify
-from sweeps.engine.places import Where, where
-from sweeps.engine.store import zarr_store
-from sweeps.engine.zarr_array import nested
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import Where, where
+from sweeps.engine.declare.storable import nested
+from sweeps.engine.store.manifest import verify
+from sweeps.engine.store.writing import zarr_store
 from sweeps.report.words import MAIN, preferred, printable
 
 ERRORS = "range_profile/profile_error"

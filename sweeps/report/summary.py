@@ -9,8 +9,8 @@ from typing import Any
 
 from rich.console import Console
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.places import Where
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import Where
 from sweeps.report.compare import compare, compared_name, sentences
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from sweeps.engine.places import Where
+from sweeps.engine.declare.places import Where
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
 
 if TYPE_CHECKING:
-    from sweeps.engine.schedule import Progress
+    from sweeps.engine.run.schedule import Progress
 
 NAME = "stages"
 COLUMNS = {

@@ -20,9 +20,9 @@ from ncti.classify.blocks import HELD_ROWS, row_blocks
 from ncti.classify.directions import NO_CATEGORY
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.settings import Run, Settings, count, draws, number, switch, word
-from sweeps.engine.stage import At, Output, in_memory, inner, plain
+from sweeps.engine.declare.settings import Run, Settings, count, draws, number, switch, word
+from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
+from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views, in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared

@@ -32,9 +32,9 @@ from ncti.data.splits import (
 from ncti.data.vectors import to_numpy
 from ncti.evaluate.summary import tabulate_differences, tabulate_rows
 from ncti.features import profile_vector
-from sweeps.engine.display import Display, Figure
-from sweeps.engine.settings import Choices, Run, Settings, count, set_of, word
-from sweeps.engine.stage import (
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.settings import Choices, Run, Settings, count, set_of, word
+from sweeps.engine.declare.stage import (
     RNG,
     Group,
     Output,

@@ -14,10 +14,28 @@ from ncti.evaluate.answers import VIEW
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import map_vector, profile_vector
 from ncti.ships.perturbation import MOST_SCALE, Variant
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.settings import Choices, Run, Settings, count, number, set_of, switch, word
-from sweeps.engine.stage import STATE, At, Group, Output, Status, coordinate, in_memory, plain
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.settings import (
+    Choices,
+    Run,
+    Settings,
+    count,
+    number,
+    set_of,
+    switch,
+    word,
+)
+from sweeps.engine.declare.stage import (
+    STATE,
+    At,
+    Group,
+    Output,
+    Status,
+    coordinate,
+    in_memory,
+    plain,
+)
+from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
@@ -27,7 +45,7 @@ from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles, refuse, r
 if TYPE_CHECKING:
     import xarray as xr
 
-    from sweeps.engine.stage import Condition, Declare, Stage, Table
+    from sweeps.engine.declare.stage import Condition, Declare, Stage, Table
 
 Views = NDArray[np.bool_]
 Ships = NDArray[np.integer]

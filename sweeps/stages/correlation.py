@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify.blocks import row_blocks
-from sweeps.engine.settings import Choices, Settings, word
-from sweeps.engine.stage import Output, in_memory
+from sweeps.engine.declare.settings import Choices, Settings, word
+from sweeps.engine.declare.stage import Output, in_memory
 from sweeps.stages import classifier
 from sweeps.stages.classifier import NONE, Classifier, Views
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse

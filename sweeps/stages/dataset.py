@@ -18,9 +18,18 @@ from ncti.data.rows import ONLY_RADAR, ROWS, VARIABLES
 from ncti.data.views import SENSORS
 from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
-from sweeps.engine.display import Display, Figure
-from sweeps.engine.settings import Choices, Run, Settings, count, draws, set_of, vector, word
-from sweeps.engine.stage import Condition, Group, Output, coordinate
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.settings import (
+    Choices,
+    Run,
+    Settings,
+    count,
+    draws,
+    set_of,
+    vector,
+    word,
+)
+from sweeps.engine.declare.stage import Condition, Group, Output, coordinate
 from sweeps.stages import views
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar

@@ -17,11 +17,11 @@ from ncti.checks import NothingSeenError
 from ncti.irar import Chain, Flight, Pass, Scan, Snapshot
 from ncti.irar import corrected as comparison
 from ncti.irar.scene import plan_scan
-from sweeps.engine.display import Display, Figure
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Value
-from sweeps.engine.settings import Choices, Run, Setting
-from sweeps.engine.stage import Output, coordinate, in_memory, inner, plain
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import Value
+from sweeps.engine.declare.settings import Choices, Run, Setting
+from sweeps.engine.declare.stage import Output, coordinate, in_memory, inner, plain
 from sweeps.stages import irar, views
 from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins

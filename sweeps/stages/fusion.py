@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ncti.classify.blocks import HELD_ROWS, ROWS, row_blocks
 from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
-from sweeps.engine.settings import Choices
-from sweeps.engine.stage import At, Output, Stream, coordinate, stage
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.declare.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared

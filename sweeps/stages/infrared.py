@@ -24,10 +24,18 @@ from ncti.labels import data_set
 from ncti.ladar import spread_place
 from ncti.render import LineImage, RangeImage
 from ncti.render.loops import MASK
-from sweeps.engine.display import Display, Figure
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.settings import Choices, Run, Setting, Settings, count, draws, number, word
-from sweeps.engine.stage import (
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.settings import (
+    Choices,
+    Run,
+    Setting,
+    Settings,
+    count,
+    draws,
+    number,
+    word,
+)
+from sweeps.engine.declare.stage import (
     SHARE,
     Group,
     Output,
@@ -38,6 +46,7 @@ from sweeps.engine.stage import (
     plain,
     stage,
 )
+from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import views
 from sweeps.stages.views import Arrays, Grid, looks, quantity
 

@@ -15,11 +15,20 @@ from ncti.irar.chain import MIRROR_METHODS, RANGE_FILTERS
 from ncti.irar.corrected import EXACT, NO_ERROR, RATES
 from ncti.irar.registration import MOTION_METHODS
 from ncti.ladar.budget import power_ratio
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.kinds import Kind, Number, Value
-from sweeps.engine.settings import NO_RESULT, Setting, Settings, count, number, set_of, switch, word
-from sweeps.engine.stage import Group
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import Kind, Number, Value
+from sweeps.engine.declare.settings import (
+    NO_RESULT,
+    Setting,
+    Settings,
+    count,
+    number,
+    set_of,
+    switch,
+    word,
+)
+from sweeps.engine.declare.stage import Group
+from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.ships import ships
 from sweeps.stages.views import IRAR, MOST_FRAMES, SI, STATUS, Grid, Render, looks, quantity
@@ -53,11 +62,11 @@ class Errors(Kind):
 
     @property
     def allowed(self) -> str:
-        """See `sweeps.engine.kinds.Kind.allowed`."""
+        """See `sweeps.engine.declare.kinds.Kind.allowed`."""
         return f"a mapping that gives values to some of {', '.join(self.fields)}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
-        """(parameter, error) pairs, `none` first; see `sweeps.engine.kinds.Kind.values`."""
+        """(parameter, error) pairs, `none` first; see `sweeps.engine.declare.kinds.Kind.values`."""
         if not isinstance(given, Mapping):
             value = "null" if given is None else repr(given)
             raise ConfigurationError(f"{key} is {value}, but must be {self.allowed}")

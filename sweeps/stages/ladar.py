@@ -19,9 +19,9 @@ from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.ladar.window import longer_window
 from ncti.render import LineImage, RangeImage
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.settings import Choices, Run, Setting, Settings, count, number, word
-from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
+from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, count, number, word
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
+from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import views
 from sweeps.stages.views import RANGE, STATUS, Arrays, Floats, Grid, Render, Sweep, looks, quantity
 

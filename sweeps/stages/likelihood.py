@@ -17,9 +17,9 @@ from ncti.features.profile import estimated_floor
 from ncti.ladar import spread_place
 from ncti.ladar.places import TEMPLATE_PLACES, Place
 from ncti.ships import names
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.settings import Choices, Run, Settings, draws, number, switch
-from sweeps.engine.stage import NOWHERE, Output, Stream, in_memory, plain, stage
+from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number, switch
+from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plain, stage
+from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Ships, Views
 from sweeps.stages.ladar import Ladar, expected, extent, ifovs, on_side

@@ -17,8 +17,8 @@ from ncti.checks import NothingSeenError
 from ncti.evaluate import tabulate_scores
 from ncti.irar import ShipPixels, measured_extent
 from ncti.ladar import expected_profile, no_return
-from sweeps.engine.settings import Choices
-from sweeps.engine.stage import NOWHERE, Output, Stream, coordinate, in_memory, plain
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.declare.stage import NOWHERE, Output, Stream, coordinate, in_memory, plain
 from sweeps.stages import acn, classifier, ladar, views
 from sweeps.stages.acn import Network, TrainingSet
 from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Views

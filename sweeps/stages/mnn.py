@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ncti.classify.blocks import row_blocks
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
-from sweeps.engine.settings import Settings, count, number, switch, word
-from sweeps.engine.stage import Output, Stream, inner, plain
+from sweeps.engine.declare.settings import Settings, count, number, switch, word
+from sweeps.engine.declare.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Views
 from sweeps.stages.ladar import Ladar

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ncti import operate as library
 from ncti.infrared import footprint
 from ncti.operate import Seen, tables
-from sweeps.engine.display import Display, Figure
-from sweeps.engine.settings import Choices, Settings, count
-from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.settings import Choices, Settings, count
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.infrared import Infrared, check_window
 from sweeps.stages.ladar import BEAM, FULL, Ladar, cnr_at_range

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ncti.render import cast_rays
 from ncti.render.view import View
 from ncti.ships.errors import printable
-from sweeps.engine.settings import Choices
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.stages.ships import ShipName, ship_name
 from sweeps.stages.views import Grid, description, hull
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ncti import reproduction as library
 from ncti.labels import data_set
-from sweeps.engine.display import Display, Figure
-from sweeps.engine.settings import Choices, Run, Settings, count, draws
-from sweeps.engine.stage import Group, Output, Stream, coordinate
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.settings import Choices, Run, Settings, count, draws
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate
 from sweeps.stages import views
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import Arrays, Grid, looks

@@ -19,8 +19,17 @@ from ncti.ladar import RangeExtent, expected_profile, range_extent
 from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
-from sweeps.engine.settings import Choices, Settings, count
-from sweeps.engine.stage import MEASURED, Group, Output, Stream, in_memory, inner, plain, stage
+from sweeps.engine.declare.settings import Choices, Settings, count
+from sweeps.engine.declare.stage import (
+    MEASURED,
+    Group,
+    Output,
+    Stream,
+    in_memory,
+    inner,
+    plain,
+    stage,
+)
 from sweeps.stages import views
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors

@@ -20,9 +20,9 @@ from ncti.ladar import RangeExtent, banded_frame_moments
 from ncti.ladar.window import EDGE
 from ncti.search import Box, Field, Imager, Laser, Rates, Survey, Target
 from ncti.search.visits import identify_visits, known_similarity, search_outcome, visit_templates
-from sweeps.engine.display import Display, Figure
-from sweeps.engine.settings import Choices, Settings, Unit, count, number, word
-from sweeps.engine.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.settings import Choices, Settings, Unit, count, number, word
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from ncti.evaluate.rejection import ENDS
-from sweeps.engine.display import Display, Figure
+from sweeps.engine.declare.display import Display, Figure
 
 _percent = partial(Figure, percent=True, format=".0f")
 

@@ -10,9 +10,9 @@ from typing import Any
 from ncti.ships import ShipError, Transform, names
 from ncti.ships.loading import LONGEST_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
 from ncti.ships.transform import AXES, FARTHEST, LARGEST_SCALE, SMALLEST_SCALE
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Text, Value, Word, ascending, shown
-from sweeps.engine.settings import (
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import Text, Value, Word, ascending, shown
+from sweeps.engine.declare.settings import (
     Setting,
     Settings,
     number,
@@ -98,7 +98,7 @@ class Ships(Text):
 
     @property
     def allowed(self) -> str:
-        """See `sweeps.engine.kinds.Kind.allowed`."""
+        """See `sweeps.engine.declare.kinds.Kind.allowed`."""
         return "a ship, or a list of ships"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:

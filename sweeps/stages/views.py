@@ -24,10 +24,10 @@ from ncti.render.flight import DEPRESSION, depression_angle
 from ncti.render.loops import LINES
 from ncti.render.view import ROLL
 from ncti.ships import Transform
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import SetOf, spelt
-from sweeps.engine.process import CACHE
-from sweeps.engine.settings import (
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import SetOf, spelt
+from sweeps.engine.declare.settings import (
+    CACHE,
     Choices,
     Setting,
     Settings,
@@ -38,7 +38,7 @@ from sweeps.engine.settings import (
     set_of,
     word,
 )
-from sweeps.engine.stage import Condition, Stage, Status, in_memory, plain
+from sweeps.engine.declare.stage import Condition, Stage, Status, in_memory, plain
 from sweeps.stages.ships import ShipFile, ShipName, ships
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from scipy import stats
 from benchmarks import coverage, pages, repeated, result_flights, results
 from benchmarks.repeated import bins_of, multiples, over_seeds
 from benchmarks.sweeping import choices_of
-from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.stages.irar import Irar
 
 ENDS = (0.0, 30.0, 60.0, 90.0)

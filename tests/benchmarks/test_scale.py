@@ -5,7 +5,7 @@ import pytest
 from benchmarks import __main__ as command
 from benchmarks import scale
 from sweeps.app import command as sweeping
-from sweeps.engine.overrides import read_jobs
+from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid
 

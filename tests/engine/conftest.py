@@ -7,8 +7,9 @@ import buckets
 import pytest
 from executors import eventually, running_server, silent
 
-from sweeps.engine import workers
-from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.run import workers
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.executors import executor
 
 
 @pytest.fixture(scope="module")

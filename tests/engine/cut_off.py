@@ -12,7 +12,7 @@ from pathlib import Path
 from executors import eventually, meanwhile, running_server
 from toys import Few, run_few
 
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.declare.stage import Group, Output, stage
 
 MINUTE = 60.0
 MARKS = "SWEEP_TEST_MARKS"  # variable of the folder

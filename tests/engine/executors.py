@@ -16,9 +16,10 @@ import pytest
 from distributed.security import Security
 from threadpoolctl import threadpool_info
 
-from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.process import ONE_THREAD
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.executors import executor
+from sweeps.engine.run.process import ONE_THREAD
 
 QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 IMPORTS = f"{Path(__file__).parent}:{Path(__file__).parents[2]}"

@@ -45,7 +45,7 @@ def main():
     import xarray  # noqa: F401  which tables need
     from toys import go
 
-    from sweeps.engine.places import Objects
+    from sweeps.engine.cache.objects import Objects
 
     for line in sys.stdin:
         moment, folder, store, cache, asked = json.loads(line)

@@ -4,9 +4,9 @@ import hashlib
 
 import numpy as np
 
-from sweeps.engine.packs import Pack, Packing, Spots, cells_of, read_cells
-from sweeps.engine.places import Objects
-from sweeps.engine.stage import Output
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import Pack, Packing, Spots, cells_of, read_cells
+from sweeps.engine.declare.stage import Output
 
 SMALL = [Output(f"output {number}", ("row",), "f8") for number in range(2)]
 """What `small` returns."""

@@ -18,7 +18,7 @@ from pathlib import Path
 import xarray  # noqa: F401  which tables need
 from toys import SPRINGS
 
-from sweeps.engine.command import Command
+from sweeps.engine.command.line import Command
 
 
 def report(store, choices, finished):

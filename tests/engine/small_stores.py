@@ -8,10 +8,10 @@ import warnings
 import numpy as np
 import xarray as xr
 
-from sweeps.engine.manifest import verify
-from sweeps.engine.places import Objects
-from sweeps.engine.store import zarr_store
-from sweeps.engine.zarr_array import Array, Group
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.store.arrays import Array, Group
+from sweeps.engine.store.manifest import verify
+from sweeps.engine.store.writing import zarr_store
 
 SHAPE = (5, 7, 3)
 CHUNKS = (2, 3, 3)

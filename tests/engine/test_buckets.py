@@ -9,12 +9,12 @@ from running import python
 from small_stores import below, contents, files, opened
 from toys import CALLS, SPRINGS, Told, go
 
-from sweeps.engine.command import Command
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.locks import locked
-from sweeps.engine.manifest import verify
-from sweeps.engine.places import Objects
-from sweeps.engine.store import read_attributes
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.store.locks import locked
+from sweeps.engine.store.manifest import verify
+from sweeps.engine.store.writing import read_attributes
 
 
 def test_a_store_grows_as_one_of_a_single_sweep(place, tmp_path):
@@ -109,7 +109,7 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
 SWEEP = """
 import sys
 sys.path[:0] = {paths!r}
-from sweeps.engine.command import Command
+from sweeps.engine.command.line import Command
 from toys import SPRINGS
 sys.exit(Command(SPRINGS).main(sys.argv[1:]))
 """

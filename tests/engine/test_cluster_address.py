@@ -10,8 +10,8 @@ import pytest
 from distributed.security import Security
 from executors import fails_with, written
 
-from sweeps.engine import workers
-from sweeps.engine.cluster import ClusterChoice
+from sweeps.engine.run import workers
+from sweeps.engine.run.cluster import ClusterChoice
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.run.cluster import ClusterChoice
 
 TLS = {"kind": "address", "address": "tls://10.0.0.1:8786"}
 OPEN = {"kind": "address", "address": "tcp://10.0.0.1:1"}

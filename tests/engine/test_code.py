@@ -11,10 +11,10 @@ import pytest
 import yaml
 from running import ROOT, python
 
-from sweeps.engine import code, modules
-from sweeps.engine.code import Code, place_of
-from sweeps.engine.modules import SOURCES, distributions, place, versions
-from sweeps.engine.stage import Stage
+from sweeps.engine.declare.stage import Stage
+from sweeps.engine.resolve import code, modules
+from sweeps.engine.resolve.code import Code, place_of
+from sweeps.engine.resolve.modules import SOURCES, distributions, place, versions
 
 ROOTS = frozenset({"fleet", "yard"})
 
@@ -73,7 +73,7 @@ def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, diges
     folder = write(tmp_path / "here", PROJECT)
     copy = shutil.copytree(folder, tmp_path / "over" / "there")
     script = (
-        "import fleet.measure, sweeps.engine.code as code;"
+        "import fleet.measure, sweeps.engine.resolve.code as code;"
         "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest)"
     )
     printed = {
@@ -123,7 +123,9 @@ def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
 
 
 def test_the_engine_is_left_out(tmp_path, digest_in):
-    text = "from sweeps.engine.errors import ConfigurationError as E\ndef length(): raise E\n"
+    text = (
+        "from sweeps.engine.declare.errors import ConfigurationError as E\ndef length(): raise E\n"
+    )
     found = digest_in(write(tmp_path, {"fleet/measure.py": text}), roots=ROOTS | {"sweeps"})
     assert [*found.parts] == ["code of fleet.measure.length"]
     assert found.libraries == {}
@@ -157,7 +159,7 @@ def test_a_library_counts_once_it_is_there(tmp_path, digest_in):
 
 def test_a_script_counts_like_a_module(tmp_path):
     script = (
-        "import json, sys\nimport loose\nfrom sweeps.engine.code import Code, place_of\n"
+        "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code, place_of\n"
         "def length(): return loose\n"
         "found = Code(frozenset()).digest(length)\n"
         "print(json.dumps([found.digest, [*found.parts]]))\n"

@@ -14,8 +14,8 @@ import yaml
 from small_stores import files
 from toys import CALLS, SPRINGS, go
 
-from sweeps.engine.command import Command
-from sweeps.engine.kinds import spelt
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.kinds import spelt
 
 
 @pytest.fixture

@@ -14,13 +14,14 @@ from small_stores import contents, files
 from threadpoolctl import threadpool_limits
 from toys import go
 
-from sweeps.engine import workers
-from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.manifest import Manifest
-from sweeps.engine.places import Objects
-from sweeps.engine.store import put_chunks
-from sweeps.engine.zarr_array import METADATA, Array
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.run import workers
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.executors import executor
+from sweeps.engine.store.arrays import METADATA, Array
+from sweeps.engine.store.manifest import Manifest
+from sweeps.engine.store.writing import put_chunks
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 

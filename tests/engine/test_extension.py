@@ -9,9 +9,9 @@ import pytest
 from small_stores import contents, opened
 from toys import CALLS, SPRINGS, go, having, run
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import Joint, Settings, count, read_choices, text
-from sweeps.engine.stage import Experiment, Group, Output, plain, stage
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.settings import Joint, Settings, count, read_choices, text
+from sweeps.engine.declare.stage import Experiment, Group, Output, plain, stage
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
 GROWN = {

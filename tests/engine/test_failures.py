@@ -8,11 +8,11 @@ from packed import pack_files
 from small_stores import contents, files, opened
 from toys import CALLS, Few, Told, go, of, run
 
-from sweeps.engine.packs import Packing
-from sweeps.engine.places import Objects
-from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Group, Output, Status, in_memory, stage
-from sweeps.engine.store import read_attributes
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import Packing
+from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.declare.stage import Group, Output, Status, in_memory, stage
+from sweeps.engine.store.writing import read_attributes
 
 STIFF = "ValueError: too [stiff]"
 

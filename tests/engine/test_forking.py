@@ -7,8 +7,9 @@ import psutil
 from executors import IMPORTS as SEARCH
 from executors import result_of, running_server, silent
 
-from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.forking import start_method, worth_importing
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.executors import executor
+from sweeps.engine.run.forking import start_method, worth_importing
 
 IMPORTS = ("wave",)  # which nothing else imports, nor `tabnanny`
 
@@ -40,7 +41,8 @@ sys.ps1 = ">>> "  # as at a prompt
 sys.path.insert(0, ".")
 sys.dont_write_bytecode = True
 from executors import result_of, silent
-from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.run.executors import executor
+from sweeps.engine.run.cluster import ClusterChoice
 if __name__ == "__main__":
     for number in (1, 2):
         pathlib.Path("edited.py").write_text(f"def given(): return {number}")
@@ -62,7 +64,7 @@ def test_a_module_that_is_edited_at_a_prompt_is_run_as_it_is_now(tmp_path):
 
 def test_the_process_ends_with_the_one_that_started_it():
     source = (
-        "from executors import running_server; from sweeps.engine.forking import start_method; "
+        "from executors import running_server; from sweeps.engine.run.forking import start_method; "
         "start_method([]); print(running_server().pid)"
     )
     found = subprocess.run(

@@ -15,7 +15,7 @@ import pytest
 
 import ncti
 import sweeps
-from sweeps.engine.errors import CallsFailed, ConfigurationError
+from sweeps.engine.declare.errors import CallsFailed, ConfigurationError
 
 CALLS: list[tuple[float, float]] = []
 
@@ -218,9 +218,9 @@ def test_a_script_without_guard_is_refused_in_a_sentence(tmp_path):
     lines = ran.stderr.splitlines()
     assert ran.returncode == 1 and len(lines) < 10
     assert lines[-1] == (
-        "sweeps.engine.errors.ConfigurationError: cluster is local, whose workers run job.py "
-        'again, but line 8 of it is not guarded; put it under `if __name__ == "__main__":`, or '
-        "use inline"
+        "sweeps.engine.declare.errors.ConfigurationError: cluster is local, whose workers run "
+        'job.py again, but line 8 of it is not guarded; put it under `if __name__ == "__main__":`, '
+        "or use inline"
     )
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as of_numpy
 
 import sweeps
-from sweeps.engine.errors import CallsFailed, ConfigurationError, DeclarationError
+from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, DeclarationError
 
 FREQUENCY = np.array([1.0, 10.0, 100.0])
 CALLS: list[object] = []

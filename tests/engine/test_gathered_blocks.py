@@ -11,9 +11,9 @@ from packed import keys
 from small_stores import opened
 from toys import Few, run_few
 
-from sweeps.engine.packs import Packing, Spots, cells_of
-from sweeps.engine.stage import At, Group, Output, stage
-from sweeps.engine.tasks import Damaged, Gathered, Step
+from sweeps.engine.cache.packs import Packing, Spots, cells_of
+from sweeps.engine.declare.stage import At, Group, Output, stage
+from sweeps.engine.run.tasks import Damaged, Gathered, Step
 
 BOTH = Group("both")
 ROWS = 20_000  # of a cell

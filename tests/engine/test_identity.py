@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from running import ROOT, python
 
 import sweeps
-from sweeps.engine.code import Code
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.resolve.code import Code
 
 NUMBERS = [1.0, 2.0]
 PATHS = f"{ROOT}:{ROOT}/tests:{Path(__file__).parent}"

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from packed import SMALL, keys, small, whole, write_pack, written
 from running import ROOT
 
-from sweeps.engine.index import CellIndex
-from sweeps.engine.packs import Pack, Packing, cells_of, declared
-from sweeps.engine.places import Objects
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import Pack, Packing, cells_of, declared
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ import os, sys, threading, time
 from pathlib import Path
 import numpy as np
 from packed import write_pack
-from sweeps.engine.packs import cells_of
+from sweeps.engine.cache.packs import cells_of
 cells = cells_of(Path(sys.argv[1]))
 write_pack(cells, "stage", ["done"], [{"a": np.float64(4)}])
 print("begins", flush=True)

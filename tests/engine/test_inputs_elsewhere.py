@@ -6,7 +6,7 @@ import pytest
 from small_stores import opened
 from toys import SPRINGS, having, run, without
 
-from sweeps.engine.settings import Joint, read_choices
+from sweeps.engine.declare.settings import Joint, read_choices
 
 # Nothing gathers the springs, which then may run together with other settings.
 FEWER = having(without(SPRINGS, "answers"), tables=())

@@ -10,10 +10,11 @@ import pytest
 from small_stores import files
 from toys import SPRINGS, go, having
 
-from sweeps.engine import run, store
-from sweeps.engine.command import Command
-from sweeps.engine.interrupts import Stopped, heed, heeding, interruptible, stopping
-from sweeps.engine.stage import Table
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.stage import Table
+from sweeps.engine.run.interrupts import Stopped, heed, heeding, interruptible, stopping
+from sweeps.engine.store import sweeping as run
+from sweeps.engine.store import writing as store
 
 SMALL = {"spring__stiffness": [1, 2], "spring__mass": 1}
 TYPED = ["spring.stiffness=[1,2]", "spring.mass=1"]

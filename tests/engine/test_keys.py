@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sweeps.engine.keys import digest, distinct, fold, hashed, joined, spelt_key
+from sweeps.engine.resolve.keys import digest, distinct, fold, hashed, joined, spelt_key
 
 HALVES = st.integers(0, 2).map(lambda n: n * (2**63 - 1))
 

@@ -15,8 +15,9 @@ from executors import eventually, refuse_odd, result_of
 from small_stores import opened
 from toys import Few, run_few
 
-from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.declare.stage import Group, Output, stage
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.executors import executor
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -105,7 +106,7 @@ def test_no_more_workers_than_tasks_and_nothing_left_behind():
 SPRINGS_IN_A_TERMINAL = """
 import signal, sys
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
-from sweeps.engine.command import Command
+from sweeps.engine.command.line import Command
 from toys import SPRINGS
 sys.exit(Command(SPRINGS).main(sys.argv[1:]))
 """
@@ -158,7 +159,8 @@ def ended(process):
 def test_workers_end_with_a_driver_that_is_killed():
     code = """
 import os, sys, time
-from sweeps.engine.cluster import ClusterChoice, executor
+from sweeps.engine.run.executors import executor
+from sweeps.engine.run.cluster import ClusterChoice
 
 if __name__ == "__main__":
     with executor(ClusterChoice(workers=1), say=print) as run:

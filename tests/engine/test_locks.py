@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 from small_stores import below
 
-from sweeps.engine import locks
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.locks import is_locked, locked
-from sweeps.engine.places import Objects
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.store import locks
+from sweeps.engine.store.locks import is_locked, locked
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from sweeps.engine import locks
+from sweeps.engine.store import locks
 
 locks.RENEWED = 0.1
 place = sys.argv[1] if ":" in sys.argv[1] else Path(sys.argv[1])

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 from toys import SPRINGS, Few, Measured, Spring, period, solver
 
-from sweeps.engine.errors import DeclarationError
-from sweeps.engine.settings import Settings, count, number
-from sweeps.engine.stage import Experiment, Group, Output, Status, Stream, Table, stage
+from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.settings import Settings, count, number
+from sweeps.engine.declare.stage import Experiment, Group, Output, Status, Stream, Table, stage
 
 
 class Named(Settings, key="named"):

@@ -9,8 +9,8 @@ import yaml
 from small_stores import files, opened
 from toys import CALLS, SPRINGS, go
 
-from sweeps.engine.command import Command
-from sweeps.engine.store import read_attributes
+from sweeps.engine.command.line import Command
+from sweeps.engine.store.writing import read_attributes
 
 
 @pytest.fixture

@@ -16,11 +16,12 @@ from packed import SMALL, keys, pack_files, same, small, spots, write_pack, writ
 from small_stores import files
 from toys import Told, go
 
-from sweeps.engine import packs, places
-from sweeps.engine.index import CellIndex
-from sweeps.engine.packs import Pack, cells_of, described_pack, read_cells
-from sweeps.engine.places import Objects
-from sweeps.engine.stage import Output
+from sweeps.engine.cache import objects as places
+from sweeps.engine.cache import packs
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import Pack, cells_of, described_pack, read_cells
+from sweeps.engine.declare.stage import Output
 
 HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
 

@@ -9,9 +9,10 @@ import pytest
 from buckets import SECRET
 from small_stores import below
 
-from sweeps.engine import places
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.places import Objects, where
+from sweeps.engine.cache import objects as places
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import where
 
 
 def test_objects_of_either_kind_behave_alike(place):

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toys import SPRINGS, having, period
 
-from sweeps.engine.plan import Plan
-from sweeps.engine.settings import Settings, number, read_choices
-from sweeps.engine.stage import Experiment, Group, Output, stage
+from sweeps.engine.declare.settings import Settings, number, read_choices
+from sweeps.engine.declare.stage import Experiment, Group, Output, stage
+from sweeps.engine.resolve.plan import Plan
 
 
 def planned(**given):

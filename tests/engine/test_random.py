@@ -17,8 +17,8 @@ from killed import killed_at
 from small_stores import contents
 from toys import Told, go
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.store import recover
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.store.writing import recover
 
 AXES = {
     "spring__stiffness": [1.0, 2.0, 3.0, 4.0],

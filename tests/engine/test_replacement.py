@@ -16,11 +16,11 @@ import pytest
 import xarray as xr
 from small_stores import COUNTS, array, below, contents, files, opened, small
 
-from sweeps.engine.locks import locked
-from sweeps.engine.manifest import verify
-from sweeps.engine.places import Objects
-from sweeps.engine.store import read_attributes, recover, write_store, zarr_store
-from sweeps.engine.zarr_array import Array, Group
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.store.arrays import Array, Group
+from sweeps.engine.store.locks import locked
+from sweeps.engine.store.manifest import verify
+from sweeps.engine.store.writing import read_attributes, recover, write_store, zarr_store
 
 
 def grown(rows):
@@ -167,7 +167,7 @@ def test_an_interrupt_leaves_the_old_store(tmp_path, monkeypatch, where):
     if where == "read":
         groups["z"] = Group({"x": array(COUNTS, read=interrupt)})
     if where == "manifest":
-        monkeypatch.setattr("sweeps.engine.manifest.seal", interrupt)
+        monkeypatch.setattr("sweeps.engine.store.manifest.seal", interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_store(path, groups, {})
     assert os.listdir(tmp_path) == ["s.zarr"]
@@ -179,8 +179,8 @@ import os, sys
 from pathlib import Path
 from small_stores import small
 
-from sweeps.engine.locks import locked
-from sweeps.engine.store import write_store
+from sweeps.engine.store.locks import locked
+from sweeps.engine.store.writing import write_store
 
 path = Path(sys.argv[1])
 for _ in sys.stdin:  # for each line a writer, until it is killed

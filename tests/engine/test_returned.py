@@ -10,9 +10,9 @@ from hypothesis.extra.numpy import arrays
 from small_stores import opened
 from toys import CALLS, Few, of, run_few
 
-from sweeps.engine.errors import DeclarationError
-from sweeps.engine.stage import SHARE, Group, Output, stage
-from sweeps.engine.tasks import arrays_of
+from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.stage import SHARE, Group, Output, stage
+from sweeps.engine.run.tasks import arrays_of
 
 
 def returned(dtype, value, dims=0, along=()):

@@ -8,16 +8,16 @@ from running import python
 from small_stores import opened
 from toys import Few, of, run_few
 
-from sweeps.engine.plan import Plan
-from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.declare.stage import Group, Output, stage
+from sweeps.engine.resolve.plan import Plan
 
 SCRIPT = """
 import sys
 from pathlib import Path
-from sweeps.engine.command import Command
-from sweeps.engine.settings import Settings, count
-from sweeps.engine.stage import Experiment, Group, Output, in_memory, stage
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.settings import Settings, count
+from sweeps.engine.declare.stage import Experiment, Group, Output, in_memory, stage
 
 class Few(Settings, key="few"):
     "Sizes."

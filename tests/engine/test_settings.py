@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toys import SPRINGS
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
-from sweeps.engine.provenance import written
-from sweeps.engine.settings import Settings, count, number, read_choices, set_of, text, word
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
+from sweeps.engine.declare.settings import Settings, count, number, read_choices, set_of, text, word
+from sweeps.engine.store.provenance import written
 
 finite = st.floats(-1e12, 1e12)
 whole = st.integers(-(10**18), 10**18)

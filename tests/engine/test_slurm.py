@@ -20,10 +20,11 @@ from running import python
 from small_stores import files
 from toys import SPRINGS, go
 
-from sweeps.engine import workers
-from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.command import Command
-from sweeps.engine.process import ONE_THREAD
+from sweeps.engine.command.line import Command
+from sweeps.engine.run import workers
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.executors import executor
+from sweeps.engine.run.process import ONE_THREAD
 
 pytestmark = [
     pytest.mark.usefixtures("at_a_terminal", "queue"),
@@ -159,7 +160,7 @@ def test_a_job_that_waits_says_why():
 def test_the_launcher_of_hydra_runs_a_job_of_slurm_for_each_sweep(tmp_path, monkeypatch):
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
     (tmp_path / "springs.py").write_text(
-        "import sys\nfrom toys import SPRINGS\nfrom sweeps.engine.command import Command\n"
+        "import sys\nfrom toys import SPRINGS\nfrom sweeps.engine.command.line import Command\n"
         "if __name__ == '__main__':\n    sys.exit(Command(SPRINGS).main())\n"
     )
     launcher = {"partition": "compute", "timeout_min": 5, "mem_gb": 1, "cpus_per_task": 1}
@@ -177,8 +178,8 @@ def test_the_launcher_of_hydra_runs_a_job_of_slurm_for_each_sweep(tmp_path, monk
 
 JOBQUEUE = """
 import signal, threading
-from sweeps.engine.cluster import import_jobqueue
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.run.cluster import import_jobqueue
+from sweeps.engine.declare.errors import ConfigurationError
 
 def refused():
     try:

@@ -12,10 +12,10 @@ from executors import eventually, meanwhile
 from small_stores import contents, opened
 from toys import SPRINGS, go
 
-from sweeps.engine import watching
-from sweeps.engine.command import Command
-from sweeps.engine.locks import used
-from sweeps.engine.store import read_attributes
+from sweeps.engine.command.line import Command
+from sweeps.engine.run import progress as watching
+from sweeps.engine.store.locks import used
+from sweeps.engine.store.writing import read_attributes
 
 GIVEN = ["store=s.zarr", "cache=cache", "cluster=inline"]
 SEEN = ["--status", *GIVEN[:2]]

@@ -10,13 +10,13 @@ import xarray as xr
 import zarr
 from small_stores import COUNTS, DIMS, SHAPE, array, coordinate, files, opened
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import check_target
-from sweeps.engine.manifest import MANIFEST, verify
-from sweeps.engine.packs import seal
-from sweeps.engine.store import read_attributes, write_store
-from sweeps.engine.tables import group_of
-from sweeps.engine.zarr_array import Array, Group
+from sweeps.engine.cache.packs import seal
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.store.arrays import Array, Group
+from sweeps.engine.store.folders import check_target
+from sweeps.engine.store.manifest import MANIFEST, verify
+from sweeps.engine.store.tables import group_of
+from sweeps.engine.store.writing import read_attributes, write_store
 
 DTYPES = [
     *("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"),

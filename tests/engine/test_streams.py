@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 from toys import SPRINGS, Measured, Spring, having, noisy
 
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.plan import Plan
-from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Group, Output, Stream, stage
+from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.declare.stage import Group, Output, Stream, stage
+from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.plan import Plan
 
-RAISE = "streams draw other numbers: raise STREAM_VERSION of sweeps.engine.keys, and pin these"
+RAISE = "streams draw other numbers: raise STREAM_VERSION of resolve.keys, and pin these"
 
 NAMED = {
     "a stage and numbers": (0, {"stage": "noisy", "stiffness": 4.0, "mass": 2.0, "draw": 1}),
@@ -93,6 +93,6 @@ def test_a_version_of_streams_changes_the_keys_of_what_draws(monkeypatch, versio
         return {one.name: plan.fingerprint(one) for one in plan.bound.values()}
 
     before = keys()
-    monkeypatch.setattr(f"sweeps.engine.plan.{version}", "another")
+    monkeypatch.setattr(f"sweeps.engine.resolve.plan.{version}", "another")
     after = keys()
     assert {name for name in before if before[name] != after[name]} == {"noisy", "trace", "answers"}

@@ -21,14 +21,16 @@ from running import python
 from small_stores import files, opened
 from toys import SPRINGS, Few, go, run_few
 
-from sweeps.engine import provenance, run, workers
-from sweeps.engine.command import Command
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.stage import Group, Output, stage
+from sweeps.engine.run import workers
+from sweeps.engine.store import provenance
+from sweeps.engine.store import sweeping as run
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 SPRINGS_COMMAND = (
-    "import sys; from toys import SPRINGS; from sweeps.engine.command import Command; "
+    "import sys; from toys import SPRINGS; from sweeps.engine.command.line import Command; "
     "sys.exit(Command(SPRINGS).main())"
 )
 SEARCH = f"{IMPORTS}:{Path(__file__).parents[1]}"
@@ -192,7 +194,7 @@ FEW_COMMAND = """
 import resource, sys
 import test_survival
 from toys import of
-from sweeps.engine.command import Command
+from sweeps.engine.command.line import Command
 if __name__ == "__main__":
     name, limit, *given = sys.argv[1:]
     resource.setrlimit(resource.RLIMIT_AS, (int(limit), -1))

@@ -7,10 +7,11 @@ import pytest
 from small_stores import files, opened
 from toys import CALLS, Few, go, run_few, timed
 
-from sweeps.engine.cluster import ClusterChoice, executor
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.stage import Group, Output, stage
-from sweeps.engine.store import read_attributes
+from sweeps.engine.declare.stage import Group, Output, stage
+from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.executors import executor
+from sweeps.engine.store.writing import read_attributes
 
 STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
 
@@ -96,7 +97,7 @@ def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeyp
         started.append(choice.kind)
         return executor(ClusterChoice("inline"), **how)
 
-    monkeypatch.setattr("sweeps.engine.run.executor", counted)
+    monkeypatch.setattr("sweeps.engine.store.sweeping.executor", counted)
     for masses, store in (([1], "s"), ([1, 2], "s"), ([1, 2, 3], "new")):
         go(tmp_path / f"{store}.zarr", tmp_path / "cache", kind="local", spring__mass=masses)
     assert started == ["local", "inline", "local"]

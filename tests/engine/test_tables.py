@@ -6,9 +6,9 @@ import xarray as xr
 from small_stores import files, opened
 from toys import SPRINGS, having, run
 
-from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Table
-from sweeps.engine.store import read_attributes
+from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.declare.stage import Table
+from sweeps.engine.store.writing import read_attributes
 
 
 def spoilt(answers, choices):

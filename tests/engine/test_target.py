@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from small_stores import array, files, opened, small
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.folders import check_apart, check_cache, check_target
-from sweeps.engine.locks import locked
-from sweeps.engine.store import write_store
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.store.folders import check_apart, check_cache, check_target
+from sweeps.engine.store.locks import locked
+from sweeps.engine.store.writing import write_store
 
 
 @pytest.mark.parametrize(

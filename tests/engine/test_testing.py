@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from toys import CALLS, SPRINGS, Few, of, timed
 
-from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.testing import check_pure
 
 FOUR = {"few.size": [1, 2, 3, 4]}

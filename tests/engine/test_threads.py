@@ -8,7 +8,7 @@ from small_stores import opened
 from threadpoolctl import threadpool_info, threadpool_limits
 from toys import Few, run_few
 
-from sweeps.engine.stage import Group, Output, stage
+from sweeps.engine.declare.stage import Group, Output, stage
 
 
 @stage(

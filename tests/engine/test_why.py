@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from toys import SPRINGS, Few, go, of, run_few
 
-from sweeps.engine.command import Command
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.plan import Plan
-from sweeps.engine.provenance import check_extends, why
-from sweeps.engine.settings import read_choices
-from sweeps.engine.stage import Group, Output, Stage, stage
-from sweeps.engine.store import read_attributes
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.declare.stage import Group, Output, Stage, stage
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.store.provenance import check_extends, why
+from sweeps.engine.store.writing import read_attributes
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toys import SPRINGS
 
-from sweeps.engine.command import Command
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.overrides import read_jobs
+from sweeps.engine.command.line import Command
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.resolve.overrides import read_jobs
 
 WIDE = "\N{FULLWIDTH DIGIT ONE}"
 

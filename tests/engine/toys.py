@@ -11,12 +11,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.places import namesake, where
-from sweeps.engine.run import Place, sweep
-from sweeps.engine.schedule import Watch
-from sweeps.engine.settings import (
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import namesake, where
+from sweeps.engine.declare.settings import (
     COORDINATE,
     DIMENSION,
     Settings,
@@ -27,7 +24,7 @@ from sweeps.engine.settings import (
     switch,
     word,
 )
-from sweeps.engine.stage import (
+from sweeps.engine.declare.stage import (
     At,
     Experiment,
     Group,
@@ -40,7 +37,10 @@ from sweeps.engine.stage import (
     plain,
     stage,
 )
-from sweeps.engine.tasks import forget_all
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.schedule import Watch
+from sweeps.engine.run.tasks import forget_all
+from sweeps.engine.store.sweeping import Place, sweep
 
 
 class Calls(Counter[str]):

@@ -4,8 +4,8 @@ import numpy as np
 import xarray as xr
 
 from ncti import ships
-from sweeps.engine.display import ATTRIBUTE
-from sweeps.engine.zarr_array import plain
+from sweeps.engine.declare.display import ATTRIBUTE
+from sweeps.engine.declare.storable import plain
 from sweeps.stages.scores import category_display, score_displays
 
 UNITS = {"range": "km", "pulse_width": "ns", "aspect": "degree", "cnr": "dB", "ifov": "urad"}

@@ -13,8 +13,8 @@ from once import made_once, sharing_ships
 from rich.console import Console
 
 from sweeps.app import command
-from sweeps.engine.manifest import MANIFEST
-from sweeps.engine.packs import seal
+from sweeps.engine.cache.packs import seal
+from sweeps.engine.store.manifest import MANIFEST
 from sweeps.report import stores as of_stores
 from sweeps.report.command import main
 from sweeps.report.places import tables_folder

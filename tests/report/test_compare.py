@@ -8,7 +8,7 @@ from pages import stored
 from stores import reported, signed
 
 from ncti.evaluate import paired_difference
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.report.compare import NAME, compare, sentences
 
 ASPECTS = np.arange(0.0, 60.0, 3.0)

@@ -5,8 +5,8 @@ import re
 from made import SHIPS, scores, shown
 from pages import stored
 
-from sweeps.engine.display import ATTRIBUTE, Display, Figure
-from sweeps.engine.zarr_array import plain
+from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure
+from sweeps.engine.declare.storable import plain
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
 

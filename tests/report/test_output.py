@@ -14,8 +14,8 @@ from made import categories, scores, shown
 from rich.console import Console
 from stores import contents, reported, rows_of, signed
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.manifest import MANIFEST
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.store.manifest import MANIFEST
 from sweeps.report import own
 from sweeps.report.files import neutral, write_tables
 from sweeps.report.frames import Column, Frame, read_frames

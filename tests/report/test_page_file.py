@@ -15,8 +15,8 @@ from pages import page_of, parsed, stored
 from PIL import Image
 from stores import reported
 
-from sweeps.engine.places import Objects
-from sweeps.engine.schedule import Progress
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.run.schedule import Progress
 from sweeps.report.page import write
 from sweeps.report.pictures import DRAWN, Pictures, pictures_of, ships_of
 from sweeps.report.places import page_file

@@ -11,7 +11,7 @@ from made import scores
 from rich.cells import cell_len
 from rich.console import Console
 
-from sweeps.engine.display import Display, Figure
+from sweeps.engine.declare.display import Display, Figure
 from sweeps.report.frames import tidy
 from sweeps.report.pivot import laid_out
 from sweeps.report.summary import tables_of

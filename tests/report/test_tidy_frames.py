@@ -10,7 +10,7 @@ import xarray as xr
 from made import scores, shown
 from pages import stored
 
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.report.files import csv_of
 from sweeps.report.frames import PART, frame, read_frames
 from sweeps.report.words import missing

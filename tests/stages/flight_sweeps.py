@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from once import sharing_ships
 
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.run import Place, sweep
-from sweeps.engine.schedule import Watch
-from sweeps.engine.settings import read_choices
+from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.schedule import Watch
+from sweeps.engine.store.sweeping import Place, sweep
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import flights, measured
 

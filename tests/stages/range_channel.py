@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ncti.classify import GaussianTemplates
-from sweeps.engine.settings import read_choices
+from sweeps.engine.declare.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import classifier
 from sweeps.stages.views import by_key

@@ -11,7 +11,7 @@ from range_channel import ASPECTS, SHIPS, choose, made
 
 from ncti.classify import AdaptiveClusteringNetwork, Similarities
 from ncti.classify.blocks import row_blocks
-from sweeps.engine.plan import Plan
+from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import acn
 from sweeps.stages.acn import (

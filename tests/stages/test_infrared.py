@@ -10,8 +10,8 @@ from scipy import stats
 from ncti.infrared import LargestWindow, contrast, shifted_images, thermal_images
 from ncti.infrared.hits import MARGIN
 from ncti.render import line_image
-from sweeps.engine.keys import cell_rng
-from sweeps.engine.plan import Plan
+from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.infrared import thermal_image
 

@@ -11,7 +11,7 @@ from ncti.ladar import banded_frame_moments, expected_profile, noise_floor
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.ladar.window import EDGE
 from ncti.render import Sampling
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.stages import ladar, views
 from sweeps.stages.ships import ship_name
 

@@ -7,7 +7,7 @@ for itself. It shows only where cells are averaged: their noise then does not av
 import pytest
 from commands import chosen
 
-from sweeps.engine.plan import Plan
+from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
 
 RANGE = (

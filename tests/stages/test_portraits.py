@@ -6,7 +6,7 @@ import trimesh
 from range_channel import choose
 
 import ncti.ships
-from sweeps.engine.stage import value_token
+from sweeps.engine.declare.stage import value_token
 from sweeps.stages import views
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import Grid

@@ -6,7 +6,7 @@ import trimesh
 
 import ncti.ships
 from ncti.render import Sampling, line_image, refined
-from sweeps.engine.stage import value_token
+from sweeps.engine.declare.stage import value_token
 from sweeps.stages import views
 from sweeps.stages.ships import ship_name
 

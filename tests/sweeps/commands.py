@@ -9,12 +9,12 @@ import xarray as xr
 from once import sharing_ships
 
 from sweeps.app import command, main
-from sweeps.engine.cluster import ClusterChoice
-from sweeps.engine.overrides import read_jobs
-from sweeps.engine.run import Finished, Place, sweep
-from sweeps.engine.schedule import Watch
-from sweeps.engine.settings import Choices
-from sweeps.engine.tasks import forget_all
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.resolve.overrides import read_jobs
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.schedule import Watch
+from sweeps.engine.run.tasks import forget_all
+from sweeps.engine.store.sweeping import Finished, Place, sweep
 from sweeps.experiment import EXPERIMENT
 
 COMMAND = command()

@@ -8,7 +8,7 @@ import trimesh
 import yaml
 from commands import chosen, prepared
 
-from sweeps.engine.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.experiment import EXPERIMENT, conf_folder
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.views import Grid

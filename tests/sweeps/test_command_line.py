@@ -7,7 +7,7 @@ from commands import ran
 from rich.cells import cell_len
 from running import python
 
-from sweeps.engine.usage import descriptions, main_settings, usage
+from sweeps.engine.command.usage import descriptions, main_settings, usage
 from sweeps.experiment import EXPERIMENT, conf_folder
 
 HEAVY = {"numpy", "hydra", "rich", "dask", "xarray", "zarr", "numba", "matplotlib", "scipy"}

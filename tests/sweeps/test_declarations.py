@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.provenance import written
-from sweeps.engine.stage import bind
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.stage import bind
+from sweeps.engine.store.provenance import written
 from sweeps.experiment import EXPERIMENT
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

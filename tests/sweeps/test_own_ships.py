@@ -7,7 +7,7 @@ from commands import FAST, opened, ran
 
 import ncti.ships
 from ncti.ships import Transform
-from sweeps.engine.store import read_attributes
+from sweeps.engine.store.writing import read_attributes
 
 MILLIMETRES = "grid.ship={path: hull.stl, up: y, scale: 0.001}"
 BOTH = "grid.ship=[{path: hull.stl, up: y, scale: 0.001}, duncan]"

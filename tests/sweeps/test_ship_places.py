@@ -10,10 +10,10 @@ from trimesh.creation import box
 
 from ncti.ladar import spread_place
 from ncti.render import line_image
-from sweeps.engine.index import CellIndex
-from sweeps.engine.places import Objects
-from sweeps.engine.plan import Plan
-from sweeps.engine.schedule import Schedule
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.schedule import Schedule
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import ladar, likelihood
 

@@ -9,7 +9,7 @@ from commands import groups_of
 
 from ncti.features import profile_vector
 from ncti.ladar import noise_floor
-from sweeps.engine.zarr_array import nested
+from sweeps.engine.declare.storable import nested
 
 ASPECTS = [0, 15, 30, 45, 60, 75, 90]
 VIEW = ("ship", "aspect")

@@ -12,10 +12,10 @@ import pytest
 import xarray as xr
 from commands import opened, ran
 
-from sweeps.engine.errors import ConfigurationError
-from sweeps.engine.settings import COORDINATE, DIMENSION, Settings, count, number
-from sweeps.engine.stage import STATE, Group, Output, Status, Stream
-from sweeps.engine.store import read_attributes
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.settings import COORDINATE, DIMENSION, Settings, count, number
+from sweeps.engine.declare.stage import STATE, Group, Output, Status, Stream
+from sweeps.engine.store.writing import read_attributes
 from sweeps.stages.classifier import names_by
 from sweeps.stages.views import STATUS, Grid, looks
 

@@ -6,7 +6,7 @@ import trimesh
 from commands import FAST, chosen, groups_of, swept
 from trimesh.creation import box
 
-from sweeps.engine.plan import Plan
+from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
 
 BOXES = (((-50, -6, 0), (50, 6, 6)), ((-5, -4, 6), (15, 4, 12)), ((0, -0.5, 12), (1, 0.5, 25)))

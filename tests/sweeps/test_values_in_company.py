@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 from commands import FAST, chosen
 
-from sweeps.engine.plan import Plan
+from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT, MODULES, stages_of
 from sweeps.testing import check_pure
 

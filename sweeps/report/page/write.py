@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sweeps.report
-from sweeps.engine.places import Objects, Where
-from sweeps.engine.zarr_array import METADATA
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.declare.places import Where
+from sweeps.engine.store.arrays import METADATA
 from sweeps.report.frames import Frame
 from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_whole
 from sweeps.report.places import page_file

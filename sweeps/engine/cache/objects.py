@@ -1,0 +1,221 @@
+"""Objects of a folder or a bucket, by name and by one interface, of obstore.
+
+A bucket's credentials and endpoint are in the environment, by obstore's own rules; they stand in no
+message.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from obstore.exceptions import (
+    AlreadyExistsError,
+    BaseError,
+    PermissionDeniedError,
+    PreconditionError,
+    UnauthenticatedError,
+)
+from obstore.store import LocalStore, MemoryStore, ObjectStore, from_url
+
+from sweeps.engine.declare.places import Where
+
+if TYPE_CHECKING:
+    from obstore import ObjectMeta
+
+OPEN = 0o755  # mode of folders: others may read them
+CLOSED = 0o700  # of those that they may not even read
+UNREACHED = errno.ECONNABORTED  # of a server that cannot be asked, or fails
+RETRIES = 6  # of a request, with growing pauses: some seconds
+
+AT_ONCE = 16  # requests under way
+
+Version = dict[str, str]
+"""Version of an object of a bucket, as its server numbers them."""
+
+One = TypeVar("One")
+Result = TypeVar("Result")
+
+_NUMBER = re.compile(r"\(os error (\d+)\)")
+
+
+def opened(
+    place: Where, *, make: bool = False, mode: int = OPEN, clean: bool = True
+) -> ObjectStore:
+    """Return a place as obstore's; a folder that is not there is empty, or made if `make`.
+
+    A folder that becomes empty is removed if `clean`: nobody else may be about to write there.
+    """
+    if isinstance(place, str):
+        return from_url(place, retry_config={"max_retries": RETRIES})
+    if make:
+        make_folder(place, mode)
+    elif not place.is_dir():
+        return MemoryStore()
+    return LocalStore(place, automatic_cleanup=clean)
+
+
+def make_folder(path: Path, mode: int) -> None:
+    """Make a folder and its missing parents, with at most this mode; the umask may say less."""
+    if path.is_dir():
+        return
+    for part in reversed((path, *path.parents)):
+        if not part.is_dir():
+            with suppress(FileExistsError):  # made by another process just now
+                part.mkdir(mode)
+
+
+@contextmanager
+def told(place: Where, *, whole: bool = False) -> Iterator[None]:
+    """Raise what a place cannot do as OSError of one line.
+
+    The number is that of the operating system, where one is known, and else EIO, or for a bucket
+    UNREACHED. What a server says is left out beyond its status: it may repeat a key. What is absent
+    is an object (FileNotFoundError), or the `whole` place.
+    """
+    try:
+        yield
+    except (AlreadyExistsError, PreconditionError):
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place)) from None
+    except FileNotFoundError:
+        if whole:
+            message = "there is no such bucket or folder"
+            raise OSError(errno.ENXIO, message, str(place)) from None
+        raise
+    except BaseError as error:
+        line = str(error).partition("\n")[0]
+        if number := _NUMBER.search(line):
+            code = int(number[1])
+            raise OSError(code, os.strerror(code), str(place)) from None
+        denied = isinstance(error, PermissionDeniedError | UnauthenticatedError)
+        words = re.sub(r"\?[^\s)]*|//[^/\s]*@", "", line.partition("<")[0]).strip(" :")
+        failed = errno.EIO if isinstance(place, Path) else UNREACHED
+        raise OSError(errno.EACCES if denied else failed, words, str(place)) from None
+
+
+@contextmanager
+def readable() -> Iterator[None]:
+    """Let others read what is written meanwhile, as far as the umask does, and never change it."""
+    before = os.umask(0o022)
+    os.umask(before | 0o022)
+    try:
+        yield
+    finally:
+        os.umask(before)
+
+
+@dataclass(frozen=True)
+class Objects:
+    """Objects of a place, by name. It is sent away as its place alone, of which a process has one.
+
+    Every method raises OSError if the place fails; only an object that is not there is absent.
+    """
+
+    place: Where
+    make: bool = False  # the folder when it is written
+    mode: int = OPEN  # of the folder then
+    clean: bool = True  # whether folders that become empty go
+
+    @cached_property
+    def store(self) -> ObjectStore:
+        """The place as obstore's."""
+        with told(self.place):
+            return opened(self.place, make=self.make, mode=self.mode, clean=self.clean)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _received, (self.place, self.make, self.mode, self.clean)
+
+    def get(self, name: str) -> bytes | None:
+        """Return an object; None if it is absent."""
+        try:
+            with told(self.place):
+                return bytes(self.store.get(name).bytes())
+        except FileNotFoundError:
+            return None
+
+    def put(self, name: str, content: bytes | Iterator[bytes]) -> None:
+        """Write an object: readers see it whole, or as it was before."""
+        with told(self.place, whole=True):
+            self.store.put(name, content, use_multipart=False)
+
+    def part(self, name: str, begin: int, end: int) -> memoryview:
+        """Return bytes of an object, as many as there are; FileNotFoundError if it is absent."""
+        if isinstance(self.place, Path):  # a sixth of obstore's time, which asks another thread
+            with open(f"{self.place}/{name}", "rb", buffering=0) as file:
+                size = os.fstat(file.fileno()).st_size
+                return memoryview(os.pread(file.fileno(), max(min(end, size) - begin, 0), begin))
+        with told(self.place):
+            found = self.store.get_range(name, start=begin, end=end) if begin < end else b""
+        return memoryview(found)
+
+    def versioned(self, name: str) -> tuple[bytes, Version] | None:
+        """Return an object of a bucket, and its version; None if it is absent."""
+        try:
+            with told(self.place):
+                found = self.store.get(name)
+                return bytes(found.bytes()), _version(found.meta)
+        except FileNotFoundError:
+            return None
+
+    def put_if(self, name: str, content: bytes, version: Version | None) -> Version | None:
+        """Write an object of a bucket if it is still of a version, or absent if that is None.
+
+        Returns its new version, or None if it is of another: of several at once, one succeeds.
+        """
+        mode: Any = version or "create"
+        try:
+            with told(self.place, whole=True):
+                return _version(self.store.put(name, content, mode=mode, use_multipart=False))
+        except FileExistsError:
+            return None
+
+    def delete(self, names: Iterable[str]) -> None:
+        """Delete objects, which may be absent."""
+        self.each(self._delete, names)
+
+    def _delete(self, name: str) -> None:
+        with suppress(FileNotFoundError), told(self.place):
+            self.store.delete(name)
+
+    def each(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
+        """Return what a function makes of each thing, several at once as they wait for answers."""
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            return list(pool.map(function, given))
+
+    def listed(self, under: str = "") -> dict[str, ObjectMeta]:
+        """Return size and time of all objects, or of those under a prefix, by name."""
+        with told(self.place, whole=True):
+            return {one["path"]: one for part in self.store.list(under or None) for one in part}
+
+    def sizes(self, under: str = "") -> dict[str, int]:
+        """Return the bytes of all objects, or of those under a prefix, by name."""
+        return {name: one["size"] for name, one in self.listed(under).items()}
+
+    def tidy(self) -> None:
+        """Delete the unfinished files of writers that were killed, in a folder."""
+        for file in self.place.rglob("*#[0-9]*") if isinstance(self.place, Path) else ():
+            file.unlink(missing_ok=True)
+
+    def leave(self) -> None:
+        """Remove a folder, or those in it, if nothing is there."""
+        for folder, *_ in os.walk(self.place, topdown=False):  # nothing of a URL
+            with suppress(OSError):
+                os.rmdir(folder)
+
+
+def _version(told: Mapping[str, Any]) -> Version:
+    """Return the version of an object: a tag, a number, or both."""
+    return {name: told[name] for name in ("e_tag", "version") if told.get(name)}
+
+
+@lru_cache(maxsize=8)
+def _received(*fields: Any) -> Objects:
+    return Objects(*fields)

@@ -1,0 +1,366 @@
+"""Packs: objects of a cache, each with finished results of many cells.
+
+A pack begins with its head: a line with its stage, the time that its cells took and the layouts of
+their arrays, then the keys of the cells, the layout of each, and the digest of each of the records,
+which follow: the arrays of a cell, one after another. The name of a pack has the digest and size of
+its head, and so stands for all that is in it. Nothing of a pack is executed, and only arrays that a
+stage declares are used.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import math
+import operator
+import re
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
+from itertools import chain
+from time import time_ns
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.cache.objects import CLOSED, UNREACHED, Objects
+from sweeps.engine.declare.places import Where, below
+from sweeps.engine.declare.stage import Output
+from sweeps.engine.declare.undeclared import Layout, Undeclared
+from sweeps.engine.resolve.keys import Keys
+
+ROOM = "cells"
+ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
+MISSING = -1  # instead of the number of a pack
+PACK = ".pack"
+NAME = re.compile(r"(?:\w+/)?[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
+KEY, NUMBER = np.dtype(("<u8", 2)), np.dtype("<u4")
+LARGEST = 2**30  # bytes of a head, of more cells than a sweep may have
+CHECK = 8  # bytes of the digest of a record
+APART, TOGETHER = 2**18, 2**22  # bytes between cells that are not worth reading; read at once
+HEADS = 16  # of packs, that a process remembers
+AT_ONCE = 4096  # cells that are read together
+
+# Errors of this process, machine or network, not of a file: what they hide is not damaged.
+SHORTAGES = frozenset(
+    {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHED}
+)
+
+Buffer = Any
+"""Bytes, or what shows bytes."""
+Cells = NDArray[np.int64]
+Arrays = dict[str, NDArray[Any]]
+Numbers = NDArray[np.int32]
+Kind = tuple[tuple[str, str, int], ...]
+"""Names, codes of the dtypes, and numbers of dimensions of the arrays of a cell."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Where cells are on disk: arrays of one shape, of which an index takes some.
+
+    Paths of packs; which of them has each cell, negative if none; its row there; and its key, on a
+    further axis of two.
+    """
+
+    paths: Sequence[str]
+    pack: Numbers
+    row: Numbers
+    keys: Keys
+
+    def __getitem__(self, index: Any) -> Spots:
+        pack, row = np.asarray(self.pack[index]), np.asarray(self.row[index])
+        return Spots(self.paths, pack, row, self.keys[index])
+
+    def __len__(self) -> int:
+        return len(self.pack)
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Whether each cell is on disk."""
+        return self.pack >= 0
+
+    def reshape(self, *shape: int) -> Spots:
+        """Return the same in another shape."""
+        pack, row = self.pack.reshape(shape), self.row.reshape(shape)
+        return Spots(self.paths, pack, row, self.keys.reshape(*pack.shape, 2))
+
+    def alone(self) -> Spots:
+        """Return the same with no further paths, to be sent away."""
+        used, pack = np.unique(self.pack, return_inverse=True)
+        absent = int((used < 0).sum())
+        pack = np.maximum(pack.reshape(self.pack.shape) - absent, MISSING)
+        paths = [self.paths[number] for number in used[absent:].tolist()]
+        return replace(self, paths=paths, pack=pack.astype(np.int32))
+
+
+NO_SPOTS = Spots((), np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 2), np.uint64))
+
+
+def seal(document: Any) -> bytes:
+    """Return a line of bytes of a JSON document, which begins with its checksum."""
+    text = json.dumps(document, separators=(",", ":")).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def unseal(line: bytes) -> Any:
+    """Return the document of a line made by `seal`; raise ValueError if the line was changed."""
+    text = line[9:-1]
+    if line != b"%08x %s\n" % (zlib.crc32(text), text):
+        raise ValueError("its checksum differs")
+    return json.loads(text)
+
+
+def cells_of(cache: Where, *, make: bool = True) -> Objects:
+    """Return the packs of a cache, a folder that is closed to others when it is made."""
+    return Objects(below(cache, ROOM), make=make, mode=CLOSED, clean=False)
+
+
+@dataclass(frozen=True)
+class Pack:
+    """A pack of finished cells: its name, bytes, number of cells."""
+
+    path: str
+    size: int = 0
+    cells: int = 0
+    stage: str = "(unreadable)"
+    seconds: float = 0.0  # that all cells took
+    kinds: frozenset[Kind] = frozenset()  # of its cells
+
+
+class Head(NamedTuple):
+    """Head of a pack, checked: of each cell its key, number of its layout, and begin and end.
+
+    A layout has the name, dtype, shape and place in the record of every array of a cell.
+    """
+
+    pack: Pack
+    keys: Keys
+    numbers: NDArray[np.uint32]
+    begins: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    layouts: list[list[tuple[str, np.dtype[Any], tuple[int, ...], int]]]
+    checks: bytes
+
+    @classmethod
+    def of(cls, path: str, content: bytes) -> Head:
+        """Return the head of a pack from its bytes; raise an exception of any kind if it is bad."""
+        if _digest(16, content).hex() != _named(path)[0]:
+            raise ValueError("it was changed")
+        begin = content.index(b"\n") + 1
+        stage, seconds, described = json.loads(content[:begin])
+        cells, over = divmod(len(content) - begin, KEY.itemsize + NUMBER.itemsize + CHECK)
+        if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
+            raise ValueError("it is not a pack")
+        layouts, sizes = [], []
+        for one in described:
+            layout, size = [], 0
+            for name, code, shape in one:
+                dtype, sides = _plain(code), tuple(map(operator.index, shape))
+                if not isinstance(code, str) or min(sides, default=0) < 0:
+                    raise ValueError("a dtype or shape is none")
+                layout.append((name, dtype, sides, size))
+                length = math.prod(sides) * dtype.itemsize
+                size += length + -length % ALIGNED
+            layouts.append(layout)
+            sizes.append(size)
+        keys = np.frombuffer(content, KEY.base, 2 * cells, begin).reshape(cells, 2)
+        numbers = np.frombuffer(content, NUMBER, cells, begin + keys.nbytes)
+        taken = np.array(sizes, np.int64)[numbers]
+        ends = len(content) + np.cumsum(taken)
+        if (ends < 0).any():  # beyond the largest number
+            raise ValueError("its records are too large")
+        checks = content[begin + keys.nbytes + numbers.nbytes :]
+        of_cells = keys, numbers, ends - taken, ends, layouts, checks
+        size = int(ends[-1]) if cells else 0
+        return cls(Pack(path, size, cells, stage, seconds, _kinds(described)), *of_cells)
+
+    def arrays(self, row: int, record: Buffer) -> Arrays | None:
+        """Return the arrays of a cell, in memory of its own, of its record; None if it differs."""
+        if _digest(CHECK, record) != self.checks[CHECK * row : CHECK * (row + 1)]:
+            return None
+        own, layout = bytearray(record), self.layouts[self.numbers[row]]
+        return {name: np.ndarray(shape, dtype, own, at) for name, dtype, shape, at in layout}
+
+
+@dataclass
+class Packing:
+    """A pack that is being made: the records of its cells so far."""
+
+    layouts: dict[Any, int] = field(default_factory=dict)
+    numbers: list[int] = field(default_factory=list)
+    checks: list[bytes] = field(default_factory=list)
+    parts: list[bytes] = field(default_factory=list)
+
+    def add(self, outputs: Mapping[str, NDArray[Any]]) -> None:
+        """Add a cell; TypeError if an array holds objects, fields or texts of variable width."""
+        layout, record = [], b""
+        for name, values in outputs.items():
+            array = values if type(values) is np.ndarray else np.asarray(values)
+            layout.append((name, array.dtype.str, array.shape))
+            record += array.tobytes() + bytes(-array.nbytes % ALIGNED)
+        number = self.layouts.get(one := tuple(layout))
+        if number is None:
+            for array in outputs.values():
+                _code(np.asarray(array).dtype)
+            number = self.layouts[one] = len(self.layouts)
+        self.numbers.append(number)
+        self.checks.append(_digest(CHECK, record))
+        self.parts.append(record)
+
+    def write(
+        self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0, room: str = ""
+    ) -> Pack:
+        """Write the cells, whose keys are (cell, 2), as a new pack; OSError if that fails.
+
+        Others see all of it or none. `room` is the folder of the packs of a stage and its code.
+        """
+        line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
+        numbers = np.array(self.numbers, NUMBER).tobytes()
+        head = b"".join((line, b"\n", keys.astype(KEY.base).tobytes(), numbers, *self.checks))
+        # A name begins with the time, so that the newest of equal cells is known.
+        path = f"{room}/{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack".lstrip("/")
+        size, parts = sum(map(len, self.parts)), self.parts
+        step = TOGETHER * len(parts) // (size + 1) + 1  # neither many writes nor all at once
+        blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
+        cells.put(path, chain((head,), blocks))
+        return Pack(path, len(head) + size, len(keys), stage, seconds, _kinds(self.layouts))
+
+
+def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
+    """Return the kinds of cells of some layouts, each the name, code and shape of every array."""
+    return frozenset(tuple((name, code, len(at)) for name, code, at in one) for one in layouts)
+
+
+def declared(outputs: Iterable[Output]) -> frozenset[Kind] | None:
+    """Return the kind of the cells of a stage with some outputs; None if these are undeclared."""
+    if any(isinstance(one, Undeclared) for one in outputs):
+        return None
+    return _kinds([[(one.name, _code(np.dtype(one.dtype)), one.dims) for one in outputs]])
+
+
+def _named(path: str) -> tuple[str, int]:
+    """Return digest and size of the head of a pack from its path; ValueError if it has none."""
+    name = NAME.fullmatch(path)
+    if name is None or int(name[2], 16) > LARGEST:
+        raise ValueError("it is not a pack")
+    return name[1], int(name[2], 16)
+
+
+def _digest(size: int, *parts: Buffer) -> bytes:
+    """Return the digest of some bytes, one after the other."""
+    found = hashlib.blake2b(digest_size=size)
+    for part in parts:
+        found.update(part)
+    return found.digest()
+
+
+@cache
+def _code(dtype: np.dtype[Any]) -> str:
+    """Return the code of a dtype, as `_plain` reads it."""
+    return _plain(dtype).str
+
+
+@lru_cache(maxsize=256)
+def _plain(code: str | np.dtype[Any]) -> np.dtype[Any]:
+    """Return a dtype; TypeError unless the bytes of an array are its values: no pointers."""
+    dtype = np.dtype(code)
+    if dtype.hasobject or dtype.names or dtype.subdtype:
+        raise TypeError(f"arrays of dtype {dtype} cannot be kept")
+    return dtype
+
+
+@contextmanager
+def undamaged() -> Iterator[None]:
+    """Suppress errors of absent or damaged files, but not of a process that lacks something."""
+    try:
+        yield
+    except Exception as error:
+        raise_shortage(error)
+
+
+def raise_shortage(error: BaseException) -> None:
+    """Raise an error of the process or the machine, which says nothing about a file."""
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) in SHORTAGES:
+        raise error
+
+
+@lru_cache(maxsize=HEADS)
+def _head(cells: Objects, path: str) -> Head:
+    """Return the head of a pack; raise an exception of any kind if it is bad."""
+    return Head.of(path, bytes(cells.part(path, 0, _named(path)[1])))
+
+
+def read_cells(cells: Objects, spots: Spots) -> list[Arrays | None]:
+    """Return outputs of some cells, (cell,); ask each pack once for all of its own.
+
+    None for a cell that is absent, is another than that of its key, or differs from its digest;
+    no content of a pack makes it raise. Arrays are writable and share no element.
+
+    Raises
+    ------
+    OSError
+        If this process or machine lacks something, such as file descriptors or a network.
+    """
+    found: list[Arrays | None] = [None] * len(spots)
+    order = np.lexsort((spots.row, spots.pack))
+    order = order[spots.pack[order] >= 0]
+    begins = np.flatnonzero(np.diff(spots.pack[order], prepend=-1))
+    for places in np.split(order, begins[1:]) if order.size else ():
+        wanted, path = spots.row[places], spots.paths[spots.pack[places[0]]]
+        with undamaged():
+            head = _head(cells, path)
+            inside = np.flatnonzero(wanted < len(head.keys))
+            right = inside[(head.keys[wanted[inside]] == spots.keys[places[inside]]).all(axis=1)]
+            begins, ends = head.begins[wanted[right]], head.ends[wanted[right]]
+            apart = (begins[1:] - ends[:-1] > APART) | np.diff(begins // TOGETHER).astype(bool)
+            for run in np.split(right, np.flatnonzero(apart) + 1):
+                _read_run(cells, path, head, wanted[run], places[run], found)
+    return found
+
+
+def layouts(cells: Objects, spots: Spots) -> list[Layout]:
+    """Return the distinct layouts of some cells, (cell,), of undamaged packs; the first first."""
+    found: dict[Any, int] = {}
+    for number in np.unique(spots.pack).tolist():
+        places = np.flatnonzero(spots.pack == number)
+        with undamaged():
+            head = _head(cells, spots.paths[number])
+            kinds, first = np.unique(head.numbers[spots.row[places]], return_index=True)
+            for kind, place in zip(kinds.tolist(), places[first].tolist(), strict=True):
+                layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
+                found[layout] = min(found.get(layout, place), place)
+    return sorted(found, key=found.__getitem__)
+
+
+def each_cell(cells: Objects, spots: Spots) -> Iterator[Arrays | None]:
+    """Yield what `read_cells` returns, of which some is in memory at once."""
+    for first in range(0, len(spots), AT_ONCE):
+        yield from read_cells(cells, spots[first : first + AT_ONCE])
+
+
+def _read_run(
+    cells: Objects, path: str, head: Head, rows: Numbers, places: Cells, found: list[Arrays | None]
+) -> None:
+    """Read neighbours in a pack, by their ascending rows, to their places."""
+    if not len(rows):
+        return
+    first = int(head.begins[rows[0]])
+    content = cells.part(path, first, int(head.ends[rows[-1]]))
+    begins, ends = (head.begins[rows] - first).tolist(), (head.ends[rows] - first).tolist()
+    for place, row, begin, end in zip(places.tolist(), rows.tolist(), begins, ends, strict=True):
+        found[place] = head.arrays(row, content[begin:end])
+
+
+def described_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
+    """Return what a pack says of itself, and its keys; no cells, if that cannot be read."""
+    with undamaged():
+        head = _head.__wrapped__(cells, path) if _named(path)[1] <= size else None
+        if head is None or head.pack.size != size:
+            raise ValueError("it is longer or shorter than it was")
+        return head.pack, head.keys.copy()
+    return Pack(path, size), np.empty((0, 2), np.uint64)

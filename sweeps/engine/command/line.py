@@ -1,0 +1,362 @@
+"""The command line of an experiment, parsed by Hydra, and its exit status."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import re
+import sys
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
+from platformdirs import user_cache_path
+
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.objects import UNREACHED
+from sweeps.engine.cache.packs import SHORTAGES, cells_of
+from sweeps.engine.command.status import described
+from sweeps.engine.command.usage import listing, usage
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
+from sweeps.engine.declare.failures import FailureLog, reason
+from sweeps.engine.declare.kinds import Value
+from sweeps.engine.declare.places import Where, namesake, where
+from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
+from sweeps.engine.declare.stage import Experiment
+from sweeps.engine.resolve.overrides import (
+    STORE,
+    Job,
+    fused,
+    in_one_line,
+    job_of,
+    pasted,
+    primary,
+    read_jobs,
+    register,
+    replaceable,
+)
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.interrupts import Stopped, heed, interruptible, stopping
+from sweeps.engine.run.process import environment, forgiving, say, show
+from sweeps.engine.run.progress import NAMED_FAILURES, counted, summary, watching
+from sweeps.engine.store.folders import check_apart, check_cache, check_target
+from sweeps.engine.store.locks import used
+from sweeps.engine.store.provenance import why
+from sweeps.engine.store.sweeping import Finished, Place, existing, preview, sweep
+from sweeps.engine.store.writing import read_attributes
+
+ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
+RESUMED = "the same command resumes the sweep"
+PRUNE = "prune="  # to a size, beside --cache
+HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
+
+MOST_CELLS = 10_000_000  # whose keys fit into memory
+
+Report = Callable[[Where, Choices, Finished], None]
+Sweep = tuple[Plan, Place]  # what is swept, and where and how it runs
+
+
+@dataclass(frozen=True)
+class Command:
+    """The command line of an experiment; `report` is called with the store, choices and outcome.
+
+    By default, it prints the tables, the store, and how to see more.
+    `beside` returns the paths that the report of a store writes to, and `about` lines on what is
+    swept, printed before it starts.
+    """
+
+    experiment: Experiment
+    report: Report | None = None
+    beside: Callable[[Path], Iterable[Path]] = lambda store: ()
+    about: Callable[[Choices], Iterable[str]] = lambda choices: ()
+
+    @property
+    def name(self) -> str:
+        """Name of the command."""
+        return self.experiment.name
+
+    def main(self, arguments: Sequence[str] | None = None) -> int:
+        """Run a command line; returns 0 all done, 1 some cells failed, 2 wrong configuration.
+
+        Any error is reported in one sentence; output that cannot be written is one, with status 1.
+        """
+        given = list(sys.argv[1:] if arguments is None else arguments)
+        logging.basicConfig(format=f"{self.name}: %(message)s")
+        with forgiving() as lost:
+            said, status = self._ended(given)
+            if said:
+                say(self.name, said)
+            if why := lost():
+                say(self.name, f"the output cannot be written: {why}")
+            return status or (SOME_FAILED if why else ALL_DONE)
+
+    def _ended(self, given: Sequence[str]) -> tuple[str, int]:
+        """Run a command line; return its error as a sentence, if any, and the exit status."""
+        try:
+            with stopping():
+                self._main(given)
+                heed()
+                return "", ALL_DONE
+        except SystemExit as ended:  # of a parser, after its help or a wrong option
+            return "", ended.code if isinstance(ended.code, int) else ALL_DONE
+        except Stopped as stopped:
+            return f"{stopped.words}; {RESUMED}", stopped.status
+        except (ConfigurationError, DeclarationError) as error:
+            return str(error), WRONG
+        except (HydraException, OmegaConfBaseException) as error:
+            return in_one_line(error), WRONG
+        except SweepIncomplete as error:
+            return str(error), SOME_FAILED
+        except MemoryError as error:
+            return f"out of memory ({error}); {RESUMED}", SOME_FAILED
+        except OSError as error:
+            where = f" {error.filename!r}" if error.filename else ""
+            verb = "read" if error.errno in SHORTAGES else "write"
+            verb = "reach" if error.errno == UNREACHED else verb
+            disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
+            said = f"cannot {verb}{where}: {error.strerror or error}"
+            return said, SOME_FAILED if error.errno in disk else WRONG
+
+    def _main(self, given: Sequence[str]) -> None:
+        experiment = self.experiment
+        if HELP.intersection(given):
+            show(usage(experiment))
+            return
+        if "--settings" in given:
+            show(listing(experiment, [word for word in given if word != "--settings"]))
+            return
+        if "--cache" in given:
+            done = [word for word in given if word == "clear" or word.startswith(PRUNE)]
+            _, place = self._places(
+                [word for word in given if word not in done], "--cache", "clear", f"{PRUNE}20GB"
+            )
+            self._cache(place, _limit(done))
+            return
+        if "--status" in given:
+            for shown in described(*self._places(given, "--status")):
+                show(shown)
+            return
+        if "--why" in given:
+            self._why([word for word in given if word != "--why"])
+            return
+        for word in given:
+            self._check_option(word)
+        if not any(map(_is_for_hydra, given)):
+            overrides = [word for word in given if word not in SEVERAL]
+            jobs = read_jobs(experiment, overrides, several=len(overrides) < len(given))
+            self._run_all(self.prepare(jobs), {key for job in jobs for key in job.overrides})
+            return
+        register(experiment)
+        overrides = [word for word in given if "=" in word and not word.startswith("-")]
+        options = [word for word in given if word not in overrides]
+        before = sys.argv
+        sys.argv = [sys.argv[0], *options, *replaceable(experiment, overrides)]
+        try:
+            # Hydra then raises what went wrong, instead of printing it and ending the process.
+            with environment({"HYDRA_FULL_ERROR": "1"}):
+                conf = None if experiment.conf is None else str(experiment.conf)
+                name = primary(experiment)
+                hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._job)()
+        finally:
+            sys.argv = before
+
+    def _check_option(self, word: str) -> None:
+        """Refuse a setting, or a group of them, that is given as an option."""
+        plain = word.lstrip("-").replace("-", "_")
+        group, conf = re.split("[.=]", plain)[0], self.experiment.conf
+        known = group in nested(self.experiment.by_key)
+        if word.startswith("--") and (known or (conf is not None and (conf / group).is_dir())):
+            given = f"{'' if known else '+'}{plain}{'' if '=' in plain else '=VALUE'}"
+            raise ConfigurationError(f"{word} is no option; a setting has no dashes, {given}")
+
+    def _job(self, composed: DictConfig) -> None:
+        """Run one job of Hydra's: a sweep, by default with its own store."""
+        of_hydra = HydraConfig.get()
+        store = Path(of_hydra.runtime.output_dir, STORE)
+        job = job_of(self.experiment, composed, of_hydra.overrides.task, str(store))
+        self._run_all(self.prepare([job]), job.overrides)
+
+    def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
+        """Return the checked sweeps of some jobs; an invalid one stops them all."""
+        with interruptible():
+            checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
+        stores = dict.fromkeys(where("store", job.store) for job in jobs)
+        for path in stores:
+            check_target(path)
+        sweeps: list[Sweep] = []
+        with interruptible():
+            for choices, store in fused(self.experiment, checked):
+                place = self._place(choices, store)
+                check_cache(place.cache)
+                check_apart(stores, place.cache, self.beside)
+                with environment(choices.variables):
+                    plan = Plan(self.experiment, choices)
+                    _check_size(plan)
+                    existing(self.experiment, store, plan)
+                sweeps.append((plan, place))
+        return sweeps
+
+    def _why(self, words: Sequence[str]) -> None:
+        """Print what of each stage's keys differs from the store of a sweep."""
+        [job] = read_jobs(self.experiment, words, several=False)
+        choices, place = self.experiment.check(job.choices), where("store", job.store)
+        with environment(choices.variables):
+            plan, old = Plan(self.experiment, choices), read_attributes(place)
+            if old is None:
+                raise ConfigurationError(f"store is {str(place)!r}, which does not exist")
+            found = [f"{name}: {', '.join(parts)}" for name, parts in why(plan, old)]
+            for line in found or ["nothing differs: the store has all of the sweep"]:
+                show(line)
+
+    def _places(self, given: Sequence[str], *options: str) -> tuple[Where, Where]:
+        """Return the store and the cache of a command line beside some options."""
+        words = [word for word in given if word not in options]
+        if wrong := [word for word in words if "=" not in word]:
+            taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
+            raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
+        [job] = read_jobs(self.experiment, words, several=False)
+        return where("store", job.store), self._cache_place(job.choices.one(Run.cache))
+
+    def _cache_place(self, given: Value) -> Where:
+        return where("cache", str(given)) if given else user_cache_path(self.name)
+
+    def _place(self, choices: Choices, store: Where) -> Place:
+        """Return where and how a sweep runs."""
+        return Place(
+            store,
+            self._cache_place(choices.one(Run.cache)),
+            ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
+            int(choices.one(Run.cache_limit) * 1e9),
+            partial=bool(choices.one(Run.partial)),
+        )
+
+    # running --------------------------------------------------------------------------------
+
+    def _run_all(self, sweeps: Sequence[Sweep], keys: Collection[str]) -> None:
+        """Run some sweeps of a command line that sets some keys; a failed one stops no other.
+
+        Raises
+        ------
+        SweepIncomplete
+            If cells of some failed, or their report is not complete.
+        """
+        left: list[str] = []
+        for plan, place in sweeps:
+            choices = plan.choices
+            with environment(choices.variables):
+                unread = plan.unread({key.lstrip("+~") for key in keys})
+                remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
+                for sentence in (*remarks, *self.about(choices)):
+                    say(self.name, sentence)
+                if choices.one(Run.dry_run):
+                    stages, sentence = preview(plan, place)
+                    rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
+                    show(counted(dict(reversed(rows.items())), "cells", "reused", "to compute"))
+                    show(sentence)
+                else:
+                    left += self._run(choices, place)
+        if left:
+            raise SweepIncomplete("; ".join(left))
+
+    def _run(self, choices: Choices, place: Place) -> list[str]:
+        """Run one sweep into a store, and report it; return what is not complete."""
+        near = namesake(place.store)
+        log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
+        with watching(self.name, log, place.store, place.cache, record=not place.partial) as watch:
+            finished = sweep(self.experiment, choices, place, watch)
+        if place.partial:
+            return []
+        say(self.name, summary(finished.progress, finished.seconds))
+        left = [_failed(finished.failures, log)] if finished.failures else []
+        try:
+            with interruptible():
+                (self.report or self._report)(place.store, choices, finished)
+        except SweepIncomplete as error:
+            left.append(str(error))
+        except Exception as error:  # the store is complete without it
+            say(self.name, f"the store is written, but not its report: {reason(error)}")
+        return left
+
+    def _report(self, store: Where, choices: Choices, finished: Finished) -> None:
+        from sweeps.engine.store.tables import texts  # imports xarray, which takes long
+
+        for text in texts(store, [table.group for table in self.experiment.tables]):
+            show(f"{text}\n")
+        path = os.path.relpath(store) if isinstance(store, Path) else store
+        show(f"store   {path}")
+        scripts = entry_points(group="console_scripts") if self.experiment.tables else ()
+        for one in (one for one in scripts if one.value.startswith("sweeps.report.")):
+            show(f"next    {one.name} {pasted(path)}")
+
+    def _cache(self, place: Where, limit: float | None) -> None:
+        """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
+
+        Raises ConfigurationError if a sweep uses it.
+        """
+        check_cache(place)
+        packs = cells_of(place, make=False)
+        index = CellIndex(packs, lambda sentence: say(self.name, sentence))
+        cells, size = index.size()
+        if limit is not None:
+            try:
+                with used(packs.place, alone=True):
+                    cells, size = index.prune(limit)
+            except BlockingIOError:
+                reason = "which a sweep uses; wait until it ends"
+                raise ConfigurationError(f"cache is {str(place)!r}, {reason}") from None
+        done = "kept" if limit is None else "removed"
+        show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
+
+
+def _limit(words: Sequence[str]) -> float | None:
+    """Return how much of a cache is to stay [byte], by the words beside `--cache`; None for all."""
+    from dask.utils import parse_bytes  # takes long
+
+    if "clear" in words:
+        return 0.0
+    for word in words:
+        if word.startswith(PRUNE):
+            try:
+                return float(parse_bytes(word.removeprefix(PRUNE)))
+            except ValueError:
+                raise ConfigurationError(f"{word} must be a size, such as {PRUNE}20GB") from None
+    return None
+
+
+def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
+    """Return how many cells and tables failed, the first of them, and where the others are."""
+    named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
+    more = len(failures) - NAMED_FAILURES
+    tables = sum(what.startswith("table ") for what, _ in failures)
+    counts = {"cell": len(failures) - tables, "table": tables}
+    counted = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
+    return (
+        f"{' and '.join(counted)} failed: {named}"
+        + (f"; and {more:,} more" if more > 0 else "")
+        + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.written else "")
+    )
+
+
+def _is_for_hydra(word: str) -> bool:
+    """Return whether a word of the command line asks for Hydra's own options, jobs or folders."""
+    own = word.startswith("-") and word not in SEVERAL
+    return own or word.lstrip("+~").startswith(("hydra.", "hydra/")) or "${hydra:" in word
+
+
+def _check_size(plan: Plan) -> None:
+    """Refuse a sweep of too many cells."""
+    cells = sum(plan.count(bound) for bound in plan.bound.values())
+    if cells > MOST_CELLS:
+        listed = ", ".join(f"{key} ({count:,})" for key, count in plan.swept.items())
+        raise ConfigurationError(
+            f"the sweep has {cells:,} cells, but may have at most {MOST_CELLS:,}; "
+            f"numbers of values: {listed}"
+        )

@@ -1,0 +1,61 @@
+"""How far the latest sweep of a store is, as another terminal asks for it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from datetime import datetime
+
+from rich.table import Table
+
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import Where
+from sweeps.engine.run.progress import counted, state_of, states_in, time_left
+from sweeps.engine.run.schedule import Progress
+from sweeps.engine.store.locks import is_locked
+
+
+def described(store: Where, cache: Where) -> tuple[str, Table]:
+    """Return a sentence on the latest sweep of a store, and a table of its stages.
+
+    Raises ConfigurationError if the cache knows of none.
+    """
+    content = states_in(cache).get(state_of(store))
+    if content is None:
+        raise ConfigurationError(
+            f"store is {str(store)!r}, of which the cache {str(cache)!r} knows no sweep; "
+            "give store= and cache= as the sweep has them"
+        )
+    try:
+        state = json.loads(content)
+        stages = {
+            name: (Progress(*counts), float(work))
+            for name, (*counts, work) in state["stages"].items()
+        }
+        begun, at = float(state["begun"]), float(state["at"])
+        process, ended = int(state["process"]), str(state["ended"])
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigurationError(
+            f"cache is {str(cache)!r}, whose state of the sweep of {str(store)!r} cannot be read"
+        ) from error
+    running = is_locked(store)
+    how = f"running as process {process}" if running else ended
+    sentence = f"{store}: {how}; begun {_clock(begun)}, state of {_clock(at)}"
+    return sentence, _table(stages, at - begun, running)
+
+
+def _table(stages: Mapping[str, tuple[Progress, float]], elapsed: float, running: bool) -> Table:
+    """Return a table of cells and estimated time by stage; all of them are in the last row."""
+    every = Progress.over(one for one, _ in stages.values())
+    rows = {**dict(reversed([*stages.items()])), "all": (every, sum(w for _, w in stages.values()))}
+    numbers = {
+        name: (one.total, one.reused, one.done, one.failed, one.left)
+        + (time_left(work, every.seconds, elapsed),) * running
+        for name, (one, work) in rows.items()
+    }
+    headings = ("cells", "reused", "done", "failed", "left", *["time left"] * running)
+    return counted(numbers, *headings)
+
+
+def _clock(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds).isoformat(" ", "seconds")

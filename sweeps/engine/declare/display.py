@@ -1,0 +1,63 @@
+"""How a table of a store is shown: declared with it, kept in its attributes, read by the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sweeps.engine.declare.settings import Choices
+
+ATTRIBUTE = "displays"  # of a group, with its displays
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a table: a variable of its group, and the variables that belong to it."""
+
+    variable: str
+    name: str = ""  # of its column; the variable's by default
+    low: str = ""  # variables with the ends of its 95 % interval; by default found by their names
+    high: str = ""
+    beside: Mapping[str, str] = field(
+        default_factory=dict
+    )  # further columns: name, variable; likewise
+    percent: bool = False  # a fraction, shown and written in percent
+    digits: int | None = None  # decimals that are written; None: all
+    format: str = ".4g"  # on screen and page
+    listed: bool = True  # else it is in the file only
+
+    @property
+    def column(self) -> str:
+        """Name of its column."""
+        return self.name or self.variable
+
+
+@dataclass(frozen=True)
+class Display:
+    """One table made of a group. Groups with displays of the same name are one table."""
+
+    name: str  # of the table and its file
+    title: str
+    figures: tuple[Figure, ...] = ()  # the main one first; none: all variables of the group
+    rows: tuple[str, ...] = ()  # axes down, before others of several values
+    columns: str = ""  # axis across, with the main figure in the cells; none: the figures
+    # Axes of one value that tell the groups of a table apart.
+    labels: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""  # the article's table whose figures stand beside these
+    # Main figure of a random answer.
+    chance: float | Callable[[Choices], float] | None = field(default=None, repr=False)
+    notes: tuple[str, ...] = ()
+
+    def written(self, choices: Choices) -> dict[str, Any]:
+        """Return it as an attribute of its group, for a sweep's choices."""
+        chance = self.chance(choices) if callable(self.chance) else self.chance
+        return {**asdict(self), "chance": chance}
+
+
+def read_display(written: Mapping[str, Any]) -> Display:
+    """Return the display that an attribute was written from."""
+    figures = tuple(Figure(**figure) for figure in written["figures"])
+    rows, notes = tuple(written["rows"]), tuple(written["notes"])
+    return Display(**{**written, "figures": figures, "rows": rows, "notes": notes})

@@ -1,0 +1,83 @@
+"""Places of stores and caches: folders, and URLs of buckets."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from contextlib import suppress
+from itertools import accumulate
+from pathlib import Path
+
+from sweeps.engine.declare.errors import ConfigurationError
+
+Where = Path | str
+"""A folder, or a URL."""
+
+SCHEMES = ("s3", "gs", "az")
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+# A Path keeps one slash of a URL; several schemes may be chained.
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.:-]*:/")
+_OF_BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)+")
+
+
+def where(key: str, given: Where) -> Where:
+    """Return a setting's value as a path, or as a URL of a bucket without a slash at its end.
+
+    Raises ConfigurationError if it is a URL of another kind, which may also have a secret in it.
+    """
+    if not _URL.match(str(given)):
+        return Path(given)
+    url = str(given).rstrip("/")
+    if not _OF_BUCKET.fullmatch(url):
+        kinds = ", ".join(f"{scheme}://BUCKET/NAME" for scheme in SCHEMES)
+        shown = re.sub(r"//[^/]*@|[?#].*", lambda found: found[0][:1] + "...", url)
+        raise ConfigurationError(
+            f"{key} is {shown!r}, but must be a folder on a file system or a URL such as {kinds}: "
+            "other URLs are not supported, and credentials belong to the environment"
+        )
+    return url
+
+
+def below(place: Where, name: str) -> Where:
+    """Return a place in another one; a folder by its absolute path."""
+    return f"{place}/{name}" if isinstance(place, str) else place.absolute() / name
+
+
+def real_place(place: Where) -> Where:
+    """Return the absolute path without links: a store behind a link is written where it is."""
+    return Path(os.path.realpath(place)) if isinstance(place, Path) else place
+
+
+def apart(place: Where) -> tuple[Where, str]:
+    """Return the folder or URL that a place is in, and its name there."""
+    if isinstance(place, Path):
+        return place.parent, place.name
+    above, _, name = place.rpartition("/")
+    return above, name
+
+
+def around(place: Where) -> list[Where]:
+    """Return all folders or URLs that a place is in, the nearest first."""
+    if isinstance(place, Path):
+        return list(place.parents)
+    bucket, *names = place.removeprefix(scheme := place.partition("//")[0] + "//").split("/")
+    inside = list(accumulate(names[:-1], "{}/{}".format, initial=scheme + bucket))
+    return list(reversed(inside))
+
+
+def namesake(place: Where) -> Path:
+    """Return the path beside which files about a place are written.
+
+    Of a bucket, which has no folders, it is its name in the working folder.
+    """
+    return place if isinstance(place, Path) else Path.cwd() / apart(place)[1]
+
+
+def is_own(folder: Path) -> bool:
+    """Return whether a folder is this user's, and no other may write to it, or there is none."""
+    with suppress(FileNotFoundError):
+        status = os.stat(folder)
+        return status.st_uid == os.geteuid() and not status.st_mode & OTHERS_WRITE
+    return True

@@ -1,0 +1,381 @@
+"""Settings of an experiment, each declared once: key, kind, bounds, unit, label and default.
+
+A class that inherits from `Settings` declares those of one group of the configuration:
+
+    class Spring(Settings, key="spring"):
+        '''The spring.'''
+        stiffness = number(10.0, low=0, unit="N m-1", label="stiffness")
+
+Everything else about a setting is derived from here: the schema of the configuration, the setting's
+checks, its line in the table of settings, and its coordinate in a store.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import ChainMap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any, ClassVar, Self
+
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, located
+from sweeps.engine.declare.kinds import (
+    Count,
+    Draws,
+    Groups,
+    Kind,
+    Number,
+    SetOf,
+    Switch,
+    Text,
+    Value,
+    Vector,
+    Word,
+    shown,
+    spelt,
+)
+
+CACHE = "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
+DIMENSION, COORDINATE = "dimension", "coordinate"  # what a setting of one value may be in a store
+NO_RESULT = "no result depends on it"  # why a setting of where or how to run takes one value
+
+
+class Unit(str):
+    """A unit of settings that stages get in SI: its symbol, and its factor to SI."""
+
+    si: float
+
+    def __new__(cls, symbol: str, si: float = 1.0) -> Self:
+        """Return the unit of a symbol."""
+        unit = super().__new__(cls, symbol)
+        unit.si = si
+        return unit
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """One setting; `label` describes it.
+
+    Its default is as a user would write it, or another setting, whose values null stands for.
+    """
+
+    kind: Kind
+    default: Any
+    label: str
+    unit: str = "1"
+    help: str = ""  # further information for users
+    dimension: str = ""  # its name in stores; by default the last word of its key
+    # Why it takes one value only; empty if several make it an axis. None: as its class, or empty.
+    fixed: str | None = None
+    # In stores, with one value: a DIMENSION, a scalar COORDINATE, or nothing; None: as its class.
+    single: str | None = None
+    key: str = ""  # in the configuration, given by `Settings`
+
+    @property
+    def name(self) -> str:
+        """Name of its dimension."""
+        return self.dimension or self.key.rpartition(".")[2]
+
+    @property
+    def attrs(self) -> dict[str, str]:
+        """CF attributes of its coordinate."""
+        worded = isinstance(self.kind, Word | Text)
+        return ({} if worded else {"units": self.unit}) | {"long_name": self.label}
+
+    @property
+    def fallback(self) -> Setting | None:
+        """The setting whose values null stands for, if any."""
+        return self.default if isinstance(self.default, Setting) else None
+
+    @property
+    def written(self) -> Any:
+        """Its default as a user would write it."""
+        return None if isinstance(self.default, Setting) else self.default
+
+    @property
+    def identity(self) -> bool:
+        """Whether results depend on it."""
+        return self.fixed != NO_RESULT
+
+    def in_si(self, value: Value) -> Value:
+        """Return a value, or a tuple of values, as stages get it: in SI of a `Unit`."""
+        if not isinstance(self.unit, Unit) or value is None:
+            return value
+        if isinstance(value, tuple):
+            return tuple(map(self.in_si, value))
+        return value * self.unit.si
+
+    @property
+    def called(self) -> str:
+        """What messages call it."""
+        return self.key
+
+    def spelling(self, values: Iterable[Value]) -> str:
+        """Return how a user gives it some values."""
+        return f"{self.key}=[{','.join(map(spelt, values))}]"
+
+    @property
+    def entries(self) -> tuple[Setting, ...]:
+        """Keys of a mapping that may be one of its values, for `read_entries`."""
+        return getattr(self.kind, "entries", ())
+
+    def values(self, given: Any) -> tuple[Value, ...]:
+        """Return values of a user's input, in ascending order; raise `ConfigurationError`."""
+        try:
+            found = self.kind.values(self.key, given)
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from None
+        if self.fixed and len(found) > 1 and not isinstance(self.kind, Draws):
+            raise ConfigurationError(
+                f"{self.key} has {len(found)} values, but must have one: {self.fixed}"
+            )
+        return found
+
+
+class Settings:
+    """A group of settings, declared in the body of a class that inherits from this one."""
+
+    key: ClassVar[str] = ""
+    declared: ClassVar[tuple[Setting, ...]] = ()
+
+    def __init_subclass__(cls, *, key: str = "", single: str = "", fixed: str = "") -> None:
+        found: dict[Setting, Setting] = {}
+        for name, value in list(vars(cls).items()):
+            if isinstance(value, Setting):
+                if name in ("key", "declared"):
+                    wrong = f"setting {name} must have another name: every group has its own {name}"
+                    raise DeclarationError(located(cls, wrong))
+                if not isinstance(value.unit, str):
+                    wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
+                    raise DeclarationError(located(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
+                of_class = {"single": single, "fixed": fixed}.items()
+                own: Any = {of: given for of, given in of_class if getattr(value, of) is None}
+                setting = replace(value, key=f"{key}.{name}".lstrip("."), **own)
+                if value.fallback in found:  # of the same group, whose key is set only now
+                    setting = replace(setting, default=found[value.fallback])
+                setattr(cls, name, setting)
+                found[value] = setting
+        cls.key = key
+        cls.declared = tuple(found.values())
+
+
+def number(
+    default: Any,
+    low: float = -math.inf,
+    high: float = math.inf,
+    *,
+    below: float = math.inf,
+    null: bool = False,
+    **about: Any,
+) -> Setting:
+    """Return a setting that is a finite number; other arguments as of `Setting`."""
+    unit = about.get("unit", "1")
+    kind = Number(low, high, below, unit, null=null or default is None)
+    return Setting(kind, default, **about)
+
+
+def count(default: Any, low: int = 1, high: float = math.inf, **about: Any) -> Setting:
+    """Return a setting that is a whole number; other arguments as of `Setting`."""
+    unit = about.get("unit", "1")
+    return Setting(Count(low, high, unit=unit, null=default is None), default, **about)
+
+
+def draws(default: int, high: int = 1000, **about: Any) -> Setting:
+    """Return a setting that is a number of draws: an axis of their indices, from 0."""
+    return Setting(Draws(high), default, **about)
+
+
+def word(default: Any, words: tuple[str, ...], **about: Any) -> Setting:
+    """Return a setting that is a word of a list; other arguments as of `Setting`."""
+    return Setting(Word(tuple(words)), default, **about)
+
+
+def switch(default: Any, **about: Any) -> Setting:
+    """Return a setting that is true or false; other arguments as of `Setting`."""
+    return Setting(Switch(), default, **about)
+
+
+def text(default: str | None, **about: Any) -> Setting:
+    """Return a setting that is a text, such as a path; other arguments as of `Setting`."""
+    return Setting(Text(null=default is None), default, **about)
+
+
+def vector(default: Any, size: int, low: float, high: float, **about: Any) -> Setting:
+    """Return a setting whose value is a list of `size` finite numbers; the rest as of `Setting`."""
+    about.setdefault("fixed", "its numbers belong together")
+    element = Number(low, high, unit=about.get("unit", "1"))
+    return Setting(Vector(size, element), default, **about)
+
+
+def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()) -> Setting:
+    """Return a setting whose value is a set of another's values; a default of None allows null."""
+    kind = SetOf(replace(member.kind, null=False), spellings, null=member.default is None)
+    return replace(member, kind=kind, fixed=member.fixed or "its values belong together")
+
+
+# settings of the engine: the seed, and where and how a sweep runs
+
+CLUSTERS = ("inline", "local", "address", "slurm")
+
+
+class Run(Settings, fixed=NO_RESULT):
+    """The run."""
+
+    seed = count(0, 0, 2**63, label="seed of all noise", fixed="")
+    store = text(None, label="folder of the store; null: sweep.zarr")
+    cache = text(None, label="place of finished results; null: the user's cache folder")
+    cache_limit = number(
+        20, 0, 1e6, unit="GB", label="size of the cache from which on a sweep says it at its end"
+    )
+    dry_run = switch(False, label="only print what would be computed")
+    partial = switch(False, label="compute nothing, and write a store of what is in the cache")
+
+
+class Together(Settings, key="grid", fixed=NO_RESULT):
+    """Axes that run together."""
+
+    zip = Setting(
+        Groups(), None, label="settings that run together instead of crossed: [[a, b], [c, d]]"
+    )
+
+
+class Cluster(Settings, key="cluster", fixed=NO_RESULT):
+    """The cluster; see `sweeps.engine.run.cluster.ClusterChoice`."""
+
+    kind = word("local", CLUSTERS, label="where tasks run")
+    workers = count(None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core")
+    address = text(None, label="address of a dask scheduler")
+    ca_file = text(None, label="TLS: file of the authority")
+    cert = text(None, label="TLS: file of the certificate")
+    private_key = text(None, label="TLS: file of its private key")
+    queue = text(None, label="Slurm: partition")
+    account = text(None, label="Slurm: account")
+    walltime = text(None, label="Slurm: longest time of a job")
+    memory = text(None, label="Slurm: memory of a job")
+    interface = text(None, label="Slurm: network interface")
+
+
+ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Joint axis of several settings: their keys, and a value of each at every place."""
+
+    name: str
+    keys: tuple[str, ...]
+    points: tuple[tuple[Value, ...], ...]
+    labels: tuple[str, ...] | None = None  # of the places, where they have names
+    bare: bool = False  # whether the values of the settings are its only coordinates
+
+
+@dataclass(frozen=True)
+class Choices:
+    """The values of every setting of a sweep by key, ascending, and the joint axes."""
+
+    values: Mapping[str, tuple[Value, ...]]
+    joint: tuple[Joint, ...] = ()
+    given: tuple[str, ...] = field(default=(), compare=False)  # keys of the command line
+    asked: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
+
+    def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
+        """Return all values of a setting."""
+        self.asked.add(setting.key)
+        return self.values[setting.key]
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Environment variables that hold while anything of a sweep is called, also on workers."""
+        folder = self.one(Run.cache)
+        return {CACHE: os.path.abspath(folder)} if folder and "://" not in folder else {}
+
+    def one(self, setting: Setting) -> Value:
+        """Return the value of a setting that has one."""
+        (value,) = self[setting]
+        return value
+
+    def having(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
+        """Return choices with other values of one setting."""
+        return replace(self, values={**self.values, setting.key: values})
+
+    def points(self, keys: Sequence[str]) -> Iterator[tuple[Value, ...]]:
+        """Yield the values of some settings, by key, at all places of the axes."""
+        joint = [one for one in self.joint if not set(one.keys).isdisjoint(keys)]
+        axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
+        together = {key for one in joint for key in one.keys}
+        axes += [
+            [{key: value} for value in self.values[key]] for key in keys if key not in together
+        ]
+        for point in product(*axes):
+            found = ChainMap(*point)
+            yield tuple(found[key] for key in keys)
+
+
+def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choices:
+    """Return the choices of a configuration: given values by key, else the defaults.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first invalid key.
+    """
+    values: dict[str, tuple[Value, ...]] = {}
+    standing_for: dict[str, str] = {}
+    for setting in settings:
+        written = given.get(setting.key, setting.written)
+        if written is None and setting.fallback is not None:
+            standing_for[setting.key] = setting.fallback.key
+        else:
+            values[setting.key] = setting.values(written)
+    for key, other in standing_for.items():
+        values[key] = values[other]
+    return Choices(values)
+
+
+def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return values by name of a mapping that is one value of a setting, checked as settings are.
+
+    `entries` are its keys; those without a default are required.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first invalid key, its value and what is allowed.
+    """
+    by_name = {entry.name: entry for entry in entries}
+    for name in given:
+        if name not in by_name:
+            raise ConfigurationError(
+                f"{key}.{name} is not a key of the configuration; {key} has {', '.join(by_name)}"
+            )
+    for name, one in by_name.items():
+        if name not in given and one.default is None and not one.kind.null:
+            raise ConfigurationError(f"{key} is {shown(given)}, but must have {name}")
+    return {name: one.values(given.get(name, one.default))[0] for name, one in by_name.items()}
+
+
+def nested(by_key: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is given by key by the words of the keys, group within group."""
+    tree: dict[str, Any] = {}
+    for key, value in by_key.items():
+        *groups, last = key.split(".")
+        branch = tree
+        for group in groups:
+            branch = branch.setdefault(group, {})
+        branch[last] = value
+    return tree
+
+
+def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by key from nested mappings, for the settings that they contain."""
+    found = {}
+    for setting in settings:
+        *groups, last = setting.key.split(".")
+        branch: Any = tree
+        for group in groups:
+            branch = branch.get(group) if isinstance(branch, Mapping) else None
+        if isinstance(branch, Mapping) and last in branch:
+            found[setting.key] = branch[last]
+    return found

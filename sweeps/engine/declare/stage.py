@@ -1,0 +1,615 @@
+"""Stages and experiments: plain functions whose argument names declare their inputs.
+
+A stage is declared by a decorator and stays the plain function that it is:
+
+    @stage(Output("period", unit="s", label="period"), uses=(Spring, Mass))
+    def period(stiffness, mass):
+        return 2 * math.pi * math.sqrt(mass / stiffness)
+
+Each argument is a setting, the result of another stage, `rng` or `valid`. What a result depends
+on, and so its cells, its key, its dimensions and its progress line, is derived from these names.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sweeps.engine.declare.display import Display
+from sweeps.engine.declare.errors import DeclarationError, located
+from sweeps.engine.declare.kinds import Value
+from sweeps.engine.declare.settings import (
+    COORDINATE,
+    DIMENSION,
+    ENGINE_SETTINGS,
+    Choices,
+    Joint,
+    Run,
+    Setting,
+    Settings,
+)
+from sweeps.engine.declare.storable import DATES, LARGEST
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Condition = Callable[[Choices], bool]
+Say = Callable[[str], None]
+
+RNG, VALID = "rng", "valid"  # arguments that are neither settings nor stages
+EVERY = math.inf
+FIRST = "first_"  # before the name of a dimension: the output at which arrays begin on it
+
+
+def always(choices: Choices) -> bool:
+    """Return True: the stage belongs to every configuration."""
+    return True
+
+
+RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", "share"
+
+
+@dataclass(frozen=True)
+class Output:
+    """One array that a stage returns for every cell: a variable of the store with own dimensions.
+
+    An own dimension that is named like that of a gathered setting has its values as coordinate.
+    If the stage has an output `first_row`, a whole number, a cell's array begins there on the
+    dimension `row` of other outputs, whose label and unit it has.
+    """
+
+    name: str
+    dims: tuple[str, ...] = ()
+    dtype: str = "f4"
+    label: str = ""
+    unit: str = "1"
+    pad: complex | str | None = (
+        None  # padding up to the largest cell's array; None: all have one shape
+    )
+    without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
+    # RESULT; COORDINATE of its group; INNER: of other stages only; STATE of cells that a group
+    # gathers; MEASURED by the machine, such as a run time: computed again, it differs; SHARE, from
+    # 0 to 1, in unsigned integers up to their largest.
+    role: str = RESULT
+    attrs: Mapping[str, Any] = field(default_factory=dict, hash=False)  # besides unit and label
+
+    @property
+    def stored(self) -> bool:
+        """Whether it is a variable of the store, if its stage has a group."""
+        return self.role != INNER
+
+    @property
+    def identity(self) -> tuple[Any, ...]:
+        """What counts of it in the keys of results."""
+        return self.name, self.dtype, repr(self.empty)
+
+    @property
+    def empty(self) -> complex | str:
+        """Value of missing results: NaN, NaT, no text, false, unsigned 0, else `pad` or -1."""
+        of_kind: dict[str, complex | str] = {"f": np.nan, "U": "", "b": False, "u": 0, "M": "NaT"}
+        of_kind["c"] = complex(np.nan, np.nan)
+        of_integers = -1 if self.pad is None else self.pad
+        return of_kind.get(np.dtype(self.dtype).kind, of_integers)
+
+    @property
+    def in_store(self) -> tuple[np.dtype[Any], complex | str]:
+        """Dtype and value of missing results in the store: shares have -1, which is none."""
+        dtype = np.dtype(self.dtype)
+        if self.role != SHARE:
+            return dtype, self.empty
+        return np.dtype(f"i{2 * dtype.itemsize}"), -1
+
+
+coordinate = partial(Output, role=COORDINATE)
+inner = partial(Output, role=INNER)
+
+
+@dataclass(frozen=True)
+class Status:
+    """State of the cells of a group, in another one; -1 missing, 0 failed, 1 done.
+
+    Over some axes it is that of all stages of the groups that have it: failed if anything there
+    failed, else missing if anything is. Without axes, stages return it themselves, as an output.
+    """
+
+    name: str  # group and variable, as in `status:view`
+    label: str = ""
+    over: tuple[Setting, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """A group of the store, and what its stages have in common."""
+
+    path: str
+    when: Condition = always  # whether a configuration has it at all
+    uses: tuple[type[Settings], ...] = ()  # of stages that do not say what they use
+    dims: tuple[str, ...] = ()  # their order; those not named come first
+    status: Status | None = None  # None: every stage has a status of its own
+    names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
+
+    def stage(self, *outputs: Output, **how: Any) -> Declare:
+        """Declare a function as a stage of the group; see `Stage`."""
+        return stage(*outputs, **{"group": self, "uses": self.uses, **how})
+
+    def table(self, name: str, make: Callable[..., xr.Dataset | None], *shown: Display) -> Table:
+        """Return a table of the group; see `Table`."""
+        return Table(f"tables/{name}", (self.path,), make, self.when, shown)
+
+
+NOWHERE = Group("")
+
+
+@dataclass(frozen=True, eq=False)
+class At:
+    """A stage that is read at other settings' values, such as training at one range for all.
+
+    Settings that run together with such a setting are as they are there. What is gathered
+    `in_blocks` is read when it is indexed (`sweeps.engine.run.tasks.Gathered`), not whole before.
+    """
+
+    stage: str
+    settings: Mapping[Setting, Setting] = field(default_factory=dict)
+    in_blocks: bool = False
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Settings whose values key a stream of random numbers, besides `seed` and a name.
+
+    Cells that differ only in others share their noise.
+    """
+
+    settings: tuple[Setting, ...]
+    name: str = ""  # by default the stage's
+    optional: tuple[Setting, ...] = ()  # further ones, which do not count at their first value
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A function with its inputs and outputs; declared by `stage`, `plain` or `in_memory`.
+
+    A stage of one output returns that array, one of several a mapping.
+    """
+
+    name: str  # of the function, unless another is given
+    function: Callable[..., Any]
+    outputs: tuple[Output, ...]
+    uses: tuple[type[Settings], ...] = ()  # where arguments are looked up; then among the stages
+    reads: dict[str, Any] = field(default_factory=dict)  # argument: setting, name of a stage, `At`
+    # Axes computed together: it gets a tuple of the missing values, and its arrays have
+    # these as leading axes. A result must not depend on the other values.
+    along: tuple[Setting, ...] = ()
+    # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
+    # behind those of `along`. Failed inputs are filled; `valid` flags the others.
+    gather: tuple[Setting, ...] = ()
+    stream: Stream | None = None  # of `rng`; None: keyed by all that it depends on
+    group: Group = NOWHERE  # of the store; by default its results only serve other stages
+    # Number of results that are kept: all (EVERY), arrays on disk; some, any objects, in memory;
+    # or none (0), because it is called while planning: a quick function of settings, whose
+    # result, a number, text or tuple of them, counts as a value, whatever its inputs.
+    keep: float = EVERY
+    version: str = ""  # counts in keys instead of the function's code, if it is given
+
+    def __post_init__(self) -> None:
+        given = {"uses": self.uses, "along": self.along, "gather": self.gather}
+        given |= {f"dims of {one.name}": one.dims for one in self.outputs}
+        given |= {"settings of its stream": self.stream.settings} if self.stream else {}
+        for what, value in given.items():
+            if not isinstance(value, tuple | list):
+                named = getattr(value, "key", value)
+                wrong = f"stage {self.name} has {named!r} as {what}, but must have a tuple, "
+                raise DeclarationError(located(self.function, f"{wrong}with a comma: (NAME,)"))
+        for one in self.outputs:
+            if not isinstance(one.unit, str):
+                wrong = f"stage {self.name}: {one.name} has unit={one.unit!r}, but must have a text"
+                raise DeclarationError(located(self.function, wrong))
+
+    @cached_property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of the function's arguments, without those that keep their default.
+
+        A function of any arguments (`**values`) takes those of `reads`.
+        """
+        parameters = inspect.signature(self.function).parameters.values()
+        takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
+        named = tuple(
+            parameter.name
+            for parameter in parameters
+            if parameter.kind not in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
+            and (
+                parameter.default is parameter.empty
+                or parameter.name in self.reads
+                or any(hasattr(group, parameter.name) for group in self.uses)
+            )
+        )
+        return named + tuple(name for name in self.reads if takes_any and name not in named)
+
+    def origin(self, output: Output) -> dict[str, Output]:
+        """Return the outputs at which the arrays of another begin, by dimension."""
+        firsts = {one.name: one for one in self.outputs if not one.dims}
+        named = {dim: firsts.get(f"{FIRST}{dim}") for dim in output.dims}
+        return {dim: first for dim, first in named.items() if first is not None}
+
+    def is_even(self, output: Output) -> bool:
+        """Return whether the store needs arrays of one shape in all cells."""
+        padded = output.pad is not None or self.origin(output)
+        return output.stored and bool(output.dims) and not padded
+
+    @property
+    def at(self) -> dict[Setting, Setting]:
+        """Return settings of whose inputs the values are others'."""
+        elsewhere = (read.settings for read in self.reads.values() if isinstance(read, At))
+        return {one: other for settings in elsewhere for one, other in settings.items()}
+
+    def place_of(self, output: Output) -> str:
+        """Return the group of the store that has one of its outputs; empty if none has."""
+        status = self.group.status
+        if output.role == STATE and status is not None:
+            return status.name.partition(":")[0]
+        return self.group.path if output.stored else ""
+
+    @property
+    def kept(self) -> bool:
+        """Return whether results are kept on disk."""
+        return self.keep == EVERY
+
+    @property
+    def plain(self) -> bool:
+        """Return whether it is called while planning."""
+        return self.keep == 0
+
+    def checked_value(self, value: Value) -> Value:
+        """Return the result of a plain stage; raise DeclarationError if it cannot be in a key."""
+        for one in value if isinstance(value, tuple) else (value,):
+            if isinstance(one, tuple):
+                self.checked_value(one)
+            elif type(one).__repr__ is object.__repr__ and not hasattr(one, "identity"):
+                raise DeclarationError(
+                    f"stage {self.name} returned {type(one).__name__!r}, but a plain stage must "
+                    "return a number, text, null or tuple of them, or what has an identity"
+                )
+        return value
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Call the function."""
+        return self.function(*arguments, **named)
+
+
+Declare = Callable[[Callable[..., Any]], Stage]
+
+
+def stage(*outputs: Output, name: str = "", **how: Any) -> Declare:
+    """Declare a function as a stage with some outputs; other arguments as of `Stage`."""
+    return lambda function: Stage(name or function.__name__, function, outputs, **how)
+
+
+def plain(**how: Any) -> Declare:
+    """Declare a quick function of settings, whose result counts as a value; see `Stage`."""
+    return stage(keep=0, **how)
+
+
+def in_memory(*, keep: int = 2, **how: Any) -> Declare:
+    """Declare a function of whose results the last `keep` stay in memory only; see `Stage`."""
+    return stage(keep=keep, **how)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A group of the store computed at the end from other groups, all of which must exist."""
+
+    group: str
+    of: tuple[str, ...]
+    # (data set of each of them, ..., choices) -> data set, or None if there is nothing
+    make: Callable[..., xr.Dataset | None]
+    when: Condition = always
+    displays: tuple[Display, ...] = ()  # tables shown of it; none: one of all its variables
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Declaration of an experiment: settings, or groups of them, stages and tables.
+
+    Progress lists stages, and tables are computed, in the order in which they stand here. Raises
+    `DeclarationError` if declarations do not fit each other.
+    """
+
+    name: str  # of the command, and of its distribution
+    title: str  # of its stores
+    parts: tuple[type[Settings] | Setting | Stage | Table, ...]  # each kind in its order
+    # Refuses inconsistent choices (`ConfigurationError`), and drops values that
+    # nothing uses.
+    check: Callable[[Choices], Choices] = lambda choices: choices
+    attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # of its stores
+    # Called before stages run on this machine, with a function that prints a sentence: for work
+    # that one process does for all.
+    prepare: Callable[[Choices, Say], None] = lambda choices, say: None
+    conf: Path | None = None  # folder of its Hydra configuration
+    code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
+
+    def __post_init__(self) -> None:
+        for mistake in mistakes(self):
+            raise DeclarationError(mistake)
+
+    @cached_property
+    def declared(self) -> tuple[Setting, ...]:
+        """Every setting, including those of the engine."""
+        return (*self.own, *(setting for group in ENGINE_SETTINGS for setting in group.declared))
+
+    @cached_property
+    def own(self) -> tuple[Setting, ...]:
+        """Every setting of the experiment."""
+        groups = (
+            (one,) if isinstance(one, Setting) else one.declared
+            for one in self.parts
+            if not isinstance(one, Stage | Table)
+        )
+        return tuple(setting for group in groups for setting in group)
+
+    @cached_property
+    def stages(self) -> tuple[Stage, ...]:
+        """Every stage."""
+        return tuple(one for one in self.parts if isinstance(one, Stage))
+
+    @cached_property
+    def tables(self) -> tuple[Table, ...]:
+        """Every table."""
+        return tuple(one for one in self.parts if isinstance(one, Table))
+
+    @cached_property
+    def by_key(self) -> dict[str, Setting]:
+        """Every setting by its key."""
+        return {setting.key: setting for setting in self.declared}
+
+    @cached_property
+    def by_name(self) -> dict[str, Stage]:
+        """Stages by their names."""
+        return {one.name: one for one in self.stages}
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """A stage with resolved arguments: by name a setting, or another stage; not `rng`, `valid`."""
+
+    stage: Stage
+    arguments: Mapping[str, Setting | Bound]
+    needs: tuple[str, ...]  # keys of settings that a cell depends on, through inputs, too; sorted
+    inputs: tuple[Bound, ...]
+    name: str
+    random: bool  # whether it draws
+    along: tuple[str, ...]  # keys of the axes that it computes together
+    gather: tuple[str, ...]  # and of those that it gathers
+
+
+def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound]:
+    """Return stages by name with resolved arguments, every stage after those that it needs.
+
+    `joint` are the settings that run together in a sweep.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is neither a setting nor a stage, or stages need each other in a circle.
+    """
+    bound: dict[str, Bound] = {}
+    under_way: list[str] = []
+    together = {key: one.keys for one in joint if len(one.points) > 1 for key in one.keys}
+
+    def visit(name: str) -> Bound:
+        if name in under_way:
+            raise DeclarationError(f"stages need each other: {' -> '.join((*under_way, name))}")
+        if name not in bound:
+            under_way.append(name)
+            declared = experiment.by_name[name]
+            named = [one for one in declared.arguments if one not in (RNG, VALID)]
+            arguments = {one: argument(declared, one) for one in named}
+            bound[name] = _bound(declared, arguments, together)
+            under_way.pop()
+        return bound[name]
+
+    def argument(declared: Stage, name: str) -> Setting | Bound:
+        """Return an argument's setting or stage: from `reads`, else the one of that name."""
+        what = f"stage {declared.name}: argument {name!r} is"
+        source = declared.reads.get(name, name)
+        source = source.stage if isinstance(source, At) else source
+        settings = (getattr(group, name, None) for group in declared.uses if source == name)
+        setting = next((one for one in (source, *settings) if isinstance(one, Setting)), None)
+        if setting is not None:
+            # A function may refine the setting of its name.
+            own = {declared.name, getattr(declared.function, "__name__", ""), *declared.reads}
+            if name in experiment.by_name.keys() - own:
+                raise DeclarationError(
+                    f"{what} both the setting {setting.key} and a stage; rename one of them, or "
+                    "say which by reads"
+                )
+            if setting.key not in experiment.by_key:
+                raise DeclarationError(
+                    f"stage {declared.name}: setting {setting.key} is not in the experiment"
+                )
+            return setting
+        if source in experiment.by_name:
+            return visit(source)
+        groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
+        sentence = f"{what} neither a setting of {groups} nor a stage"
+        raise DeclarationError(located(declared.function, sentence))
+
+    for declared in experiment.stages:
+        visit(declared.name)
+    return bound
+
+
+def _bound(
+    declared: Stage,
+    arguments: Mapping[str, Setting | Bound],
+    together: Mapping[str, tuple[str, ...]],
+) -> Bound:
+    inputs = tuple(one for one in arguments.values() if isinstance(one, Bound))
+    needs = {one.key for one in arguments.values() if isinstance(one, Setting)}
+    at = {one.key: other.key for one, other in declared.at.items()}
+    for source in inputs:
+        taken = set(source.needs)
+        for key in at.keys() & source.needs:  # with all that runs together with it
+            taken.difference_update(together.get(key, (key,)))
+        needs.update(taken, (at[key] for key in at.keys() & source.needs))
+    if RNG in declared.arguments:
+        needs.add(Run.seed.key)
+        stream = declared.stream or Stream(())
+        needs.update(setting.key for setting in (*stream.settings, *stream.optional))
+    along = tuple(setting.key for setting in declared.along)
+    gather = tuple(setting.key for setting in declared.gather)
+    whole = {*along, *gather}
+    if missing := whole - needs:
+        wrong = _unneeded(declared.name, missing, inputs)
+        raise DeclarationError(located(declared.function, wrong))
+    for source in inputs:
+        if not source.stage.kept and (wanted := whole & set(source.needs)):
+            raise DeclarationError(
+                f"stage {declared.name}: {source.name} is not kept on disk, so it cannot depend on "
+                f"{', '.join(sorted(wanted))}, which {declared.name} needs together"
+            )
+    own = tuple(sorted(needs.difference(gather)))
+    random = RNG in declared.arguments
+    return Bound(declared, arguments, own, inputs, declared.name, random, along, gather)
+
+
+def _unneeded(name: str, keys: Collection[str], inputs: Iterable[Bound]) -> str:
+    """Return the sentence that a stage gathers axes on which nothing of it depends."""
+    listed = ", ".join(sorted(keys))
+    above = (one for source in inputs for one in (source, *source.inputs) if one.random)
+    drawing = next((one.name for one in above), "")
+    hint = f"; if {drawing}, which takes rng, is to draw anew for each, name the settings of its"
+    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawing)
+    return f"stage {name} does not need {listed}{stream}"
+
+
+def value_token(value: Value) -> str:
+    """Return the text of a value in a key: equal for equal values only."""
+    identity = getattr(value, "identity", None)
+    return repr(value) if identity is None else f"={identity!r}"
+
+
+# checks of declarations ---------------------------------------------------------------------------
+
+
+def mistakes(experiment: Experiment) -> Iterator[str]:
+    """Yield what is wrong in the declarations of an experiment; `bind` raises what else there is.
+
+    Each may be a consequence of those before it.
+    """
+    settings, stages = experiment.declared, experiment.stages
+    keys = [one.key for one in settings]
+    yield from _twice(keys, "settings")
+    yield from _twice((one.name for one in stages), "stages")
+    outputs = [
+        f"{stage.place_of(output)}/{output.name}"
+        for stage in stages
+        for output in stage.outputs
+        if stage.place_of(output)
+    ]
+    yield from _twice(outputs, "outputs of a group of the store")
+    for setting in settings:
+        yield from _bad_name(f"setting {setting.key}", setting.name)
+        if setting.single and setting.single not in (DIMENSION, COORDINATE):
+            single = f"single={setting.single!r}, but must have one of"
+            yield f"setting {setting.key} has {single} {DIMENSION!r}, {COORDINATE!r}"
+    for stage in stages:
+        yield from _of_stage(stage, keys)
+    groups = {name.rpartition("/")[0] for name in outputs}
+    for table in experiment.tables:
+        yield from _bad_group(f"table {table.group}", table.group)
+        yield from _unknown(f"table {table.group}: group", table.of, groups)
+        groups.add(table.group)
+    yield from _names(settings, bind(experiment).values())
+
+
+def _names(settings: Iterable[Setting], stages: Iterable[Bound]) -> Iterator[str]:
+    """Yield outputs and own dimensions that are named like something else in their group."""
+    in_stores = {s.key: s for s in settings if s.single or not s.fixed}
+    axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
+    stored = [
+        (bound, output, bound.stage.place_of(output))
+        for bound in stages
+        for output in bound.stage.outputs
+        if bound.stage.place_of(output)
+    ]
+    dims = {(group, dim) for _, output, group in stored for dim in output.dims}
+    for bound, _, group in stored:
+        for setting in (in_stores[key] for key in bound.needs if key in in_stores):
+            axes[group, bound.stage.group.names.get(setting) or setting.name] = setting.key
+    for bound, output, group in stored:
+        what = f"stage {bound.name}: {output.name}"
+        if (key := axes.get((group, output.name))) is not None:
+            yield f"{what} is named like the setting {key}; rename one of them"
+        if (group, output.name) in dims and output.dims != (output.name,):
+            yield f"{what} is named like a dimension of its group"
+        for key in (axes[group, dim] for dim in output.dims if (group, dim) in axes):
+            if key not in bound.gather:
+                how = f"has a dimension named like the setting {key}"
+                yield f"{what} {how}, which the stage does not gather; rename one of them"
+
+
+def _of_stage(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
+    what, status = f"stage {stage.name}", stage.group.status
+    yield from _bad_name(what, stage.name)
+    yield from _twice((one.name for one in stage.outputs), f"outputs of {what}")
+    if stage.group.path:
+        yield from _bad_group(what, stage.group.path)
+    for output in stage.outputs:
+        for name in (output.name, *output.dims):
+            yield from _bad_name(what, name)
+        yield from _bad_dtype(f"{what}: {output.name}", output, stage.place_of(output))
+    stream = stage.stream or Stream(())
+    named = (*stage.along, *stage.gather, *chain.from_iterable(stage.at.items()))
+    named += (*stage.group.names, *(status.over if status else ()))
+    named += (*stream.settings, *stream.optional)
+    yield from _unknown(f"{what}: setting", [one.key for one in named], keys)
+    if stage.stream is not None and RNG not in stage.arguments:
+        yield f"{what} has a stream, but its function does not take {RNG}"
+    if VALID in stage.arguments and not stage.gather:
+        yield f"{what} takes {VALID}, but gathers nothing"
+
+
+def _bad_dtype(what: str, output: Output, stored: Any) -> Iterator[str]:
+    dtype = output.dtype
+    try:
+        found = np.dtype(dtype)
+    except TypeError:
+        yield f"{what} has the dtype {dtype!r}, unknown to numpy"
+        return
+    plain = not (found.hasobject or found.names or found.subdtype)
+    of_numbers = found.kind in "biufc" and found.itemsize <= LARGEST.get(found.kind, 8)
+    storable = found.kind == "U" or of_numbers or found == DATES
+    if not plain or (stored and not storable):
+        allowed = "numbers of at most 8 bytes (complex 16), M8[ns], truth values or texts of "
+        allowed += "fixed width"
+        yield f"{what} has the dtype {dtype!r}, but must have one of {allowed}"
+    elif output.role == SHARE and not (found.kind == "u" and found.itemsize < 8):
+        yield f"{what} has the dtype {dtype!r}, but a share must have one of u1, u2, u4"
+
+
+def _bad_name(what: str, name: str) -> Iterator[str]:
+    if not name or "/" in name or name.startswith((".", "__")):
+        allowed = "a name must not be empty, have '/', or begin with '.' or '__'"
+        yield f"{what} has the name {name!r}, but {allowed}"
+
+
+def _bad_group(what: str, path: str) -> Iterator[str]:
+    for name in path.split("/"):
+        yield from _bad_name(f"{what} in group {path!r}", name)
+
+
+def _unknown(what: str, names: Iterable[str], known: Collection[str]) -> Iterator[str]:
+    return (f"{what} {name} is not in the experiment" for name in names if name not in known)
+
+
+def _twice(names: Iterable[str], what: str) -> Iterator[str]:
+    return (f"two {what} have the name {name}" for name, n in Counter(names).items() if n > 1)

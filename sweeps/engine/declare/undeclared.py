@@ -1,0 +1,234 @@
+"""Results of a function that declares no outputs: found in what it returns, call by call.
+
+What is known of a result besides its values, dimensions and attributes, is kept with it as JSON:
+the name of an empty array, which a pack has once for all cells that are alike.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.kinds import Date
+from sweeps.engine.declare.stage import COORDINATE, RESULT, Output
+from sweeps.engine.declare.storable import DATES, plain
+
+ABOUT = "/"  # before the JSON, since no variable's name has it
+# Attributes that say how values are stored, which the store says itself.
+STORED = {"_FillValue", "missing_value", "scale_factor", "add_offset", "dtype", "coordinates"}
+NUMBERS, COMPLEX = "f8", "c16"
+PADDING = "padding"  # an attribute: along which dimensions calls returned different numbers
+
+Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
+"""Names, dtypes and shapes of the arrays of a cell."""
+
+
+@dataclass(frozen=True)
+class Undeclared(Output):
+    """What a function returns that declares nothing; a single variable has this name."""
+
+    pad: complex | str | None = np.nan
+    free: bool = True  # the dtype is that of each variable, of numbers f8 or c16
+    names: tuple[str, ...] = ()  # of the elements of a tuple
+    dims_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # where not `dims`
+    taken: frozenset[str] = frozenset()  # names of arguments and of their dimensions
+    about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # attributes by variable
+
+    @cached_property
+    def known(self) -> dict[Any, Output]:
+        """Variables that were met, by their names, dimensions and dtypes."""
+        return {}
+
+    @cached_property
+    def plain(self) -> bool:
+        """Whether a number is the only variable, without dimensions."""
+        return self.free and not self.names and not self.dims_of
+
+    @property
+    def identity(self) -> tuple[Any, ...]:
+        """See `Output.identity`."""
+        return *super().identity, self.free, self.names, self.dims, sorted(self.dims_of.items())
+
+
+class Variable(NamedTuple):
+    """A variable that a call returned; None if it does not name its dimensions."""
+
+    values: Any
+    dims: tuple[str, ...] | None = None
+    attrs: Mapping[str, Any] = {}
+    coordinate: bool = False
+
+
+def spread(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], str]:
+    """Return each variable of a result, declared, with its values; and what else is known of them.
+
+    Raises TypeError, in a sentence, of names that cannot be.
+    """
+    declared: list[tuple[Output, Any]] = []
+    about: dict[str, Any] = {}
+    own = output.names[0] if len(output.names) == 1 else output.name
+    for name, one in _variables(own, output.names, found, output.name):
+        values = _array(f"{output.name} returned the variable {name!r}", one.values)
+        if one.coordinate and not values.ndim and name in output.taken:
+            continue  # an argument that came back
+        key = (name, one.dims, one.coordinate, values.dtype, values.ndim)
+        if (variable := output.known.get(key)) is None:
+            variable = output.known[key] = _declared(output, *key)
+        # What only `_array` knows of is not passed on, such as a mask.
+        declared.append((variable, values if values.dtype.kind in "MU" else one.values))
+        if variable.dims or one.attrs or one.coordinate:
+            attrs = plain({key: value for key, value in one.attrs.items() if key not in STORED})
+            about[name] = [variable.dims, attrs, one.coordinate]
+    return declared, f"{ABOUT}{json.dumps(about)}" if about else ""
+
+
+def _declared(
+    output: Undeclared,
+    name: Any,
+    dims: tuple[str, ...] | None,
+    coordinate: bool,
+    dtype: np.dtype[Any],
+    ndim: int,
+) -> Output:
+    """Return a variable of a name, with dimensions if it has them, dtype and number of these."""
+    what = f"{output.name} returned the variable {name!r}"
+    if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
+        raise TypeError(f"{what}, but a name is a text without '/' that begins with a letter")
+    if dims is None:
+        dims = output.dims_of.get(name) or (output.dims if ndim else ())
+        dims = dims or tuple(f"{name}_{k}" for k in range(ndim))
+    if wrong := output.taken.intersection((name, *dims)):
+        raise TypeError(f"{what}, but {min(wrong)!r} is the name of an argument")
+    if name in dims and not coordinate:
+        raise TypeError(f"{what} along a dimension of that name; rename one of them")
+    stored = output.dtype
+    if (output.free or coordinate) and dtype.kind == "c":
+        stored = COMPLEX
+    elif (dtype.kind in "MU" and output.free) or coordinate:
+        stored = dtype.str
+    return Output(name, dims, stored)
+
+
+def _variables(
+    name: Any, names: Sequence[str], found: Any, about: str
+) -> Iterator[tuple[Any, Variable]]:
+    """Yield what a result consists of, by name; `names` are those of the elements of a tuple."""
+    if hasattr(found, "to_xarray"):  # a frame or series of pandas
+        found = found.to_xarray()
+    if hasattr(found, "coords") and not hasattr(found, "data_vars"):  # a data array
+        found = found.to_dataset(name=name)
+    if hasattr(found, "data_vars"):
+        for one, values in found.variables.items():
+            yield one, Variable(values.values, values.dims, values.attrs, one in found.coords)
+    elif isinstance(found, Mapping):
+        for one, values in found.items():
+            yield from _variables(one, (), values, about)
+    elif len(names) > 1:
+        several = isinstance(found, tuple | list)
+        if not several or len(found) != len(names):
+            given = f"{len(found)} values" if several else repr(found)
+            raise TypeError(f"{about} returned {given}, but must return {', '.join(names)}")
+        for one, values in zip(names, found, strict=True):
+            yield from _variables(one, (), values, about)
+    else:
+        yield name, Variable(found)
+
+
+def _array(what: str, given: Any) -> NDArray[Any]:
+    """Return values as an array: times as `DATES`, texts of any type as numpy's."""
+    try:
+        array = np.asarray(given)
+    except ValueError:
+        raise TypeError(f"{what}, whose rows have different lengths") from None
+    objects = array.ravel().tolist() if array.dtype.kind == "O" else []
+    dates = objects if objects and all(isinstance(one, datetime) for one in objects) else []
+    if array.dtype.kind == "M":
+        dates = list(array[~np.isnat(array)].ravel())
+    if array.dtype.kind == "M" or dates:
+        kind = Date("" if objects else np.datetime_data(array.dtype)[0])
+        if wrong := [one for one in dates if not kind.holds(one)]:
+            raise TypeError(f"{what} with {wrong[0]!r}, but it must be {kind.allowed}")
+        return array.astype(DATES)
+    if array.dtype.kind in "TU" or (objects and all(isinstance(one, str) for one in objects)):
+        texts = array.astype(str)
+        return texts.astype(f"U{max(texts.itemsize // 4, 1)}")
+    return array
+
+
+def learned(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
+    """Return all variables of some results, by the layouts of these; the first names attributes.
+
+    Raises DeclarationError if results of a variable do not fit together.
+    """
+    first: dict[str, tuple[tuple[str, ...], Any, bool]] = {}
+    met: dict[str, list[tuple[np.dtype[Any], tuple[int, ...]]]] = defaultdict(list)
+    lengths: dict[str, set[int]] = defaultdict(set)
+    for layout in layouts:
+        texts = (name[len(ABOUT) :] for name, *_ in layout if name.startswith(ABOUT))
+        about = {name: one for text in texts for name, one in json.loads(text).items()}
+        for name, dtype, shape in layout:
+            if name.startswith(ABOUT):
+                continue
+            dims, attrs, coordinate = about.get(name, ((), {}, False))
+            known = first.setdefault(name, (tuple(dims), attrs, coordinate))
+            met[name].append((np.dtype(dtype), shape))
+            if known[0] != tuple(dims) or _sort(met[name][0][0]) != _sort(met[name][-1][0]):
+                ways = [f"{_sort(one)} {list(at)}" for one, at in (met[name][0], met[name][-1])]
+                raise DeclarationError(
+                    f"{output.name} returned {name} as {' and as '.join(ways)} for different "
+                    "arguments, which one variable cannot be"
+                )
+            for dim, size in zip(dims, shape, strict=True):
+                lengths[dim].add(size)
+    found: list[Output] = []
+    for name, (dims, given, coordinate) in first.items():
+        attrs = {**given, **output.about.get(name, {})}
+        dtype = np.result_type(*(dtype for dtype, _ in met[name]))
+        uneven = [dim for dim in dims if len(lengths[dim]) > 1]
+        spans = [f"{dim} ({min(lengths[dim])} to {max(lengths[dim])} values)" for dim in uneven]
+        label, unit = str(attrs.pop("long_name", name)), str(attrs.pop("units", "1"))
+        role = COORDINATE if coordinate else RESULT
+        one = Output(name, dims, dtype.str, label, unit, role=role, attrs=attrs)
+        if uneven or len(met[name]) < len(layouts):
+            one = replace(one, pad=one.empty)
+        if uneven and not coordinate:
+            nothing = "NaN" if one.empty != one.empty else repr(one.empty)
+            attrs[PADDING] = f"with {nothing} along {', '.join(spans)}"
+        found.append(one)
+    for name in () if found else output.names or (output.name,):
+        own = output.about.get(name, {})
+        label, unit = own.get("long_name", name), own.get("units", "1")
+        found.append(Output(name, (), NUMBERS, label, unit))
+    return found
+
+
+def _sort(dtype: np.dtype[Any]) -> str:
+    return {"U": "texts", "M": "times"}.get(dtype.kind, "numbers")
+
+
+def common(cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]) -> dict[str, Any]:
+    """Return by name the longest array of some cells, of which all others are the beginning.
+
+    None where they are not.
+    """
+    found: dict[str, Any] = {}
+    for arrays in cells:
+        for name in arrays.keys() & set(names):
+            one = arrays[name]
+            longest = found.setdefault(name, one)
+            if longest is None:
+                continue
+            short, long = sorted((one, longest), key=lambda array: array.size)
+            inside = long[tuple(map(slice, short.shape))]
+            alike = np.array_equal(inside, short, equal_nan=short.dtype.kind in "fc")
+            found[name] = long if alike else None
+    return found

@@ -1,0 +1,162 @@
+"""Values of a function's arguments as settings of a sweep: given by name, or as a data set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import Count, Date, Kind, Number, Switch, Text, Value, ascending
+from sweeps.engine.declare.settings import COORDINATE, DIMENSION, Joint, Setting
+
+LOWEST, HIGHEST = -(2**63), 2**63 - 1  # whole numbers that a store holds
+
+
+@dataclass(frozen=True, eq=False)
+class Argument(Setting):
+    """A setting that is an argument of a function, whose values are its default."""
+
+    about: Mapping[str, Any] = field(default_factory=dict)  # attributes besides unit and label
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """See `Setting.attrs`."""
+        return {**super().attrs, **self.about}
+
+    @property
+    def called(self) -> str:
+        """See `Setting.called`."""
+        return f"values[{self.name!r}]"
+
+    def spelling(self, values: Iterable[Value]) -> str:
+        """See `Setting.spelling`."""
+        return f"values={{{self.name!r}: [{', '.join(map(_spelt, values))}], ...}}"
+
+
+def read_values(
+    function: str, values: Any, attrs: Mapping[str, Mapping[str, Any]]
+) -> tuple[list[Argument], tuple[Joint, ...]]:
+    """Return the settings of some values, and those that run together.
+
+    Of a data set, variables that share a dimension run together; scalars are fixed.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first argument whose values cannot be swept.
+    """
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(
+            f"values is {_short(values)}, but must be a mapping of arguments to their values, such "
+            "as {'x': [1, 2]}, or a data set of xarray"
+        )
+    if hasattr(values, "data_vars"):
+        return _of_data_set(function, values, attrs)
+    settings = []
+    for name, given in values.items():
+        listed = _listed(name, given)
+        about = {**getattr(given, "attrs", {}), **attrs.get(name, {})}
+        settings.append(_argument(function, name, listed, about))
+    return settings, ()
+
+
+def _of_data_set(
+    function: str, values: Any, attrs: Mapping[str, Mapping[str, Any]]
+) -> tuple[list[Argument], tuple[Joint, ...]]:
+    settings: dict[str, list[Argument]] = {str(dim): [] for dim in values.dims}
+    points: dict[str, list[list[Value]]] = {str(dim): [] for dim in values.dims}
+    fixed: list[Argument] = []
+    for name, one in values.variables.items():
+        about = {**one.attrs, **attrs.get(name, {})}
+        if one.ndim > 1:
+            has = f"the dimensions {', '.join(map(str, one.dims))}"
+            raise ConfigurationError(f"values[{name!r}] has {has}, but must have one or none")
+        listed = _listed(name, np.atleast_1d(one.values))
+        if one.ndim:
+            dim, distinct = str(one.dims[0]), list(dict.fromkeys(listed))
+            settings[dim].append(_argument(function, name, distinct, about))
+            kind = settings[dim][-1].kind
+            points[dim].append([kind.values(name, value)[0] for value in listed])
+        else:
+            fixed.append(_argument(function, name, listed, about, single=COORDINATE))
+    joint = [
+        Joint(dim, tuple(one.key for one in of), tuple(zip(*points[dim], strict=True)), bare=True)
+        for dim, of in settings.items()
+        if of
+    ]
+    return [*(one for of in settings.values() for one in of), *fixed], tuple(joint)
+
+
+def _listed(name: str, given: Any) -> list[Any]:
+    """Return values of an argument as Python's, or times of numpy."""
+    what = f"values[{name!r}]"
+    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+        several = f"{{{name!r}: [{_spelt(given)}]}}"
+        raise ConfigurationError(
+            f"{what} is {_short(given)}, but must be a list of values; one alone is {several}"
+        )
+    if (ndim := getattr(given, "ndim", 1)) != 1:
+        raise ConfigurationError(f"{what} is an array of {ndim} dimensions, but must have one")
+    listed = [_plain(one) for one in given]
+    if all(isinstance(one, np.datetime64) for one in listed):
+        listed = list(np.array(listed))  # of one unit
+    return listed
+
+
+def _plain(value: Any) -> Any:
+    """Return one value as Python has it, but times of numpy as they are."""
+    if hasattr(value, "to_datetime64"):  # of pandas
+        return value.to_datetime64()
+    value = getattr(value, "values", value)  # of a data array
+    value = value[()] if isinstance(value, np.ndarray) and not value.ndim else value
+    times = isinstance(value, np.datetime64 | np.timedelta64)
+    return value.item() if isinstance(value, np.generic) and not times else value
+
+
+def _argument(
+    function: str, name: str, listed: list[Any], about: Mapping[str, Any], single: str = DIMENSION
+) -> Argument:
+    """Return the setting of an argument, whose default are its values."""
+    kind = _kind(listed)
+    what = f"values[{name!r}]"
+    try:
+        for value in listed:
+            if not kind.holds(value):
+                allowed = f"every value must be {kind.allowed}"
+                raise ValueError(f"{what} has {_short(value)}, but {allowed}")
+        ascending(what, listed)
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from None
+    attrs = dict(about)
+    label, unit = str(attrs.pop("long_name", name)), str(attrs.pop("units", "1"))
+    key = f"{function}.{name}"
+    return Argument(kind, listed, label, unit, single=single, key=key, about=attrs)
+
+
+def _kind(listed: list[Any]) -> Kind:
+    """Return the kind of values that are all of one type; else numbers."""
+    if listed and all(isinstance(one, np.datetime64) for one in listed):
+        return Date(np.datetime_data(listed[0].dtype)[0])
+    kinds: dict[type, Kind] = {
+        bool: Switch(),
+        int: Count(low=LOWEST, high=HIGHEST),
+        str: Text(),
+        datetime: Date(),
+    }
+    fitting = (kind for of, kind in kinds.items() if all(isinstance(one, of) for one in listed))
+    return next(fitting, Number())
+
+
+def _spelt(value: Any) -> str:
+    """Return a value as it is written in Python."""
+    return f"'{value}'" if isinstance(value, np.datetime64) else repr(value)
+
+
+def _short(value: Any) -> str:
+    """Return a value as messages show it."""
+    text = " ".join(_spelt(value).split())
+    return text if len(text) < 80 else f"{text[:80]}..."

@@ -1,0 +1,232 @@
+"""Modules as they count in keys: by their source with all that they import, or by their version.
+
+Nothing is imported to find them out.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from functools import cache
+from importlib import metadata
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import find_spec, resolve_name
+from itertools import accumulate
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import Any, NamedTuple
+
+from platformdirs import user_cache_path
+
+from sweeps.engine.declare.places import is_own
+
+ENGINE = frozenset({__name__.rpartition(".")[0].rpartition(".")[0]})
+SHADERS = frozenset({".vert", ".frag", ".glsl"})
+SOURCES, MOST_SOURCES = "sources.json", 4000  # how many are kept
+CACHE = user_cache_path("sweeps")
+
+Reference = tuple[str, str]  # a module, and a name that is imported from it; "" for none
+
+
+def hash_of(data: bytes | str) -> str:
+    """Return the SHA-256 of some data, in hexadecimal digits."""
+    return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
+
+
+class Module(NamedTuple):
+    """Hash of a module's syntax tree, what it imports, and whether it imports on demand."""
+
+    digest: str
+    imports: list[Reference]
+    is_lazy: bool
+
+
+def _parsed(source: bytes, package: str) -> Module:
+    """Return a module by its source; what is not Python's, such as compiled C, counts as it is."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):
+        return Module(hash_of(source), [], False)
+    for node in ast.walk(tree):
+        match node:
+            case ast.If(test=ast.Name("TYPE_CHECKING") | ast.Attribute(attr="TYPE_CHECKING")):
+                node.body = []
+            case ast.FunctionDef(decorator_list=[]):
+                node.returns = None
+                for one in ast.walk(node.args):
+                    if isinstance(one, ast.arg):
+                        one.annotation = None
+        if isinstance(body := getattr(node, "body", None), list):
+            body[:] = [one for one in body if not _is_text(one)]
+    lazy = any(getattr(one, "name", "") == "__getattr__" for one in tree.body)
+    return Module(hash_of(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _imports(tree: ast.Module, package: str) -> Iterator[Reference]:
+    """Yield what a module imports anywhere, also by `import_module` of a text."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Import():
+                yield from ((one.name, "") for one in node.names)
+            case ast.ImportFrom():
+                owner = absolute("." * node.level + (node.module or ""), package)
+                yield from ((owner, one.name) for one in node.names)
+            case ast.Call(ast.Name(name) | ast.Attribute(attr=name), [ast.Constant(str(text)), *_]):
+                if name in {"import_module", "__import__"}:
+                    yield absolute(text, package), ""
+
+
+def absolute(name: str, package: str) -> str:
+    """Return the absolute name of a module; unchanged if Python would refuse it."""
+    with suppress(ImportError):
+        return resolve_name(name, package)
+    return name
+
+
+@cache
+def _before() -> dict[str, Any]:
+    """Return modules by the hash of their source, of which parsing takes long, from the cache.
+
+    Nothing if the file is missing, damaged, or another user may write to its folder.
+    """
+    with suppress(OSError, TypeError, ValueError):
+        if is_own(CACHE):
+            return dict(json.loads((CACHE / SOURCES).read_bytes()))
+    return {}
+
+
+_new: dict[str, Module] = {}
+
+
+def keep_sources() -> None:
+    """Write modules that were parsed in this process to the user's cache."""
+    if _new:
+        _before().update(_new)
+        _new.clear()
+        with suppress(OSError):
+            CACHE.mkdir(0o700, parents=True, exist_ok=True)
+            with NamedTemporaryFile("w", dir=CACHE, prefix=SOURCES, delete=False) as file:
+                json.dump(dict([*_before().items()][-MOST_SOURCES:]), file)
+            os.replace(file.name, CACHE / SOURCES)
+
+
+@cache
+def _rules() -> str:
+    """Return a hash of what decides how a module is parsed: this file, and Python."""
+    return hash_of(sys.version.encode() + Path(__file__).read_bytes())
+
+
+@cache
+def read(name: str, file: Path, modified: int) -> Module:
+    """Return the module of a file."""
+    source = file.read_bytes()
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    key = hash_of(repr((_rules(), package, source)))
+    if key not in _before():
+        _new[key] = _parsed(source, package)
+    return _new.get(key) or Module(*_before()[key])
+
+
+@cache
+def place(name: str) -> ModuleSpec | None:
+    """Return the location of a module, found without importing anything."""
+    owner = name.rpartition(".")[0]
+    with suppress(ValueError, KeyError):  # __main__, or a module created at run time
+        folders = folders_of(owner) if owner else []
+        return PathFinder.find_spec(name, folders) if owner else find_spec(name)
+    return None
+
+
+def folders_of(name: str) -> list[str]:
+    """Return the folders of a package; none of a module."""
+    spec = place(name)
+    return list(spec.submodule_search_locations or ()) if spec else []
+
+
+@cache
+def files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
+    """Return paths and hashes of the files of some kinds in and below a package's folders."""
+    found = [(of, one) for of in folders_of(name) for one in sorted(Path(of).rglob("*"))]
+    return [
+        (f"{name}/{one.relative_to(of).as_posix()}", hash_of(one.read_bytes()))
+        for of, one in found
+        if one.suffix in suffixes
+    ]
+
+
+@cache
+def versions(top: str) -> dict[str, str]:
+    """Return distributions of a top-level package with versions; empty if it is only a source."""
+    return {owner.metadata["Name"]: owner.version for owner in distributions().get(top, ())}
+
+
+@cache
+def distributions() -> dict[str, list[metadata.Distribution]]:
+    """Return the distributions that provide each top-level package.
+
+    Like `metadata.packages_distributions`, which is slow and, in Python 3.11, omits packages
+    that are a single compiled file.
+    """
+    found: dict[str, list[metadata.Distribution]] = {}
+    for owner in metadata.distributions():
+        listed = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
+        for top in {name.partition(".")[0] for name in re.findall("\n([^/,\n]+)", f"\n{listed}")}:
+            found.setdefault(top, []).append(owner)
+    return found
+
+
+class Modules:
+    """The modules that some packages and modules, `roots` by dotted names, load.
+
+    Those of roots, with all below them but the engine, count by their source, and so does what no
+    distribution has; of other imports outside the standard library the version counts.
+    """
+
+    def __init__(self, roots: frozenset[str]) -> None:
+        self._roots = roots
+        self.reached, self.edges = cache(self._reached), cache(self._edges)
+
+    def module(self, name: str) -> Module | None:
+        """Return a module; None if it has no file."""
+        spec = place(name)
+        file = Path(spec.origin) if spec and spec.has_location and spec.origin else None
+        return read(name, file, file.stat().st_mtime_ns) if file else None
+
+    def is_source(self, name: str) -> bool:
+        """Return whether a module counts by its source."""
+        top = name.partition(".")[0]
+        if within(name, ENGINE) or (top in sys.stdlib_module_names and top not in self._roots):
+            return False
+        return within(name, self._roots) or not versions(top)
+
+    def _reached(self, owner: str, name: str) -> set[str]:
+        """Return sources, or the library, that are loaded with a module or a name of it."""
+        if not self.is_source(owner):
+            return set() if within(owner, ENGINE) else {owner.partition(".")[0]}
+        found, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)
+        if name and place(f"{owner}.{name}"):
+            found.add(f"{owner}.{name}")
+        elif module and module.is_lazy:
+            below = [path.removesuffix(".py") for path, _ in files(owner, frozenset({".py"}))]
+            found |= {path.replace("/", ".").removesuffix(".__init__") for path in below}
+        return {*filter(self.is_source, found)}
+
+    def _edges(self, name: str) -> set[str]:
+        """Return what a module imports."""
+        module = self.module(name)
+        return set().union(*(self.reached(*one) for one in module.imports)) if module else set()
+
+
+def within(name: str, packages: Iterable[str]) -> bool:
+    """Return whether a module is in, or is itself, one of some packages."""
+    return any(f"{name}.".startswith(f"{package}.") for package in packages)

@@ -1,0 +1,590 @@
+"""The command line of an experiment: its overrides composed by Hydra, checked, expanded and fused.
+
+Jobs of one store are one sweep, in which settings that differ between them become axes. Settings
+that the jobs cross are axes of their own. Settings that change together, as those of a group's
+choices (`spring=soft,hard`), run together along one axis named after the group.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+import re
+import shlex
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import islice, product
+from pathlib import Path
+from typing import Any
+
+import hydra
+import yaml
+from hydra.core.config_loader import ConfigLoader
+from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import (
+    ChoiceSweep,
+    Override,
+    RangeSweep,
+    Sweep,
+    Transformer,
+)
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import MOST_VALUES, Value, rank, shown, spelt
+from sweeps.engine.declare.places import Where, where
+from sweeps.engine.declare.settings import (
+    CLUSTERS,
+    Choices,
+    Joint,
+    Run,
+    Setting,
+    Together,
+    flatten,
+    nested,
+    read_choices,
+)
+from sweeps.engine.declare.stage import Experiment
+
+SCHEMA = "sweep_schema"
+WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
+ALIKE = 0.66  # least similarity of a key that may have been meant
+
+
+# composing ----------------------------------------------------------------------------------------
+
+
+def primary(experiment: Experiment) -> str:
+    """Return the name of the primary configuration of Hydra."""
+    return "config" if experiment.conf is not None else "all_defaults"
+
+
+def register(experiment: Experiment) -> None:
+    """Register the schema of an experiment and its default configuration with Hydra."""
+    known = ConfigStore.instance()
+    known.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
+    for kind in CLUSTERS:
+        known.store(group="cluster", name=kind, node={"kind": kind})
+    if experiment.conf is None:
+        base = [SCHEMA, {"cluster": "local"}, "_self_"]
+        node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}
+        known.store(name=primary(experiment), node=node)
+
+
+def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the defaults of a group; values are of any type, since settings check their own."""
+    return {
+        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "written", None)
+        for key, entry in tree.items()
+    }
+
+
+def members(entry: Any) -> Mapping[str, Any]:
+    """Return members of a group, or of a setting whose value is a mapping with certain keys."""
+    if isinstance(entry, Mapping):
+        return entry
+    return dict.fromkeys(getattr(getattr(entry, "kind", None), "fields", ()))
+
+
+@contextmanager
+def composing(experiment: Experiment) -> Iterator[None]:
+    """Let Hydra find the configuration of an experiment within this context."""
+    register(experiment)
+    if experiment.conf is None:
+        with hydra.initialize(version_base="1.3", config_path=None):
+            yield
+    else:
+        with hydra.initialize_config_dir(str(experiment.conf), version_base="1.3"):
+            yield
+
+
+def composed(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
+    """Return the configuration of some overrides."""
+    try:
+        return hydra.compose(primary(experiment), overrides=replaceable(experiment, overrides))
+    except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
+        raise ConfigurationError(f"{in_one_line(error)} (of {' '.join(overrides)})") from error
+
+
+def replaceable(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
+    """Return overrides with which a value may replace a configured one of another form.
+
+    OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
+    in a list's, so a setting is emptied before it is set: `spring.mass=[0,45]` becomes
+    `++spring.mass=null spring.mass=[0,45]` (with `++`, since a multirun keeps one override of
+    each spelling).
+    """
+    keys = {setting.key for setting in experiment.declared if not members(setting)}
+    found = []
+    for override in overrides:
+        plain = override.lstrip("+")  # a setting is always there, so nothing is added
+        key = plain.partition("=")[0]
+        found += [f"++{key}=null", plain] if key in keys else [override]
+    return found
+
+
+def in_one_line(error: BaseException | None) -> str:
+    """Return the message of an error, and those of its causes, in one line."""
+    words = []
+    while error is not None:
+        if isinstance(error, OmegaConfBaseException):  # whose other lines name its classes
+            words += [f"{error.full_key}:", *str(error).partition("\n")[0].split()]
+        else:
+            words += str(error).split()
+        error = error.__cause__
+    return " ".join(words)
+
+
+# choices ------------------------------------------------------------------------------------------
+
+
+def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
+    """Return the choices of a composed configuration, each setting checked by itself.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first invalid key, its value and what is allowed.
+    """
+    written: Any = OmegaConf.to_container(composed, resolve=False)
+    _check_tree(experiment, nested(experiment.by_key), written, "")
+    try:
+        values: Any = OmegaConf.to_container(composed, resolve=True)
+    except OmegaConfBaseException as error:
+        key = (error.full_key or "").partition("[")[0]
+        given = flatten(experiment.declared, written)
+        why = str(error).partition("\n")[0]
+        raise ConfigurationError(
+            f"{key} is {given.get(key)}, but must refer to keys that have a value ({why})"
+        ) from error
+    given = flatten(experiment.declared, values)
+    (groups,) = Together.zip.values(given.get(Together.zip.key))
+    together = [[_named(experiment, name) for name in names] for names in groups]
+    joint = [_zipped(settings, given) for settings in together]
+    zipped = [key for one in joint for key in one.keys]
+    if twice := [key for key in zipped if zipped.count(key) > 1]:
+        raise ConfigurationError(
+            f"grid.zip has {twice[0]!r} more than once, but values must differ"
+        )
+    for key in zipped:  # together, one may have a value several times
+        if isinstance(listed := given.get(key), list):
+            given[key] = [one for at, one in enumerate(listed) if one not in listed[:at]]
+    choices = read_choices(experiment.declared, given)
+    return Choices(choices.values, (*choices.joint, *joint))
+
+
+def _check_tree(experiment: Experiment, tree: Mapping[str, Any], node: Any, parent: str) -> None:
+    """Refuse unknown keys of a configuration; Hydra itself accepts `+key=value`."""
+    if not isinstance(node, Mapping):
+        raise not_members(tree, parent, node)
+    for name in map(str, node):
+        key = f"{parent}.{name}".lstrip(".")
+        if name not in tree:
+            raise unknown(experiment, tree, parent, key)
+        if isinstance(tree[name], Mapping):
+            _check_tree(experiment, tree[name], node[name], key)
+
+
+def not_members(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
+    """Return the error of a group that is given another value."""
+    return ConfigurationError(f"{key} is {shown(value)}, but must hold {', '.join(tree)}")
+
+
+def unknown(
+    experiment: Experiment, tree: Mapping[str, Any], group: str, key: str
+) -> ConfigurationError:
+    """Return the error of a key that its group, of the keys of `tree`, does not have."""
+    last = key.rpartition(".")[2]
+    wrong = f"{key} is not a key of the configuration"
+    if (now := _renamed(experiment).get(key)) is not None:
+        return ConfigurationError(f"{wrong}; it is now {now}")
+    elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
+    meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
+    if not meant:
+        near = difflib.get_close_matches(last, tree, n=1, cutoff=ALIKE)
+        meant = [f"{group}.{name}".lstrip(".") for name in near]
+    if meant:
+        return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
+    return ConfigurationError(f"{wrong}; {group or 'it'} has {', '.join(tree) or 'no keys'}")
+
+
+def _renamed(experiment: Experiment) -> Mapping[str, str]:
+    """Return the names that keys of earlier versions have now, listed beside the configuration."""
+    path = experiment.conf and experiment.conf / "renamed.yaml"
+    return yaml.safe_load(path.read_text(encoding="utf-8")) if path and path.is_file() else {}
+
+
+# settings that run together -----------------------------------------------------------------------
+
+
+def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
+    """Return the joint axis of settings that run together."""
+    keys = [setting.key for setting in settings]
+    listed = [_as_written(setting, given.get(setting.key, setting.written)) for setting in settings]
+    if len(set(map(len, listed))) > 1:
+        counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
+        raise ConfigurationError(
+            f"grid.zip has {', '.join(keys)}, which must have equally many values, but "
+            f"{', '.join(counts)}"
+        )
+    points = sorted(zip(*listed, strict=True), key=lambda point: [rank(one) for one in point])
+    if len(set(points)) < len(points):
+        raise ConfigurationError(
+            f"grid.zip has {', '.join(keys)}, which have the same values together twice"
+        )
+    return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
+
+
+def _as_written(setting: Setting, given: Any) -> list[Any]:
+    """Return values in the order in which they were given."""
+    if isinstance(given, list | tuple):
+        return [setting.values(one)[0] for one in given]
+    return list(setting.values(given))
+
+
+def _named(experiment: Experiment, name: str) -> Setting:
+    """Return the setting of a key, or of the last word of one."""
+    exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
+    found = (
+        [exact] if exact else [setting for setting in experiment.declared if setting.name == name]
+    )
+    if len(found) != 1:
+        several = ", ".join(one.key for one in found)
+        hint = f"several keys: {several}" if found else "not a setting"
+        raise ConfigurationError(f"grid.zip has {name!r}, which is {hint}; give a whole key")
+    if found[0].fixed:
+        raise ConfigurationError(f"grid.zip has {name!r}, but it takes one value: {found[0].fixed}")
+    return found[0]
+
+
+STORE = "sweep.zarr"
+STEPS = ("start", "stop", "step")  # keys of a setting whose values are given by them
+MOST_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
+
+
+@dataclass(frozen=True)
+class Job:
+    """One job of a command line: its overrides by key, its choices, and the path of its store."""
+
+    overrides: dict[str, str]
+    choices: Choices
+    store: str
+
+
+def read_jobs(experiment: Experiment, arguments: Sequence[str], *, several: bool) -> list[Job]:
+    """Return the jobs of a command line, with choices that are checked setting by setting.
+
+    With `several`, values that are swept make a job each, unless they are an axis.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first invalid key, its value and what is allowed.
+    """
+    with composing(experiment):
+        overrides = _parsed(experiment, arguments, several=several)
+        return [
+            job_of(experiment, composed(experiment, lines), lines, STORE)
+            for lines in _expanded(experiment, overrides)
+        ]
+
+
+def job_of(
+    experiment: Experiment, configuration: DictConfig, lines: Iterable[str], store: str
+) -> Job:
+    """Return a job of a composed configuration; `store` is where it goes if that names none."""
+    by_key = dict(line.partition("=")[::2] for line in lines)
+    choices = replace(read_configuration(experiment, configuration), given=tuple(by_key))
+    return Job(by_key, choices, choices.one(Run.store) or store)
+
+
+# checks -------------------------------------------------------------------------------------------
+
+
+def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) -> list[Override]:
+    """Return the overrides of some arguments, whose keys and choices of groups exist."""
+    loader = GlobalHydra.instance().config_loader()
+    parser = OverridesParser.create(loader)
+    overrides = []
+    for place, argument in enumerate(arguments):
+        key, _, value = argument.partition("=")
+        if not key.lstrip("+~"):
+            raise ConfigurationError(f"{argument} has no key, but must be KEY=VALUE")
+        override = _read(parser, argument)
+        if override is None:
+            raise _unread(experiment, parser, arguments[place:])
+        given: Any = override.value()
+        listed = given if isinstance(given, list) else [given]
+        swept = [one for one in listed if isinstance(one, Sweep)]
+        if swept and (isinstance(given, list) or not several):
+            ways = []
+            if isinstance(swept[0], RangeSweep):
+                ways = [f"give steps, {pasted(f'{key}={_in_steps(swept[0])}')}"]
+            elif isinstance(given, ChoiceSweep) and given.simple_form:
+                text = pasted(f"{key}={_quoted(value)}")
+                ways = [f"quote it, {pasted(f'{key}=[{value}]')}, or as a text, {text}"]
+            ways += [f"or sweep over it, -m {pasted(argument)}"] * (swept == [given])
+            how = ": " * bool(ways) + "; ".join(ways)
+            raise ConfigurationError(f"{key} is {value}, but must be one value or a list{how}")
+        _check_key(experiment, loader, override)
+        overrides.append(override)
+    return overrides
+
+
+def _in_steps(swept: RangeSweep) -> str:
+    """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
+    values: list[Any] = [*islice(swept.range(), MOST_VALUES)] or [swept.start]
+    return spelt({"start": min(values), "stop": max(values), "step": abs(swept.step)})
+
+
+def pasted(text: str) -> str:
+    """Return a word as it is pasted into a shell, in quotes if it needs them."""
+    plain_inside = "'" in text and not set(text) & set('$`"!\\')
+    return f'"{text}"' if plain_inside else shlex.quote(text)
+
+
+def _quoted(text: str) -> str:
+    """Return a text as Hydra reads it back."""
+    mark = '"' if "'" in text and '"' not in text else "'"
+    # It halves backslashes before such a mark, also before that at the end.
+    text = re.sub(rf"(\\*){mark}", rf"\1\1\\{mark}", text)
+    return mark + re.sub(r"(\\+)\Z", r"\1\1", text) + mark
+
+
+def _read(parser: OverridesParser, argument: str) -> Override | None:
+    """Return the override of an argument; None if Hydra cannot read it."""
+    try:
+        return parser.parse_overrides([argument])[0]
+    except (HydraException, TypeError, ValueError):
+        return None
+
+
+def _unread(
+    experiment: Experiment, parser: OverridesParser, arguments: Sequence[str]
+) -> ConfigurationError:
+    """Return the error of the first of some arguments, which Hydra cannot read."""
+    wholes = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
+    whole = next(filter(_is_balanced, wholes), arguments[0])
+    key, given, value = whole.partition("=")
+    if not given:
+        return ConfigurationError(f"{whole} has no value, but must be KEY=VALUE")
+    if _read(parser, f"{key}=1") is None:
+        return unknown(experiment, nested(experiment.by_key), "", key)
+
+    def quoted(word: re.Match[str]) -> str:
+        return word[0] if _read(parser, f"x={word[0]}") else _quoted(word[0])
+
+    if _read(parser, whole) is None:
+        listed = value.startswith(("[", "{"))
+        whole = f"{key}={re.sub(WORD, quoted, value) if listed else _quoted(value)}"
+    override, setting = _read(parser, whole), experiment.by_key.get(key.lstrip("+"))
+    if override is None:
+        return ConfigurationError(f"{arguments[0]} cannot be read, but must be KEY=VALUE")
+    try:
+        if setting is not None:
+            setting.values(override.value())
+    except ConfigurationError as error:
+        return error
+    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {pasted(whole)}")
+
+
+def _is_balanced(text: str) -> bool:
+    return all(text.count(left) == text.count(right) for left, right in ("[]", "{}"))
+
+
+def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override) -> None:
+    """Refuse a key that is not in the configuration, or a value that a group does not have."""
+    key = override.key_or_group
+    value: Any = override.value()
+    if options := loader.get_group_options(key):
+        for one in override.sweep_iterator() if override.is_sweep_override() else [value]:
+            if isinstance(one, list):
+                hint = f"; {key}.name takes a list" if f"{key}.name" in experiment.by_key else ""
+                given = str(override.input_line).partition("=")[2]
+                raise ConfigurationError(f"{key} is {given}, but must be one choice{hint}")
+            if one is not None and one not in options:
+                listed = ", ".join(options)
+                raise ConfigurationError(f"{key} is {one!r}, but must be one of {listed}")
+        return
+    tree: Mapping[str, Any] = nested(experiment.by_key)
+    words = key.split(".")
+    for depth, word in enumerate(words):
+        if word not in tree:
+            raise unknown(experiment, tree, ".".join(words[:depth]), key)
+        is_last = depth == len(words) - 1
+        tree = members(tree[word]) or ({} if is_last else dict.fromkeys(STEPS))
+    if tree and not override.is_delete() and not isinstance(value, dict):
+        raise not_members(tree, key, value)
+
+
+# jobs ---------------------------------------------------------------------------------------------
+
+
+def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator[tuple[str, ...]]:
+    """Return the overrides of every job.
+
+    Swept settings are axes of one job, `a=1,2` as `a=[1,2]`, so that a grid of thousands of points
+    is one. A key that another override refers to, as the store's path may, stays swept, as do
+    groups, and settings of one value.
+
+    Raises
+    ------
+    ConfigurationError
+        If an axis, or the jobs, would be too many.
+    """
+    lines = [str(one.input_line) for one in overrides]
+    axes = {setting.key for setting in experiment.declared if not setting.fixed}
+    options: dict[str, list[str]] = {}  # the last of a key counts
+    for override, line in zip(overrides, lines, strict=True):
+        key, name = override.get_key_element(), override.key_or_group
+        options[key] = [line]
+        if not override.is_sweep_override():
+            continue
+        values = _values(override, MOST_VALUES)
+        refers = any(f"{{{name}}}" in other for other in lines)
+        if (
+            name in axes
+            and not refers
+            and not any(value.startswith(("[", "{")) for value in values)
+        ):
+            options[key] = [f"{key}=[{','.join(values)}]"]
+        else:
+            options[key] = [f"{key}={value}" for value in values]
+    if math.prod(map(len, options.values())) > MOST_JOBS:
+        longest = max(options, key=lambda key: len(options[key]))
+        raise ConfigurationError(
+            f"{longest} has {len(options[longest]):,} values of all that make jobs, but there may "
+            f"be at most {MOST_JOBS:,} jobs"
+        )
+    return product(*options.values())
+
+
+def _values(override: Override, most: int) -> list[str]:
+    """Return values of a swept override as they are written; too many are refused, not made."""
+    values = override.sweep_iterator(transformer=Transformer.encode)
+    found = [str(one) for one in islice(values, most + 1)]
+    if len(found) > most:
+        raise ConfigurationError(
+            f"{override.input_line} has too many values; there may be at most {most:,}"
+        )
+    return found
+
+
+# jobs as one sweep --------------------------------------------------------------------------------
+
+
+Point = tuple[Value, ...]
+OWN_STORES = "put it into the store's path for a store each"
+
+
+def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, Where]]:
+    """Return choices and the place of the store of each sweep that jobs are fused into.
+
+    Raises
+    ------
+    ConfigurationError
+        If jobs of one store differ in something that takes one value.
+    """
+    by_store: dict[Where, list[Job]] = {}
+    for job in jobs:
+        store = where("store", job.store)
+        if isinstance(store, Path):
+            store = Path(os.path.abspath(store))
+        by_store.setdefault(store, []).append(job)
+    return [(_fuse(experiment, group), store) for store, group in by_store.items()]
+
+
+def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
+    first = jobs[0].choices
+    if any(job.choices.joint != first.joint for job in jobs):
+        raise ConfigurationError(
+            f"grid.zip has settings whose values differ between jobs of one store; {OWN_STORES}"
+        )
+    union: dict[Setting, Point] = {}  # of settings that differ
+    for setting in experiment.declared:
+        values = {value for job in jobs for value in job.choices[setting]}
+        _check_alike(setting, [value for job in jobs for value in job.choices[setting]])
+        if all(job.choices[setting] == first[setting] for job in jobs):
+            continue
+        if setting.fixed:
+            asked = " and ".join(shown(value) for value in sorted(values, key=rank))
+            raise ConfigurationError(
+                f"{setting.key} is {asked} in jobs of one store, but must be one: "
+                f"{setting.fixed}; {OWN_STORES}"
+            )
+        union[setting] = tuple(sorted(values, key=rank))
+    values_of = {setting.key: values for setting, values in union.items()}
+    joint = _bound_together(jobs, union) if union else []
+    return replace(
+        first, values={**first.values, **values_of}, joint=(*first.joint, *joint), asked=set()
+    )
+
+
+def _check_alike(setting: Setting, values: Sequence[Value]) -> None:
+    """Refuse values of different origin with the same name, which one store cannot distinguish."""
+    origins = {(value, getattr(value, "origin", None)) for value in values}
+    counts = Counter(value for value, _ in origins)
+    if twice := [value for value, count in counts.items() if count > 1]:
+        raise ConfigurationError(
+            f"{setting.key} has {str(twice[0])!r} for two values in jobs of one store, but their "
+            f"names must differ; name one of them, or {OWN_STORES}"
+        )
+
+
+def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
+    """Return joint axes of settings that are not crossed; of all settings if nothing crosses."""
+
+    def joint(name: str, settings: Iterable[Setting], labels: Mapping[Point, str]) -> Joint:
+        keys = tuple(setting.key for setting in settings)
+        return Joint(name, keys, tuple(labels), tuple(labels.values()))
+
+    groups: list[Joint] = []
+    alone = list(union)
+    for key in jobs[0].overrides:
+        own = [setting for setting in alone if _follows(jobs, key, setting)]
+        if len(own) > 1:
+            alone = [setting for setting in alone if setting not in own]
+            labels = {
+                tuple(job.choices.one(setting) for setting in own): job.overrides[key]
+                for job in jobs
+            }
+            name = re.split(r"[/.]", key.lstrip("+"))[-1]
+            groups.append(joint(name, own, dict(sorted(labels.items(), key=_by_label))))
+    points = {
+        point for job in jobs for point in product(*(job.choices[setting] for setting in union))
+    }
+    sizes = [len(union[setting]) for setting in alone] + [len(group.points) for group in groups]
+    if math.prod(sizes) == len(points):
+        return groups
+    every = sorted(points, key=lambda point: [rank(value) for value in point])
+    labels = {
+        point: ",".join(f"{one.name}={value}" for one, value in zip(union, point, strict=True))
+        for point in every
+    }
+    return [joint("job", union, labels)]
+
+
+def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
+    """Return whether the value swept under a key alone decides that of a setting."""
+    decided: dict[str | None, Point] = {}
+    for job in jobs:
+        values = job.choices[setting]
+        if len(values) != 1 or decided.setdefault(job.overrides.get(key), values) != values:
+            return False
+    return len(set(decided.values())) > 1
+
+
+def _by_label(labelled: tuple[Point, str]) -> tuple[bool, float, str]:
+    """Return the sort key of a point with its label: numbers in ascending order, then words."""
+    label = labelled[1]
+    try:
+        return False, float(label), label
+    except ValueError:
+        return True, 0.0, label

@@ -1,0 +1,148 @@
+"""Executors of tasks: this process, local processes, or a cluster; and what they must share."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import signal
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.run.process import one_thread
+
+# Settings that each kind of cluster reads; all others must be null.
+READ = {
+    "inline": (),
+    "local": ("workers",),
+    "address": ("address", "ca_file", "cert", "private_key"),
+    "slurm": ("workers", "queue", "account", "walltime", "memory", "interface"),
+}
+# Required settings of each kind of cluster, and their meaning.
+REQUIRED = {
+    "address": {"address": "the address of a dask scheduler"},
+    "slurm": {"workers": "the number of jobs", "memory": "the memory of a job, such as 4GiB"},
+}
+# Pattern that a setting must match, and its description.
+FORMS = {
+    "address": (r"(tcp|tls)://(\[[\d:a-f]+\]|[^\s:/\[\]]+):\d+", "like tls://10.0.0.1:8786"),
+    "memory": (r"\d+(\.\d+)? ?[kMGT]i?B", "a number of bytes such as 4GiB"),
+    "walltime": (r"(\d+-)?\d+(:\d+){0,2}", "a time of Slurm such as 12:00:00 or 1-12:00:00"),
+    # These go into a job script.
+    "queue": (r"[\w.,@+-]+", "the name of a Slurm partition"),
+    "account": (r"[\w.@+-]+", "the name of a Slurm account"),
+    "interface": (r"[\w.@+-]+", "the name of a network interface such as ib0"),
+}
+
+
+@dataclass(frozen=True)
+class ClusterChoice:
+    """Choice of the cluster that runs the tasks: values of `Cluster` settings that fit together.
+
+    Raises `ConfigurationError` if they do not. Kinds are `inline` (this process), `local`
+    (processes of this machine), `address` (a running dask scheduler) and `slurm` (jobs submitted
+    with `sbatch`, each one task at a time on one core).
+    """
+
+    kind: str = "local"
+    workers: int | None = None  # processes, by default one a core, or jobs
+    address: str | None = None
+    ca_file: str | None = None  # PEM files for a `tls://` address: the authority, and certificate
+    cert: str | None = None  # and private key of this client; the key may be in the certificate's
+    private_key: str | None = None
+    queue: str | None = None
+    account: str | None = None
+    walltime: str | None = None
+    memory: str | None = None
+    interface: str | None = None  # network interface between jobs and this process
+
+    def __post_init__(self) -> None:
+        where = f"when cluster.kind is {self.kind}"
+        required = REQUIRED.get(self.kind, {})
+        for name, value in list(asdict(self).items())[1:]:
+            if value is None:
+                if name in required:
+                    raise _wrong(name, None, f"{required[name]} {where}")
+            elif name not in READ[self.kind]:
+                raise _wrong(name, value, f"null {where}")
+            elif name in FORMS and not re.fullmatch(FORMS[name][0], value):
+                raise _wrong(name, value, FORMS[name][1])
+        encrypted = str(self.address).startswith("tls://")
+        for name in ("ca_file", "cert", "private_key"):
+            path = getattr(self, name)
+            if path is not None and not encrypted:
+                raise _wrong(name, path, "null unless cluster.address begins with tls://")
+            if path is None and encrypted and name != "private_key":
+                raise _wrong(name, None, "a PEM file if cluster.address begins with tls://")
+            if path is not None and not Path(path).is_file():
+                raise _wrong(name, path, "an existing PEM file")
+
+
+def _wrong(name: str, value: Any, allowed: str) -> ConfigurationError:
+    given = "null" if value is None else value
+    return ConfigurationError(f"cluster.{name} is {given}, but must be {allowed}")
+
+
+class Executor(Protocol):
+    """Runs tasks, each identified by a number.
+
+    Tasks of one process run one at a time, all in the same thread, since a renderer must be
+    used by the thread that created it. Numerical libraries use one thread.
+    """
+
+    @property
+    def workers(self) -> int:
+        """Number of tasks that run at once, which may change on a running cluster."""
+
+    def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
+        """Submit a task: call a function with some arguments."""
+
+    def finished(self) -> list[tuple[int, Any, Exception | None]]:
+        """Wait for tasks to finish; return number, result and error of each, if any are left."""
+
+
+class InlineExecutor:
+    """Runs tasks in this process, in the order of their submission. See `Executor`."""
+
+    workers = 1
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[int, Callable[..., Any], tuple[Any, ...]]] = deque()
+
+    def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
+        """Queue a task."""
+        self._waiting.append((number, function, arguments))
+
+    def finished(self) -> list[tuple[int, Any, Exception | None]]:
+        """Run the oldest task."""
+        if not self._waiting:
+            return []
+        number, function, arguments = self._waiting.popleft()
+        try:
+            with one_thread():  # some libraries have a limit for each thread that calls them
+                return [(number, function(*arguments), None)]
+        except Exception as error:
+            return [(number, None, error)]
+
+
+def import_jobqueue() -> Any:
+    """Return dask's class of clusters of Slurm jobs, which only the main thread can import first.
+
+    Raises ConfigurationError if it is not installed, or this machine cannot submit jobs.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        from dask_jobqueue import SLURMCluster
+    except (ImportError, ValueError) as error:
+        raise ConfigurationError(
+            "cluster.kind is slurm, but dask-jobqueue (pip install dask-jobqueue) cannot be "
+            f"imported: {error}"
+        ) from error
+    if signal.getsignal(signal.SIGINT) is not before:  # its import would let Ctrl-C exit at once
+        signal.signal(signal.SIGINT, before)
+    if shutil.which("sbatch") is None:
+        raise ConfigurationError("cluster.kind is slurm, but this machine has no sbatch command")
+    return SLURMCluster

@@ -1,0 +1,73 @@
+"""The chosen workers, started or connected to: this process, local processes, or a cluster."""
+
+from __future__ import annotations
+
+import sys
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.resolve.modules import ENGINE
+from sweeps.engine.run.cluster import READ, ClusterChoice, Executor, InlineExecutor
+from sweeps.engine.run.forking import start_method, worth_importing
+from sweeps.engine.run.shared import Shared, package_digest
+
+
+@contextmanager
+def executor(
+    choice: ClusterChoice,
+    *,
+    tasks: int = sys.maxsize,
+    packages: Sequence[str] = (),
+    modules: Sequence[str] = (),
+    packs: Objects | None = None,
+    say: Callable[[str], None],
+) -> Iterator[Executor]:
+    """Start the chosen workers, or connect to them; stop or release them afterwards.
+
+    Parameters
+    ----------
+    choice : ClusterChoice
+        Kind of cluster and its settings.
+    tasks : int
+        Upper bound of the number of tasks: no more workers than that are started.
+    packages : sequence of str
+        Packages, besides the engine, whose code must be the same on remote workers.
+    modules : sequence of str
+        Modules of the functions that tasks call: imported once for all local workers of this
+        process, which do not see them change.
+    packs : Objects, optional
+        Where results are kept, which remote workers must see, too.
+    say : callable
+        Called with a sentence about what is awaited, or what the user should know.
+
+    Yields
+    ------
+    Executor
+        Use it only in the thread that entered this context.
+
+    Raises
+    ------
+    ConfigurationError
+        If the cluster cannot be reached or started, or the code or folder of a worker differs.
+    """
+    if choice.kind == "inline":
+        yield InlineExecutor()
+        return
+    settings: dict[str, Any] = {name: getattr(choice, name) for name in READ[choice.kind]}
+    with ExitStack() as stack:
+        if choice.kind == "local":  # it imports while this process imports dask
+            settings["method"] = start_method(worth_importing(modules))
+        from sweeps.engine.run import workers  # which imports dask
+
+        shared = Shared()
+        if choice.kind != "local":
+            code = {name: package_digest(name) for name in (*ENGINE, *packages)}
+            shared = Shared(code, packs, f"{uuid.uuid4().hex}.mark")
+            if packs:
+                packs.put(shared.mark, b"")
+                stack.callback(packs.delete, [shared.mark])
+        start = getattr(workers, choice.kind)
+        yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))

@@ -1,0 +1,102 @@
+"""A process that imports what workers need, and from which they are then forked.
+
+A forked worker shares the memory of modules imported before. This process has only one
+thread, so that forking it is safe.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import linecache
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.spawn import get_preparation_data
+
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.run.process import ONE_THREAD, environment
+
+# Environment that a worker process must be started with, since libraries read it only then. It
+# keeps 256 MiB of freed memory, and maps arrays separately from 32 MiB on, the most that allocators
+# accept: with dask's 64 KiB, requests for memory take a quarter of the time of array-heavy tasks.
+KEPT, MAPPED = 2**28, 2**25
+ENVIRONMENT = ONE_THREAD | dict(
+    MALLOC_TRIM_THRESHOLD_=str(KEPT), MALLOC_MMAP_THRESHOLD_=str(MAPPED)
+)
+
+IMPORTS = "IMPORTS"
+"""Name of a module's list of what its stages import when they are called."""
+
+
+def check_guard() -> None:
+    """Refuse to start workers from a line of a script that they run, too, when they start."""
+    ways = get_preparation_data("")
+    module = ways.get("init_main_from_path") or ways.get("init_main_from_name", "")
+    if not module or module.endswith(".__main__"):
+        return  # a notebook, prompt or `python -m package`, of which workers run nothing
+    frame = inspect.currentframe()
+    while frame and (frame.f_code.co_name, frame.f_globals["__name__"]) != ("<module>", "__main__"):
+        frame = frame.f_back
+    script = frame and frame.f_code.co_filename
+    if not frame or not script or not (text := "".join(linecache.getlines(script))):
+        return
+    line = frame.f_lineno
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.If) and node.lineno <= line <= (node.end_lineno or line):
+            test = ast.unparse(node.test)
+            if "__name__" in test or "parent_process" in test:
+                return
+    raise ConfigurationError(
+        f"cluster is local, whose workers run {os.path.basename(script)} again, but line {line} of "
+        'it is not guarded; put it under `if __name__ == "__main__":`, or use inline'
+    )
+
+
+def worth_importing(modules: Iterable[str]) -> list[str]:
+    """Return names of some modules and of those listed in their `IMPORTS`, each once."""
+    found = [(name, *getattr(sys.modules.get(name), IMPORTS, ())) for name in modules]
+    return list(dict.fromkeys(name for names in found for name in names))
+
+
+def start_method(modules: Iterable[str]) -> str:
+    """Start the process that imports some modules, and return the start method of workers.
+
+    They are forked from it, until this process ends; at a prompt or in a notebook, where modules
+    are edited and loaded again meanwhile, each worker imports them itself. If the process cannot be
+    started, as where the path of the temporary folder is too long for a socket, workers are spawned
+    instead.
+    """
+    main = vars(sys.modules["__main__"])
+    if not os.path.exists(main.get("__file__") or "."):  # '<stdin>', which no worker can run
+        del main["__file__"]
+    imported = [] if hasattr(sys, "ps1") else modules
+    multiprocessing.set_forkserver_preload(["distributed", *imported])
+    try:
+        with environment(ENVIRONMENT), interrupts_held():
+            forkserver.ensure_running()
+    except OSError:
+        return "spawn"
+    return "forkserver"
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Shield processes started meanwhile from what a terminal sends to all: Ctrl-C, and its end.
+
+    This process receives it, and stops its workers in order; they would print tracebacks.
+    """
+    # Processes inherit the signals that the thread which starts them blocks, and threads those of
+    # their starter, as does a worker that is restarted later. Python starts its resource tracker
+    # first, which ignores an interrupt by itself, and Python 3.11 unblocks that signal with it.
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
+    try:
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)

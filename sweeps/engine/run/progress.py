@@ -1,0 +1,195 @@
+"""How far a sweep is: shown on this terminal, kept in the cache for another one, and summed up."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import astuple
+from datetime import timedelta
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+
+from sweeps.engine.cache.objects import CLOSED, Objects
+from sweeps.engine.declare.failures import Failure, FailureLog
+from sweeps.engine.declare.places import Where, below, real_place
+from sweeps.engine.resolve.keys import digest
+from sweeps.engine.run.process import say
+from sweeps.engine.run.schedule import Progress, Schedule, Watch
+
+EVERY = 10.0  # s between plain lines
+EARLIEST = 3.0  # s of work done before the rest is estimated
+NAMED_FAILURES = 5  # all are in the log of failures and in the attributes of the store
+AT_ONCE = 8  # stages that the live display shows: a terminal may have 24 lines
+LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least time [s]
+
+
+@contextmanager
+def watching(
+    name: str, log: FailureLog, store: Where, cache: Where, *, record: bool = True
+) -> Iterator[Watch]:
+    """Show the progress of a sweep on stderr, in lines that begin with the `name`.
+
+    The first failures are shown, and all are logged. How far it is, is also written into its cache,
+    every second at most; a `record` that cannot be written costs nothing but itself.
+    """
+    shown = _Shown(name, log, store, cache, record)
+    with shown.live:
+        try:
+            yield Watch(shown.say, shown.step, shown.failed)
+            shown.state["ended"] = "finished"
+        finally:
+            shown.write()
+
+
+class _Shown:
+    """What is shown and written of a sweep under way."""
+
+    def __init__(
+        self, name: str, log: FailureLog, store: Where, cache: Where, record: bool
+    ) -> None:
+        self.name, self.log, self.record = name, log, record
+        self.states, self.file, self.due = states_in(cache, make=True), state_of(store), 0.0
+        self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
+        self.state["ended"] = "stopped"  # unless it says otherwise
+        self.terminal = sys.stderr is not None and sys.stderr.isatty()
+        self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
+        self.begun = self.at = time.monotonic()
+        self.failures = 0
+        self.schedule: Schedule | None = None
+
+    def say(self, sentence: str, style: str | None = None) -> None:
+        if self.terminal:
+            self.live.console.print(sentence, style=style, markup=False, highlight=False)
+        else:
+            say(self.name, sentence)
+
+    def failed(self, failure: Failure) -> None:
+        self.log.add(failure)
+        self.failures += 1
+        if self.failures <= NAMED_FAILURES:
+            self.say(f"failed: {failure.what}: {failure.why}", "red")
+        elif self.failures == NAMED_FAILURES + 1:
+            self.say("further failures are counted at the end", "red")
+
+    def step(self, schedule: Schedule) -> None:
+        now, self.schedule = time.monotonic(), schedule
+        stages = [*schedule.progress.items()]
+        done, work = (one.seconds for one in schedule.progress.values()), schedule.work_left()
+        if now >= self.due:
+            self.write()
+            self.due = time.monotonic() + WRITTEN
+        rest = time_left(sum(work.values()), sum(done), now - self.begun)
+        left = f"about {rest} left" if rest else ""
+        begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
+        if self.terminal:
+            shown = [one for _, one in stages if one.reused < one.total]
+            rows = [*begun[:AT_ONCE], ("all", Progress.over(shown))] if shown else []
+            self.live.update(_bars(rows, left))
+        elif now - self.at >= EVERY:
+            self.at = now
+            parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
+            self.say(", ".join([*parts, left] if left else parts) or "finishing")
+
+    def write(self) -> None:
+        if self.record and self.schedule is not None:
+            work, stages = self.schedule.work_left(), self.schedule.progress.items()
+            left = {name: [*astuple(one), work[name]] for name, one in stages if one.total}
+            state = json.dumps(self.state | {"stages": left, "at": time.time()})
+            with suppress(OSError):
+                self.states.put(self.file, state.encode())
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[Schedule], None]]:
+    """Yield what shows how far a sweep is, in a terminal or notebook; elsewhere it is silent."""
+    console, begun = Console(stderr=True), time.monotonic()
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+
+    def bars(schedule: Schedule) -> Table:
+        stages = [item for item in schedule.progress.items() if item[1].reused < item[1].total]
+        work, done = schedule.work_left(), sum(one.seconds for _, one in stages)
+        rest = time_left(sum(work.values()), done, time.monotonic() - begun)
+        return _bars(stages, f"about {rest} left" if rest else "")
+
+    if console.is_jupyter:
+        from IPython.display import display  # there, if this is a notebook
+
+        drawn: list[Any] = []
+
+        def draw(schedule: Schedule) -> None:
+            table = bars(schedule)
+            if drawn:
+                drawn[0].update(table)
+            elif table.row_count:
+                drawn.append(display(table, display_id=True))
+
+        yield draw
+    elif terminal:
+        with Live(console=console, transient=True) as live:
+            yield lambda schedule: live.update(bars(schedule))
+    else:
+        yield lambda schedule: None
+
+
+def _bars(rows: Sequence[tuple[str, Progress]], left: str) -> Table:
+    """Return a bar for each stage; behind the last one, the time that is left."""
+    table = Table.grid(padding=(0, 1))
+    for number, (name, one) in enumerate(rows, 1):
+        count = one.total - one.left
+        bar = ProgressBar(one.total, count, width=20)
+        table.add_row(f"{name:<20}", bar, f"{count}/{one.total}", left * (number == len(rows)))
+    return table
+
+
+def time_left(work: float, done: float, elapsed: float) -> str:
+    """Return the time that work takes, in s of one worker, as fast as some was done until now.
+
+    Empty while too little is done.
+    """
+    return str(timedelta(seconds=round(work * elapsed / done))) if done >= EARLIEST else ""
+
+
+def counted(rows: Mapping[str, Sequence[Any]], *headings: str) -> Table:
+    """Return a table of numbers by stage."""
+    table = Table(box=None, pad_edge=False)
+    table.add_column("stage")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    for name, numbers in rows.items():
+        table.add_row(name, *map(str, numbers))
+    return table
+
+
+def summary(stages: Mapping[str, Progress], seconds: float) -> str:
+    """Return how many cells were computed, reused and failed, and which stages took longest."""
+    every = Progress.over(stages.values())
+    longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
+    parts = [
+        f"{name} {one.seconds:.1f} s" for name, one in longest[:LONGEST] if one.seconds >= LEAST
+    ]
+    return (
+        f"{every.done:,} cells computed, {every.reused:,} reused, {every.failed:,} failed in "
+        f"{seconds:.1f} s; work {every.seconds:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
+    )
+
+
+WRITTEN = 1.0  # s between states that are written
+FOLDER = "status"  # of a cache
+
+
+def states_in(cache: Where, *, make: bool = False) -> Objects:
+    """Return the states of sweeps that a cache knows."""
+    return Objects(below(cache, FOLDER), make=make, mode=CLOSED, clean=False)
+
+
+def state_of(store: Where) -> str:
+    """Return the name of the state of a store's latest sweep."""
+    return f"{digest(str(real_place(store)))}.json"

@@ -1,0 +1,582 @@
+"""The order of work: missing cells, the calls that compute them, and tasks of several calls.
+
+The calls of a stage become ready when all results that it needs are done, so that it is known which
+of them failed. Stages that become ready together are computed side by side, and calls that share
+in-memory objects are neighbours, closest where they share most.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter, defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
+from itertools import pairwise
+from statistics import median
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.packs import NO_SPOTS, Spots
+from sweeps.engine.declare.failures import Failure
+from sweeps.engine.declare.settings import Setting
+from sweeps.engine.declare.stage import VALID, At, Bound
+from sweeps.engine.resolve.keys import Keys, distinct, hashed, joined
+from sweeps.engine.resolve.plan import Cells, Plan, Taken
+from sweeps.engine.run.tasks import Calls, Column, Made, Outcome, Read, Step
+
+LOG = logging.getLogger(__name__)
+MOST_CELLS = 4096  # of one task
+FAILED = hashed(["failed"])[0]  # in place of the key of a result
+
+Flags = NDArray[np.bool_]
+Job = tuple[Bound, Cells]  # cells of a stage that one call computes
+
+
+@dataclass
+class Block:
+    """Calls of stages that became ready together; call k has `cells[begins[k]:begins[k + 1]]`.
+
+    Its stage is `stages[stage[k]]`. `objects`, (call, ...), are numbers of the in-memory objects
+    that it needs, dependencies first, and -1 beyond those; calls are in the order of these, so that
+    calls that share most are neighbours.
+    """
+
+    stages: list[Bound]
+    stage: Cells
+    begins: Cells
+    cells: Cells
+    objects: Cells
+    at: int = 0  # the first call that is left
+
+    def __len__(self) -> int:
+        return len(self.stage) - self.at
+
+    def run(self, most: int) -> tuple[Bound, Cells]:
+        """Return the stage of the next calls, and where their cells begin, and the last ends."""
+        calls = self.stage[self.at : self.at + most]
+        same = int(np.argmax(np.append(calls != calls[0], True)))
+        return self.stages[calls[0]], self.begins[self.at : self.at + same + 1]
+
+
+class Queue:
+    """Calls that are ready, in the order in which tasks take them."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._blocks: deque[Block] = deque()
+        self._split: deque[Job] = deque()
+        self._made: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
+        self.load: Counter[Bound] = Counter()  # cells
+
+    def __bool__(self) -> bool:
+        return bool(self._split or self._blocks)
+
+    def add(self, ready: Mapping[Bound, Cells]) -> None:
+        """Add calls for cells of some stages, of which those that share in-memory objects mix."""
+        tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
+        width = max(objects.shape[1] for _, _, objects, _ in tables)
+        stage, lengths, cells = (np.concatenate([one[k] for one in tables]) for k in (0, 1, 3))
+        objects = np.full((len(stage), width), -1, np.int32)
+        filled = 0
+        for _, _, own, _ in tables:
+            objects[filled : filled + len(own), : own.shape[1]] = own
+            filled += len(own)
+        if width:
+            order = np.lexsort(objects.T[::-1])
+            begins = np.cumsum(lengths) - lengths
+            stage, objects = stage[order], objects[order]
+            lengths = lengths[order]
+            cells = cells[_ranges(begins[order], lengths)]
+        begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+        self._blocks.append(Block([*ready], stage, begins, cells, objects))
+        self.load.update({bound: len(of) for bound, of in ready.items()})
+
+    def again(self, bound: Bound, cells: Cells) -> None:
+        """Add a call, which comes before all others."""
+        self._split.append((bound, cells))
+        self.load[bound] += len(cells)
+
+    def _calls(self, number: int, bound: Bound, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
+        """Return stage, number of cells and in-memory objects of each call; and all their cells.
+
+        Cells that differ only on axes computed together share a call.
+        """
+        starts = self._plan.start(bound, cells)
+        objects = np.array(self._shared(bound, starts)).reshape(-1, len(cells))
+        if len(objects) or bound.along:
+            order = np.lexsort((cells, starts, *objects[::-1]))
+            cells, starts, objects = cells[order], starts[order], objects[:, order]
+        begins = np.flatnonzero(np.diff(starts, prepend=-1))
+        lengths = np.diff(begins, append=len(cells))
+        stage = np.full(len(begins), number, dtype=np.int16)
+        return stage, lengths.astype(np.int32), objects.T[begins], cells.astype(np.int32)
+
+    def _shared(self, bound: Bound, cells: Cells) -> list[Cells]:
+        """Return numbers of the in-memory objects that cells need, dependencies first."""
+        found: list[Cells] = []
+        for source, first, _ in self._plan.inputs(bound):
+            if not source.stage.kept:
+                taken, places = np.unique(first[cells], return_inverse=True)
+                known, keys = len(self._made), joined(self._made, self._plan.keys(source)[taken])
+                of_first, number = distinct(keys)
+                self._made = keys[of_first]
+                found += [*self._shared(source, first[cells]), number[known:][places]]
+        return found
+
+    def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Job]:
+        """Remove and yield calls that take about `size` seconds, by the cost of a cell of a stage.
+
+        At least one. Up to `together` where calls share two in-memory objects, and have a third.
+        """
+        seconds, cells = 0.0, 0
+        before: list[int] = []
+        while self and cells < MOST_CELLS:
+            block = self._blocks[0] if not self._split else None
+            if block and not block.objects.shape[1]:
+                yield from self._run(block, costs, size - seconds, MOST_CELLS - cells, cells == 0)
+                break
+            objects = block.objects[block.at].tolist() if block else []
+            shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
+            if cells and seconds >= (together if shared else size):
+                break
+            if block:
+                bound, (begin, end) = block.run(1)
+                own = block.cells[begin:end]
+                self._advance(1)
+            else:
+                bound, own = self._split.popleft()
+            before = objects[:2]
+            seconds += costs[bound.name] * len(own)
+            cells += len(own)
+            self.load[bound] -= len(own)
+            yield bound, own
+
+    def _run(
+        self, block: Block, costs: Mapping[str, float], size: float, most: int, begins: bool
+    ) -> Iterator[Job]:
+        """Remove and yield calls of one stage that share no objects, as `next` does."""
+        bound, ends = block.run(most)
+        before = (ends - ends[0])[:-1]
+        count = int(np.count_nonzero((before * costs[bound.name] < size) & (before < most)))
+        count = max(count, int(begins))  # at least one, even if a damaged index has wrong costs
+        self._advance(count)
+        self.load[bound] -= int(ends[count] - ends[0])
+        for begin, end in pairwise(ends[: count + 1].tolist()):
+            yield bound, block.cells[begin:end]
+
+    def _advance(self, calls: int) -> None:
+        self._blocks[0].at += calls
+        if not self._blocks[0]:
+            self._blocks.popleft()
+
+
+def _ranges(begins: Cells, lengths: Cells) -> Cells:
+    """Return the numbers of several ranges, one after the other."""
+    ends = np.cumsum(lengths)
+    return np.arange(ends[-1] if len(ends) else 0) + np.repeat(begins - ends + lengths, lengths)
+
+
+SHORTEST, LONGEST = 0.2, 1.5  # s, range of a task's duration
+TOGETHER = 5.0  # s, longest task if cells share costly objects
+UNKNOWN = 0.1  # s a cell, until one is timed
+
+
+@dataclass
+class Progress:
+    """Cells of a stage: total, reused, computed and failed, and the time taken."""
+
+    total: int = 0
+    reused: int = 0
+    done: int = 0
+    failed: int = 0
+    seconds: float = 0.0
+
+    @property
+    def left(self) -> int:
+        """Number of cells still to be computed."""
+        return self.total - self.reused - self.done - self.failed
+
+    @classmethod
+    def over(cls, stages: Iterable[Progress]) -> Progress:
+        """Return the sums over some stages."""
+        return cls(*map(sum, zip(*map(astuple, stages), strict=True)))
+
+
+class Part(NamedTuple):
+    """Calls of one stage in a task, and what they compute, in their order.
+
+    `cells` and `nodes` are (cell,).
+    """
+
+    bound: Bound
+    cells: Cells
+    nodes: Cells
+    calls: Calls
+
+
+class Task(NamedTuple):
+    """Calls that a worker runs one after the other; in which order, see `run_calls`."""
+
+    parts: tuple[Part, ...]
+    order: NDArray[np.int16]
+
+
+@dataclass
+class Schedule:
+    """Cells of a plan: finished, failed, or still to be computed.
+
+    Distinct results, those of different keys, are numbered: `nodes` has by stage the number of each
+    cell, negative if none is needed. `spots` has by number where a result is, and the key under
+    which it is kept; `failed`, why one failed. `costs` are seconds per cell by stage.
+    """
+
+    plan: Plan
+    costs: dict[str, float] = field(default_factory=dict)
+    failed: dict[int, str] = field(default_factory=dict)
+    progress: dict[str, Progress] = field(default_factory=dict)
+    nodes: dict[Bound, Cells] = field(default_factory=dict)
+    spots: Spots = field(default_factory=lambda: NO_SPOTS)
+
+    # what is missing ------------------------------------------------------------------------
+
+    def resolve(self, index: CellIndex) -> None:
+        """Look up all cells that are needed, and plan calls for missing ones."""
+        plan, self._index = self.plan, index
+        index.refresh()
+        self.spots = replace(NO_SPOTS, paths=index.paths)
+        wanted = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
+        for bound in plan.targets:
+            wanted[bound][:] = True
+            plan.fingerprint(bound)  # while its keys are known
+        missing: dict[Bound, Cells] = {}
+        alike: dict[str, list[range]] = defaultdict(list)  # nodes by code of their function
+        for bound in reversed(plan.bound.values()):  # each before those that it needs
+            cells = np.flatnonzero(wanted[bound])
+            if bound.stage.kept and cells.size:
+                cells = self._look_up(bound, cells, alike[plan.identity[bound.name]])
+                missing[bound] = cells
+            for taken in plan.inputs(bound):
+                wanted[taken.source][taken.of(cells)] = True
+        self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
+        self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
+        maker = np.full(len(self.spots), -1, np.int16)  # which of these stages computes a result
+        for number, (bound, cells) in enumerate(self._missing.items()):
+            maker[self.nodes[bound][cells]] = number
+        stages = [*self._missing]
+        self._needs = {
+            bound: [stages[n] for n in self._makers(bound, maker) if n >= 0] for bound in stages
+        }
+        missing_of = self._missing.items()
+        self._counts = [(one, len(cells), self._count(one, cells)) for one, cells in missing_of]
+        self._object_keys: dict[Bound, Keys] = {}
+        self._calls = Queue(plan)
+        self._open()
+
+    def _makers(self, bound: Bound, maker: NDArray[np.int16]) -> set[int]:
+        """Return who makes the inputs of a stage, also of its in-memory objects."""
+        found: set[int] = set()
+        for source, *_ in self.plan.inputs(bound):
+            if source.stage.kept:
+                nodes = self.nodes[source]
+                found |= {*(np.flatnonzero(np.bincount(maker[nodes[nodes >= 0]] + 1)) - 1).tolist()}
+            else:
+                found |= self._makers(source, maker)
+        return found
+
+    def _look_up(self, bound: Bound, cells: Cells, alike: list[range]) -> Cells:
+        """Number the results of some cells; return those that are to be computed, one of each.
+
+        Cells of equal keys are one result, also of other stages of the same function, whose
+        results are `alike`.
+        """
+        keys = self.plan.keys(bound)
+        keys = keys if len(cells) == len(keys) else keys[cells]
+        self.plan.forget_keys(bound)  # those of what it depends on are made
+        known = np.array([node for nodes in alike for node in nodes], dtype=np.int32)
+        first, number = distinct(joined(self.spots.keys[known], keys))
+        again, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
+        before = len(self.spots)
+        numbers = joined(again, np.arange(before, before + len(new), dtype=np.int32))
+        nodes = np.full(self.plan.count(bound), -1, dtype=np.int32)
+        nodes[cells] = numbers[number[len(known) :]]
+        self.nodes[bound] = nodes
+        alike.append(range(before, before + len(new)))
+        asked = keys[new] if len(new) < len(keys) else keys
+        found = self._index.find(asked, bound.stage.outputs)
+        absent = cells[new[~found.present]]
+        self.spots = Spots(
+            found.paths,
+            joined(self.spots.pack, found.pack),
+            joined(self.spots.row, found.row),
+            joined(self.spots.keys, found.keys),
+        )
+        # What another stage is about to compute is counted there.
+        total = len(new) + int(self.spots.present[again].sum())
+        self.progress[bound.name] = Progress(total, total - len(absent))
+        return absent
+
+    def missing_cells(self) -> list[tuple[Bound, int, int]]:
+        """Return every stage with missing cells, how many, and in how many calls."""
+        return self._counts
+
+    def _count(self, bound: Bound, cells: Cells) -> int:
+        """Return in how many calls some cells are computed."""
+        return len(np.unique(self.plan.start(bound, cells))) if bound.along else len(cells)
+
+    # stages that become ready ---------------------------------------------------------------
+
+    @property
+    def ready(self) -> bool:
+        """Whether there are calls whose inputs are all finished."""
+        return bool(self._calls)
+
+    def _open(self) -> None:
+        """Add the calls of all stages whose inputs are done."""
+        while ready := {
+            bound: cells
+            for bound, cells in self._missing.items()
+            if not any(self._left[one] for one in self._needs[bound])
+        }:
+            for bound in ready:
+                del self._missing[bound]
+            possible = {bound: self._possible(bound, cells) for bound, cells in ready.items()}
+            if calls := {bound: cells for bound, cells in possible.items() if len(cells)}:
+                self._calls.add(calls)
+
+    def _possible(self, bound: Bound, cells: Cells) -> Cells:
+        """Return which cells of a stage are to be computed: those whose inputs have not failed.
+
+        A result that gathers failed ones with others has another key, and may be in the cache.
+        """
+        if not self.failed:
+            return cells
+        taken = self.plan.inputs(bound)
+        gone = {source: self._are_lost(source) for source, *_ in taken}
+        lost = self._lack(taken, gone, cells)
+        for cell in cells[lost].tolist():
+            source, at = next(
+                (source, at)
+                for source, first, further in taken
+                if gone[source][at := (first[cell] + further).ravel()].all()
+            )
+            why = f"needs {self.plan.described(source, int(at[0]))}, which failed"
+            self._fail(bound, int(self.nodes[bound][cell]), why)
+        cells = cells[~lost]
+        nodes = self.nodes[bound][cells]
+        keys = self.plan.new_keys(bound, cells, self._keys_now)
+        changed = np.flatnonzero((keys != self.spots.keys[nodes]).any(axis=1))
+        self.spots.keys[nodes[changed]] = keys[changed]
+        found = self._index.find(keys[changed], bound.stage.outputs)
+        here = changed[found.present]
+        self._finish(bound, nodes[here], found.pack[found.present], found.row[found.present])
+        return np.delete(cells, here)
+
+    def _lack(self, taken: list[Taken], gone: Mapping[Bound, Flags], cells: Cells) -> Flags:
+        """Return which cells lack an input, or all of one that they gather."""
+        lost = np.zeros(len(cells), dtype=bool)
+        for source, first, further in taken:
+            starts, places = np.unique(first[cells], return_inverse=True)
+            lost |= gone[source][starts[:, None] + further.ravel()].all(axis=1)[places]
+        return lost
+
+    def _are_lost(self, bound: Bound) -> Flags:
+        """Return which cells of a stage failed, or cannot be made in memory."""
+        if bound.stage.kept:
+            return np.isin(self.nodes[bound], [*self.failed])
+        taken = self.plan.inputs(bound)
+        gone = {source: self._are_lost(source) for source, *_ in taken}
+        return self._lack(taken, gone, self.plan.cells(bound))
+
+    def _keys_now(self, bound: Bound) -> Keys:
+        """Return the keys of a stage's cells as they are with the inputs that failed."""
+        if bound.stage.kept:
+            keys = self.spots.keys[self.nodes[bound]]
+        elif bound in self._object_keys:
+            return self._object_keys[bound]
+        else:
+            keys = self.plan.new_keys(bound, self.plan.cells(bound), self._keys_now)
+            self._object_keys[bound] = keys  # whose inputs are done
+        keys[self._are_lost(bound)] = FAILED
+        return keys
+
+    # batches --------------------------------------------------------------------------------
+
+    def batch(self, workers: int) -> Task:
+        """Remove and return the next task of the calls that are ready; empty if there is none.
+
+        `workers` tasks run at once: towards the end they get shorter, so that none idles.
+        """
+        costs = defaultdict(lambda: UNKNOWN, self.costs)
+        left = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
+        size = min(max(left / (3 * workers), SHORTEST), LONGEST)
+        together = min(TOGETHER, max(left / workers / 2, size))
+        task = self._task(self._calls.next(costs, size, together))
+        told = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
+        LOG.debug(told, [part.bound.name for part in task.parts], size, left, workers)
+        return task
+
+    def _task(self, jobs: Iterable[Job]) -> Task:
+        """Return a task of calls: the stage of each, and the cells that it computes."""
+        of_stage: dict[tuple[Bound, bytes], list[Cells]] = defaultdict(list)
+        order: list[int] = []
+        numbers: dict[tuple[Bound, bytes], int] = {}
+        for bound, cells in jobs:
+            # Those of a part compute equal places of the axes that are computed together.
+            starts = self.plan.start(bound, cells[:1]) if bound.along else None
+            pattern = b"" if starts is None else (cells - starts).tobytes()
+            order.append(numbers.setdefault((bound, pattern), len(numbers)))
+            of_stage[bound, pattern].append(cells)
+        parts = (self.part(bound, cells) for (bound, _), cells in of_stage.items())
+        return Task(tuple(parts), np.array(order, dtype=np.int16))
+
+    # calls ----------------------------------------------------------------------------------
+
+    def part(self, bound: Bound, jobs: Sequence[Cells]) -> Part:
+        """Return calls of a stage, whose cells all lie alike on its axes."""
+        plan, cells = self.plan, np.concatenate(jobs)
+        begins = np.cumsum([0, *map(len, jobs)])
+        firsts = plan.start(bound, cells[begins[:-1]])
+        # The cells that a call computes: by the values that occur on each axis computed together.
+        grid = np.zeros((), dtype=np.int64)
+        for key in bound.along:
+            number = plan.axis_number(key)
+            stride = plan.together[bound].get(number, 0)
+            grid = np.add.outer(grid, stride * np.unique(plan.places(bound, number, jobs[0])))
+        order = np.argsort(grid.ravel())
+        moved = cells - np.repeat(firsts, np.diff(begins))
+        places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
+        nodes = self.nodes[bound][cells]
+        calls = self._calls_at(
+            bound,
+            firsts,
+            grid,
+            keys=self.spots.keys[nodes],
+            begins=begins,
+            places=places,
+            room=plan.identity[bound.name],
+        )
+        return Part(bound, cells, nodes, calls)
+
+    def _calls_at(self, bound: Bound, firsts: Cells, grid: Cells, **computed: Any) -> Calls:
+        """Return calls for cells, (call,), and a grid of others from each of these on.
+
+        The grid is an array of numbers to be added; each axis is one that is computed together.
+        What is `computed` is passed on to `Calls`.
+        """
+        plan, along, count = self.plan, bound.along, len(firsts)
+        sources: dict[str, Column | Read | Made] = {}
+        asks = VALID in bound.stage.arguments
+        gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
+        valid = np.ones((count, *gathered), dtype=bool) if asks else None
+        for name, source in bound.arguments.items():
+            if isinstance(source, Setting) and source.key in along:
+                rows = np.moveaxis(grid, along.index(source.key), 0)
+                at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
+                values = tuple(plan.value(bound, source.key, cell) for cell in at.tolist())
+                sources[name] = Column((source.in_si(values),), np.zeros(count, dtype=np.int32))
+            elif isinstance(source, Setting) or source.stage.plain:
+                found, places = plan.column(bound, source, firsts)
+                sources[name] = Column(found, places.astype(np.int32))
+            elif not source.stage.kept:
+                made, places = np.unique(
+                    plan.taken(bound)[source].first[firsts], return_inverse=True
+                )
+                keys = (self._keys_now if self.failed else plan.keys)(source)[made]
+                own = {"keys": keys, "begins": np.arange(len(made) + 1), "places": 0 * made}
+                calls = self._calls_at(source, made, np.zeros((), dtype=np.int64), **own)
+                sources[name] = Made(calls, places.astype(np.int32))
+            else:
+                spots, present = self._read(bound, source, firsts, grid)
+                read = bound.stage.reads.get(name)
+                in_blocks = isinstance(read, At) and read.in_blocks
+                sources[name] = Read(Step.of(source.stage), spots, in_blocks)
+                if valid is not None:
+                    valid &= present
+        streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
+        step = Step.of(bound.stage)
+        return Calls(
+            step, sources, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
+        )
+
+    def _read(self, bound: Bound, source: Bound, firsts: Cells, grid: Cells) -> tuple[Spots, Flags]:
+        """Return where an input is, and by call where on gathered axes all of its cells exist."""
+        _, first, further = self.plan.taken(bound)[source]
+        # Along axes on which the input does not depend, it is the same.
+        own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
+        taken = np.add.outer(first[np.add.outer(firsts, own)], further)
+        spots = self.spots[self.nodes[source][taken]].alone()
+        each = range(1, spots.present.ndim - further.ndim)
+        present = np.asarray(spots.present.all(axis=tuple(each)))
+        lacking = (slice(None) if key in source.needs else None for key in bound.gather)
+        return spots, present[(slice(None), *lacking)]
+
+    # outcomes -------------------------------------------------------------------------------
+
+    def finish(
+        self, part: Part, outcome: Outcome, pack: int, *, split: bool = True
+    ) -> list[Failure]:
+        """Record where the cells of some calls are, and let stages begin that wait for them.
+
+        Returns what failed. Several cells of a call that raised are computed by one call each if
+        `split`, since one of them may be the cause.
+        """
+        bound, begins, name = part.bound, part.calls.begins, part.bound.name
+        done = np.ones(len(part.cells), dtype=bool)
+        for call in outcome.lacking:
+            done[begins[call] : begins[call + 1]] = False
+        failed: list[Failure] = []
+        together = np.repeat(np.diff(begins), np.diff(begins)) > 1
+        for number, failure in outcome.failed.items():
+            done[number] = False
+            cells = part.cells[number : number + 1]
+            if split and failure.traceback and together[number]:
+                self._calls.again(bound, cells)
+            else:
+                failed.append(failure._replace(what=self.plan.described(bound, int(cells[0]))))
+                self._fail(bound, int(part.nodes[number]), failure.why)
+        nodes = part.nodes[done]
+        self._finish(bound, nodes, pack, np.arange(len(nodes), dtype=np.int32))
+        self.progress[name].seconds += outcome.seconds
+        if outcome.seconds:
+            each = outcome.seconds / len(part.cells)
+            self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
+        if not self._left[bound]:
+            self._open()
+        return failed
+
+    def each(self, task: Task) -> list[Task]:
+        """Return a task for every call of a task."""
+        return [
+            self._task([(part.bound, part.cells[begin:end])])
+            for part in task.parts
+            for begin, end in pairwise(part.calls.begins.tolist())
+        ]
+
+    def _finish(self, bound: Bound, nodes: Cells, pack: Any, row: Any) -> None:
+        self.spots.pack[nodes], self.spots.row[nodes] = pack, row
+        self.progress[bound.name].done += len(nodes)
+        self._left[bound] -= len(nodes)
+
+    def _fail(self, bound: Bound, node: int, why: str) -> None:
+        self.failed[node] = why
+        self.progress[bound.name].failed += 1
+        self._left[bound] -= 1
+
+    def work_left(self) -> dict[str, float]:
+        """Return seconds that the missing cells of stages take; of an untimed one, the median."""
+        shown = {name: one for name, one in self.progress.items() if one.total}
+        whole = {name: self.costs[name] * shown[name].total for name in shown if name in self.costs}
+        usual = median(whole.values()) if whole else 0.0
+        return {name: whole.get(name, usual) * one.left / one.total for name, one in shown.items()}
+
+
+@dataclass
+class Watch:
+    """Observer of a sweep: called with sentences, on every change, and with failures."""
+
+    say: Callable[[str], None]
+    step: Callable[[Schedule], None] = lambda schedule: None
+    failed: Callable[[Failure], None] = lambda failure: None

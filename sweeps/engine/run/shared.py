@@ -1,0 +1,70 @@
+"""What workers elsewhere share with the command that gives them tasks: its code and its cache."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.declare.places import is_own
+from sweeps.engine.resolve.modules import SHADERS, files, place
+
+
+class OtherCode(RuntimeError):
+    """The code of a process differs from that of the calling process."""
+
+
+@cache
+def package_digest(name: str) -> str:
+    """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
+    found, spec = files(name, SHADERS | {".py"}), place(name)
+    if spec and spec.has_location and spec.origin and not found:
+        found = [(name, hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest())]
+    return hashlib.sha256(repr(found).encode()).hexdigest() if found else ""
+
+
+def check_code(digests: Mapping[str, str]) -> None:
+    """Raise `OtherCode` if the digest of a package differs in this process."""
+    if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
+        raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
+
+
+class Apart(RuntimeError):
+    """A worker does not see the results of the command."""
+
+
+class Shared(NamedTuple):
+    """Digests of packages by name, where results are, and the name of a mark there."""
+
+    code: Mapping[str, str] = {}
+    packs: Objects | None = None
+    mark: str = ""
+
+    def check(self) -> None:
+        """Raise `OtherCode` or `Apart` if this process has other code or sees no such mark."""
+        check_code(self.code)
+        if self.packs is not None:
+            _check_mark(self.packs, self.mark)
+
+
+UNSHARED = (OtherCode, Apart)
+"""Errors of `Shared.check`."""
+
+
+@cache
+def _check_mark(packs: Objects, mark: str) -> None:
+    """Raise `Apart` if a mark is not seen by this process, or its folder is another user's."""
+    found = None
+    with suppress(OSError):
+        found = packs.get(mark)
+    if found is None:
+        what, remedy = "does not see the cache", "it must be where all of them see it"
+    elif isinstance(packs.place, Path) and not is_own(packs.place):
+        what, remedy = "sees files of another user in", "it must run as the same user"
+    else:
+        return
+    raise Apart(f"{what} {str(packs.place)!r} of this command; {remedy}")

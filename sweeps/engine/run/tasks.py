@@ -1,0 +1,506 @@
+"""Tasks of a worker: calls of stages, whose inputs it reads or makes, and whose results it packs.
+
+A task is a batch of calls. A call computes one cell, or several along the axes that its stage
+computes together. The arguments of all calls of a function come together: a plain value, arrays
+from a pack, a stack of such arrays, or an object made by another stage in this process, which keeps
+the last few of each.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pkgutil import resolve_name
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import Arrays, Pack, Packing, Spots, each_cell
+from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.failures import RAISED, Failure, described, reason, traceback_of
+from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
+from sweeps.engine.declare.undeclared import NUMBERS, Undeclared, spread
+from sweeps.engine.resolve.code import MAIN, looked_up, place_of
+from sweeps.engine.resolve.keys import Keys, cell_rng
+
+AHEAD_BYTES = 2**25  # of inputs that are read at once
+AHEAD_CALLS = 512
+WHOLE = 2**63  # of the whole numbers that numpy knows, about the largest
+
+
+@dataclass(frozen=True)
+class Step:
+    """Description of a stage for workers."""
+
+    name: str
+    place: str  # module and qualified name of its function
+    function: Callable[..., Any] | None  # itself, if workers cannot import it
+    outputs: tuple[Output, ...]
+    even: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
+    keep: float  # number of results in memory, of a stage not kept on disk
+
+    @classmethod
+    @cache
+    def of(cls, stage: Stage) -> Step:
+        """Return the description of a stage."""
+        function, (module, name) = stage.function, place_of(stage.function)
+        there = looked_up(module, name) if module != MAIN else None
+        given = None if getattr(there, "function", there) is function else function
+        even = tuple(o.name for o in stage.outputs if stage.place_of(o) and stage.is_even(o))
+        return cls(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
+
+    @property
+    def call(self) -> Callable[..., Any]:
+        """The function."""
+        one: Any = self.function or resolve_name(self.place)
+        return one.function if isinstance(one, Stage) else one
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A plain argument of many calls: the distinct values, and which of them each call gets."""
+
+    values: tuple[Any, ...]
+    places: NDArray[np.int32]
+
+    @cached_property
+    def of_calls(self) -> list[Any]:
+        """The value that each call gets."""
+        return [self.values[place] for place in self.places.tolist()]
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """An argument of many calls that is read from packs.
+
+    `spots` are (call,) or, of an argument that is an array of several cells, (call, ...).
+    """
+
+    step: Step
+    spots: Spots
+    in_blocks: bool = False  # each call gets `Gathered`
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """An argument of many calls that is an object, made in this process: which call makes it."""
+
+    calls: Calls
+    places: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Calls:
+    """Calls of one function: the arguments of all by name, and the cells that they compute.
+
+    Call k computes the cells `begins[k]` to `begins[k + 1]` of those with `keys`, (cell, 2), and
+    `places`, (cell,), on the axes of lengths `shape` that it computes together. A call that makes
+    an object has one cell.
+    """
+
+    step: Step
+    sources: Mapping[str, Column | Read | Made]
+    keys: Keys
+    begins: NDArray[np.int64]
+    places: NDArray[np.int64]
+    shape: tuple[int, ...] = ()
+    room: str = ""  # folder of the packs
+    streams: tuple[tuple[int, dict[str, Any]], ...] = ()  # seed and name of the `rng` of each
+    valid: NDArray[np.bool_] | None = None  # (call, ...): flags of each
+
+    def __len__(self) -> int:
+        return len(self.begins) - 1
+
+
+class Outcome(NamedTuple):
+    """Outcome of some calls: how long they took [s], which cells failed, by number, and why.
+
+    `lacking` has by number of a call the keys of lost inputs, without which it was not run. All
+    other cells are in a pack, in their order.
+    """
+
+    seconds: float
+    failed: Mapping[int, Failure] = {}
+    lacking: Mapping[int, tuple[bytes, ...]] = {}
+    pack: Pack | None = None
+
+
+class Report(NamedTuple):
+    """Outcomes of the calls of a task."""
+
+    outcomes: tuple[Outcome, ...]
+    unwritten: OSError | None = None  # why results could not be packed, if so
+    # Shapes met, by stage and output, of outputs that have the same in every cell.
+    shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
+
+
+class Damaged(Exception):
+    """Inputs differ from what was written; its arguments are their keys, as bytes."""
+
+
+def undamaged_cells(packs: Objects, spots: Spots) -> Iterator[Arrays]:
+    """Yield the arrays of cells; raise `Damaged` if one cannot be read back."""
+    for key, arrays in zip(spots.keys, each_cell(packs, spots), strict=True):
+        if arrays is None:
+            raise Damaged(key.tobytes())
+        yield arrays
+
+
+def run_calls(parts: tuple[Calls, ...], order: Iterable[int], packs: Objects) -> Report:
+    """Run calls one after the other, even if some raise, and pack their results.
+
+    `order` has the part of which the next call is run, each in turn.
+    """
+    running = [_Running(part, packs) for part in parts]
+    for number in order:
+        running[number].run()
+    outcomes = []
+    for one in running:
+        try:
+            outcomes.append(one.outcome())
+        except OSError as error:
+            return Report((), unwritten=error)
+    return Report(tuple(outcomes), shapes=tuple(sorted({s for one in running for s in one.shapes})))
+
+
+def uneven(
+    stage: str, output: str, shape: tuple[int, ...], other: tuple[int, ...]
+) -> DeclarationError:
+    """Return the error of arrays of two shapes, which a store cannot hold without padding."""
+    return DeclarationError(
+        f"stage {stage}: {output} has the shape {shape} in one cell and {other} in another, but no "
+        f"value to pad it with; declare pad=..., or an output {FIRST}{{dimension}}"
+    )
+
+
+class _Running:
+    """Calls of one function, under way: what is done of them."""
+
+    def __init__(self, calls: Calls, packs: Objects) -> None:
+        self.calls, self.packs = calls, packs
+        self.function, self.folder = calls.step.call, os.getcwd()
+        self.begins: list[int] = calls.begins.tolist()
+        self.packing = Packing()
+        self.next = 0
+        self.kept: list[int] = []  # numbers of cells that are packed
+        self.seconds = 0.0
+        self.failed: dict[int, Failure] = {}
+        self.lacking: dict[int, tuple[bytes, ...]] = {}
+        self.shapes: set[tuple[str, str, tuple[int, ...]]] = set()
+        self._inputs = _with_inputs(calls, packs)
+
+    def run(self) -> None:
+        """Run the next call."""
+        calls, step, number = self.calls, self.calls.step, self.next
+        self.next += 1
+        begin, end = self.begins[number], self.begins[number + 1]
+        inputs = next(self._inputs)
+        start = time.perf_counter()
+        given: dict[str, Any] = {}
+        try:
+            given = _arguments(calls, number, inputs, self.packs)
+            cells = self._computed(number, given)
+        except Damaged as error:
+            self.lacking[number] = error.args
+            return
+        except RAISED as error:
+            if calls.streams:  # from which the generator can be made again
+                seed, name = calls.streams[number]
+                given[RNG] = f"cell_rng({seed}, **{name})"
+            failure = Failure("", reason(error), described(given), traceback_of(error))
+            self.failed |= dict.fromkeys(range(begin, end), failure)
+            return
+        self.seconds += time.perf_counter() - start
+        for cell, arrays in enumerate(cells, begin):
+            self.packing.add(arrays)
+            self.kept.append(cell)
+        for output in step.even:  # those of a call are of one array
+            self.shapes.add((step.name, output, cells[0][output].shape))
+
+    def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
+        """Return each wanted cell of a call's result."""
+        calls, step = self.calls, self.calls.step
+        try:
+            found = self.function(**arguments)
+        finally:
+            _return_to(self.folder)
+        arrays = arrays_of(step.name, step.outputs, found, calls.shape)
+        if not calls.shape:
+            return [arrays]
+        cells: list[Arrays] = []
+        for place in calls.places[calls.begins[number] : calls.begins[number + 1]].tolist():
+            at: Any = (*np.unravel_index(place, calls.shape), ...)  # an array even for one value
+            cells.append({name: array[at] for name, array in arrays.items()})
+        return cells
+
+    def outcome(self) -> Outcome:
+        """Write the pack of all cells; return the outcome."""
+        if not self.kept:
+            return Outcome(self.seconds, self.failed, self.lacking)
+        keys, name = self.calls.keys[self.kept], self.calls.step.name
+        pack = self.packing.write(self.packs, name, keys, self.seconds, self.calls.room)
+        return Outcome(self.seconds, self.failed, self.lacking, pack)
+
+
+def _return_to(folder: str) -> None:
+    """Change to a working folder, if a call has left it: relative paths stay what they were."""
+    with suppress(FileNotFoundError):  # of the folder of now
+        if os.getcwd() == folder:
+            return
+    os.chdir(folder)
+
+
+# arguments --------------------------------------------------------------------------------------
+
+Inputs = dict[str, Any]
+"""By argument, the arrays of what a call reads, what reads them, or that they are damaged."""
+
+
+def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Inputs]:
+    """Yield what each call from one on reads, for as many at once as fit, estimated from earlier.
+
+    Opening a pack takes longer than reading a small cell in it.
+    """
+    reads = {name: one for name, one in calls.sources.items() if isinstance(one, Read)}
+    if not reads:
+        yield from ({} for _ in range(start, len(calls)))
+        return
+    window = 1
+    while start < len(calls):
+        stop = min(start + window, len(calls))
+        found: list[Inputs] = [{} for _ in range(start, stop)]
+        size = 0
+        for name, read in reads.items():
+            spots = read.spots[start:stop]
+            if spots.pack.ndim > 1:  # several cells, which are read when the call runs
+                for number, inputs in enumerate(found):
+                    inputs[name] = Gathered(read.step, spots[number], packs)
+                continue
+            for number, arrays in enumerate(each_cell(packs, spots)):
+                found[number][name] = arrays or Damaged(spots.keys[number].tobytes())
+                size += sum(array.nbytes for array in (arrays or {}).values())
+        while found:
+            yield found.pop(0)  # and hold it no longer
+        fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
+        start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
+
+
+def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
+    """Return arguments of a call by name; raise `Damaged` if one is unreadable."""
+    given: dict[str, Any] = {}
+    for name, source in calls.sources.items():
+        if isinstance(source, Column):
+            given[name] = source.of_calls[number]
+        elif isinstance(source, Made):
+            given[name] = _object(source.calls, int(source.places[number]), packs)
+        else:
+            arrays = inputs.pop(name)
+            if isinstance(arrays, Damaged):
+                raise arrays
+            if isinstance(arrays, Gathered) and not source.in_blocks:
+                arrays = arrays.arrays(arrays.spots)
+            if not source.in_blocks and len(arrays) == 1:
+                arrays = arrays[source.step.outputs[0].name]
+            given[name] = arrays
+    if calls.streams:
+        seed, cell = calls.streams[number]
+        given[RNG] = cell_rng(seed, **cell)
+    if calls.valid is not None:
+        given[VALID] = calls.valid[number].copy()
+    return given
+
+
+def _object(calls: Calls, number: int, packs: Objects) -> Any:
+    """Return an object by its key, made if missing; the oldest of its stage is evicted."""
+    # By the function's name: stages that share one share its results. A function that comes with
+    # each task, from a script or a session, is another object each time.
+    objects = vars(_kept).setdefault(calls.step.place, OrderedDict())
+    key = calls.keys[number].tobytes()
+    if key in objects:
+        objects.move_to_end(key)
+        return objects[key]
+    while len(objects) >= calls.step.keep:
+        objects.popitem(last=False)
+    # What is read for the next ones, too, of the latest calls of a function.
+    ahead = vars(_ahead)
+    latest, due, inputs = ahead.get(calls.step.place, (None, 0, None))
+    if latest is not calls or due != number:
+        inputs = _with_inputs(calls, packs, number)
+    ahead[calls.step.place] = calls, number + 1, inputs
+    objects[key] = made = calls.step.call(**_arguments(calls, number, next(inputs), packs))
+    return made
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gathered:
+    """The arrays of many cells, of an output, as one array: what is indexed is read then.
+
+    Only axes of cells are indexed, and by `reshape` become others; indices are those of numpy.
+    """
+
+    step: Step
+    spots: Spots
+    packs: Objects
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of cells, and the shape of one."""
+        flat = self.spots.reshape(-1)
+        first = flat[np.flatnonzero(flat.present)[:1]]
+        [array] = self.arrays(first).values()
+        return *self.spots.pack.shape, *array.shape[1:]
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def reshape(self, *shape: int) -> Gathered:
+        """Return the same with other axes of cells, whose own shape stays."""
+        own = len(self.shape) - self.spots.pack.ndim
+        return replace(self, spots=self.spots.reshape(*shape[: len(shape) - own]))
+
+    def __getitem__(self, at: Any) -> NDArray[Any]:
+        """Return the arrays of some cells; raise `Damaged` if any are."""
+        spots, own = self.spots[at], self.shape[self.spots.pack.ndim :]
+        if not spots.present.any():
+            [output] = self.step.outputs
+            return np.full((*spots.pack.shape, *own), output.empty, output.dtype)
+        [array] = self.arrays(spots).values()
+        return array
+
+    def arrays(self, spots: Spots) -> Arrays:
+        """Return the arrays of cells by output; empty values where there is none."""
+        present, whole = spots.present, Arrays()
+        cells = undamaged_cells(self.packs, spots[present])
+        for place, arrays in zip(np.flatnonzero(present).tolist(), cells, strict=True):
+            for output in self.step.outputs:
+                name, array = output.name, arrays[output.name]
+                if name not in whole:
+                    shape = (present.size, *array.shape)
+                    whole[name] = np.full(shape, output.empty, output.dtype)
+                if array.shape != whole[name].shape[1:]:
+                    what = f"{name} of {self.step.name}"
+                    raise ValueError(f"{what} has a shape that differs between cells")
+                whole[name][place] = array
+        return {name: one.reshape(*present.shape, *one.shape[1:]) for name, one in whole.items()}
+
+
+# By function, its objects, and the latest calls with their inputs that are read ahead.
+_kept, _ahead = threading.local(), threading.local()
+
+
+def forget_all() -> None:
+    """Drop all objects kept in this thread, and what is read ahead of them."""
+    for kept in (_kept, _ahead):
+        vars(kept).clear()
+
+
+# results of a call --------------------------------------------------------------------------------
+
+
+# Kinds of dtypes (see numpy) that may become another, if every value is the same in it.
+CAST = {"f": "biuf", "i": "biuf", "u": "biuf", "b": "biuf", "c": "biufc"}
+
+_dtype = cache(np.dtype)
+
+
+@cache
+def _largest(dtype: str) -> float:
+    return float(np.finfo(dtype).max)
+
+
+def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[int, ...]) -> Arrays:
+    """Return the arrays of a result by output, of the declared dtypes.
+
+    `along` are the lengths of the leading axes, along which values are computed together.
+
+    Raises
+    ------
+    TypeError
+        If an output is missing, has another shape, or would lose something in its dtype. One
+        sentence with stage, output, what was returned, and what is allowed.
+    """
+    first = outputs[0]
+    if isinstance(first, Undeclared):
+        if first.plain and _is_number(found):  # at once: many functions are quick
+            return {first.name: np.array(found, NUMBERS)}
+        declared, about = spread(first, found)
+        arrays = {output.name: _array(stage, output, values, ()) for output, values in declared}
+        return arrays | ({about: np.empty(0, "u1")} if about else {})
+    names = [output.name for output in outputs]
+    if not isinstance(found, Mapping) and len(names) == 1:
+        found = {names[0]: found}
+    given = list(found) if isinstance(found, Mapping) else [type(found).__name__]
+    if set(given) != set(names):
+        raise TypeError(
+            f"{stage} returned {', '.join(map(str, given))}, but must return {', '.join(names)}"
+        )
+    return {output.name: _array(stage, output, found[output.name], along) for output in outputs}
+
+
+def _is_number(given: Any) -> bool:
+    return isinstance(given, float) or (isinstance(given, int) and abs(given) < WHOLE)
+
+
+def _array(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
+    """Return one output as an array."""
+    dtype = _dtype(output.dtype)
+    if dtype.kind == "f" and _is_number(given) and abs(given) <= _largest(output.dtype):
+        array = np.array(given, dtype)  # what follows takes 10 us, which counts for single numbers
+    elif given is None:
+        raise _refused(stage, output, "None")
+    else:
+        try:
+            array, masked = _unmasked(given)
+        except ValueError:
+            raise _refused(stage, output, "rows of different lengths", "an array") from None
+        if array.dtype != dtype:
+            array = _cast(stage, output, array, dtype)
+        if masked.any():
+            if dtype.kind not in "fc":
+                raise _refused(stage, output, "masked values")
+            array = np.where(masked, dtype.type(np.nan), array)
+    if array.shape[: len(along)] != along or array.ndim != len(along) + len(output.dims):
+        leading = f"{along}, the numbers of values computed together, and " if along else ""
+        allowed = f"one of {leading}{len(output.dims)} dimensions of its own"
+        raise _refused(stage, output, f"an array of shape {array.shape}", allowed)
+    return array
+
+
+def _unmasked(given: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return an array with 0 where it, or one of a list of arrays, is masked, and where it is."""
+    several = isinstance(given, list | tuple)
+    if isinstance(given, np.ma.MaskedArray) or (
+        several and any(isinstance(one, np.ma.MaskedArray) for one in given)
+    ):
+        whole = np.ma.stack([*map(np.ma.asarray, given)]) if several else given
+        return np.asarray(whole.filled(0)), np.ma.getmaskarray(whole)
+    return np.asarray(given), np.zeros((), bool)
+
+
+def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return an array in another dtype; digits of floats may go, and nothing else."""
+    texts = dtype.kind in "SU" and all(isinstance(value, str | bytes) for value in array.flat)
+    if not texts and array.dtype.kind not in CAST.get(dtype.kind, dtype.kind) and array.size:
+        odd = next(
+            (value for value in array.flat if value is None), f"values of dtype {array.dtype}"
+        )
+        raise _refused(stage, output, str(odd))
+    with np.errstate(all="ignore"):
+        cast = array.astype(dtype)
+        lost = np.isinf(cast) & np.isfinite(array) if dtype.kind in "fc" else cast != array
+    if lost.any():
+        raise _refused(stage, output, repr(array[lost].flat[0].item()))
+    return cast
+
+
+def _refused(stage: str, output: Output, given: str, allowed: str = "") -> TypeError:
+    allowed = allowed or f"values that the dtype {output.dtype} holds"
+    return TypeError(f"{stage} returned {given} as {output.name}, but must return {allowed}")

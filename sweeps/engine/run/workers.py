@@ -1,0 +1,407 @@
+"""Executors on a dask cluster: of this machine, of Slurm, or one that is already running.
+
+Tasks arrive as pickled functions, so a client of a worker can run code there. Hence scheduler
+and workers started here accept only holders of a certificate that is made for the run
+and never readable by another user; those of this machine listen on loopback only.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import time
+from asyncio.subprocess import DEVNULL, PIPE
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from urllib.parse import urlsplit
+
+import dask
+from dask.system import CPU_COUNT
+from distributed import Client, Future, KilledWorker, LocalCluster, Status, as_completed
+from distributed.core import rpc
+from distributed.security import Security
+from distributed.threadpoolexecutor import ThreadPoolExecutor
+from tornado.ioloop import PeriodicCallback
+
+from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.run.cluster import import_jobqueue
+from sweeps.engine.run.forking import ENVIRONMENT, interrupts_held
+from sweeps.engine.run.process import environment, one_thread, seek_garbage_less
+from sweeps.engine.run.shared import UNSHARED, Shared
+
+SETTINGS = {
+    "distributed.admin.large-graph-warning-threshold": "1GB",
+    "distributed.admin.low-level-log-length": 0,  # of messages, which have all of a task
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.tick.cycle": "5s",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.comm.timeouts.connect": "60s",
+    "distributed.scheduler.allowed-failures": 1,
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.profile.enabled": False,
+}
+# Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
+SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+
+COUNTED = 1.0  # s between looks at how many workers a running cluster has
+ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first worker; of checks
+JOBS_CHECKED = 10.0  # s between checks whether a job has ended, for example by its time limit
+LOST = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
+VAIN = 3  # checks that find jobs ended, and no worker, until jobs are submitted no more
+GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
+
+SCRATCH = "temporary-directory"
+# Removing a scratch folder must not fail for a file that a dying worker still writes.
+FORGIVING: dict[str, Any] = {"ignore_cleanup_errors": True}
+
+# Runs all tasks of this process; a daemon, unlike those of `concurrent.futures`.
+_thread = ThreadPoolExecutor(1, thread_name_prefix="task")
+
+Outcome = tuple[int, Any, Exception | None]
+Say = Callable[[str], None]
+
+
+def run_task(shared: Shared, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """Call a function in the task thread of this process, with one thread for numerical libraries.
+
+    Raises what `Shared.check` does if this process has other code or folders.
+    """
+    shared.check()
+    seek_garbage_less()
+
+    def call() -> Any:
+        with one_thread():
+            return function(*arguments)
+
+    return _thread.submit(call).result()
+
+
+class DaskExecutor:
+    """Executor on the workers of a dask cluster with the same code. See `cluster.Executor`."""
+
+    def __init__(self, client: Client, workers: int | None, shared: Shared) -> None:
+        self._client = client
+        self._workers, self._present, self._due = workers, 1, 0.0
+        self._shared = shared
+        self._cancelled: Exception = SweepIncomplete(GONE)
+        self._completed = as_completed(loop=client.loop)
+        self._running: dict[Future, int] = {}
+
+    @property
+    def workers(self) -> int:
+        """Number of processes started or, of a running cluster, present a moment ago."""
+        if self._workers is None and time.monotonic() >= self._due:  # asked for with every task
+            self._present = max(1, len(self._client.nthreads()))
+            self._due = time.monotonic() + COUNTED
+        return self._workers or self._present
+
+    def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
+        """Send a task to the scheduler."""
+        future = self._client.submit(run_task, self._shared, function, arguments, pure=False)
+        self._running[future] = number
+        self._completed.add(future)
+
+    def finished(self) -> list[Outcome]:
+        """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
+        if not self._running:
+            return []
+        # wakes up ten times a second, to handle interrupts
+        batch = self._completed.next_batch()
+        done = [future for future in batch if future.status == "finished"]
+        try:  # at once, which takes a quarter of the time
+            results = dict(zip(done, self._client.gather(done), strict=True))
+        except (Exception, CancelledError):  # of some, whose errors follow
+            results = {}
+        return [self._outcome(future, results) for future in batch]
+
+    async def abandon(self, why: str) -> None:
+        """Cancel all tasks, for which `finished` then raises ConfigurationError."""
+        self._cancelled = ConfigurationError(why)
+        await self._client.cancel([*self._running], asynchronous=True)
+
+    def _outcome(self, future: Future, results: Mapping[Future, Any]) -> Outcome:
+        number = self._running.pop(future)
+        if future in results:
+            return number, results[future], None
+        if future.cancelled():
+            raise self._cancelled
+        try:
+            return number, future.result(), None
+        except KilledWorker:
+            why = "the worker process died whenever it ran this task (out of memory?)"
+            return number, None, RuntimeError(why)
+        except UNSHARED as error:  # of a worker that joined later
+            raise ConfigurationError(f"a worker of the cluster {error}") from None
+        except Exception as error:
+            return number, None, error
+
+
+@contextmanager
+def local(
+    *, workers: int | None, tasks: int, say: Say, shared: Shared, method: str = "spawn"
+) -> Iterator[DaskExecutor]:
+    """Start worker processes on this machine, which end with this process in any case.
+
+    `method` is the start method of `multiprocessing`; see `forking.start_method`.
+    """
+    count = max(1, min(workers or CPU_COUNT, tasks))
+    say(f"starting {count} worker process{'es' if count > 1 else ''}")
+    # Workers share the terminal, to which one that dies would log.
+    quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+    with ExitStack() as stack:
+        # In dask's common scratch folder, all would wait for a lock that any user may hold.
+        scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **FORGIVING))
+        settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
+        stack.enter_context(_started_with(SETTINGS | settings, ENVIRONMENT | quiet))
+        try:
+            with interrupts_held():
+                cluster = stack.enter_context(
+                    LocalCluster(
+                        n_workers=count,
+                        threads_per_worker=1,
+                        env=dict(os.environ),  # they may be forked from an older process
+                        host="127.0.0.1",
+                        protocol="tls://",
+                        security=Security.temporary(),
+                        dashboard_address=None,
+                        scheduler_kwargs=SCHEDULER,
+                        silence_logs=logging.CRITICAL,
+                    )
+                )
+        except (OSError, RuntimeError, EOFError) as error:  # as without shared memory
+            cause = error.__cause__ or error.__context__ or error
+            raise ConfigurationError(
+                "cluster.kind is local, but no worker process can be started here "
+                f"({cause}); it may be inline"
+            ) from error
+        stack.enter_context(_workers_replaced(cluster, count, every=CHECKED))
+        yield DaskExecutor(stack.enter_context(Client(cluster)), count, shared)
+
+
+@contextmanager
+def address(
+    *, tasks: int, say: Say, shared: Shared, address: str, **files: str | None
+) -> Iterator[DaskExecutor]:
+    """Connect to a running scheduler. Each of its worker processes runs one task at a time."""
+    host = urlsplit(address).hostname or ""
+    if files["ca_file"] is None and not (host in {"localhost", "::1"} or host.startswith("127.")):
+        say(f"the traffic with {address} is neither encrypted nor authenticated")
+    with ExitStack() as stack:
+        stack.enter_context(_started_with({"distributed.comm.timeouts.connect": f"{ANSWER}s"}, {}))
+        security = Security() if files["ca_file"] is None else _security(**files)
+        try:
+            _check_scheduler(address, security)
+            client = stack.enter_context(Client(address, security=security, timeout=ANSWER))
+        except Exception as error:  # of any kind, since any server may listen there
+            raise ConfigurationError(
+                f"cluster.address is {address}, but no scheduler answers there "
+                f"({str(error) or type(error).__name__})"
+            ) from error
+        say(f"waiting for a worker of {address}")
+        try:
+            client.wait_for_workers(1, timeout=ARRIVAL)
+        except TimeoutError as error:
+            raise ConfigurationError(
+                f"cluster.address is {address}, but its scheduler has no workers"
+            ) from error
+        for worker, wrong in client.run(shared.check, on_error="return").items():
+            if wrong is not None:
+                reason = wrong if isinstance(wrong, UNSHARED) else f"cannot be asked: {wrong}"
+                raise ConfigurationError(
+                    f"cluster.address is {address}, but its worker {worker} {reason}"
+                )
+        yield DaskExecutor(client, None, shared)
+
+
+@contextmanager
+def slurm(
+    *, workers: int, tasks: int, say: Say, shared: Shared, **asked: Any
+) -> Iterator[DaskExecutor]:
+    """Submit Slurm jobs with some settings, and cancel them at the end.
+
+    Until then, the certificate of the run and what jobs print are in a private folder in the
+    current directory, which the jobs must be able to read.
+    """
+    jobs = max(1, min(workers, tasks))
+    say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
+    settings = SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST}s"}
+    with ExitStack() as stack:
+        private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **FORGIVING)
+        folder = stack.enter_context(private)
+        stack.enter_context(_started_with(settings | {SCRATCH: folder}, ENVIRONMENT))
+        try:
+            with interrupts_held():
+                cluster = stack.enter_context(_slurm_cluster(Path(folder), asked))
+            _submit(cluster, jobs)
+        except RuntimeError as error:  # Slurm's own words, if they are its
+            reason = " ".join(str(error).rpartition("stderr:")[2].split())
+            raise ConfigurationError(
+                f"cluster.kind is slurm, but no job starts: {reason}"
+            ) from error
+        run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
+        look = _Queue(cluster, run, Path(folder), say).look
+        stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED, look=look))
+        yield run
+
+
+def _check_scheduler(url: str, security: Security) -> None:
+    """Raise an exception if no scheduler answers at an address soon.
+
+    A client of dask waits for the first answer without limit.
+    """
+
+    async def ask() -> str:
+        async with rpc(url, connection_args=security.get_connection_args("client")) as peer:
+            return (await asyncio.wait_for(peer.identity(), ANSWER))["type"]
+
+    # in its own thread, since that of a notebook has a running event loop
+    kind = _thread.submit(asyncio.run, ask()).result()
+    if not kind.endswith("Scheduler"):
+        raise ValueError(f"{url} is a {kind}")
+
+
+def _security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
+    """Return the certificates of all roles, of which this process is the client."""
+    roles = ("client", "scheduler", "worker")
+    own = {f"tls_{role}_cert": cert for role in roles}
+    own |= {f"tls_{role}_key": private_key for role in roles}
+    security = Security(tls_ca_file=ca_file, require_encryption=True, **own)
+    try:
+        security.get_connection_args("client")
+    except OSError as error:
+        raise ConfigurationError(
+            f"cluster.ca_file, cluster.cert and cluster.private_key are {ca_file}, {cert} and "
+            f"{private_key or 'null'}, but must be PEM files, and the key of the certificate"
+        ) from error
+    return security
+
+
+def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
+    """Return a cluster without jobs, whose certificate, logs and scratch files are in a folder."""
+    made, certificate, key = Security.temporary(), folder / "certificate.pem", folder / "key.pem"
+    certificate.write_text(made.tls_client_cert, encoding="ascii")
+    key.write_text(made.tls_client_key, encoding="ascii")
+    return import_jobqueue()(
+        **asked,
+        cores=1,
+        processes=1,
+        local_directory=str(folder),
+        protocol="tls://",
+        security=_security(str(certificate), str(certificate), str(key)),
+        log_directory=str(folder),
+        scheduler_options=SCHEDULER,
+        job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
+        worker_extra_args=["--no-dashboard", "--dashboard-address", SCHEDULER["dashboard_address"]],
+        silence_logs=logging.CRITICAL,
+    )
+
+
+def _submit(cluster: Any, jobs: int) -> None:
+    """Submit the first jobs; raise RuntimeError with Slurm's message if it refuses."""
+    for _ in range(jobs):
+        cluster.worker_spec.update(cluster.new_worker_spec())
+
+    async def submitted() -> None:
+        await cluster  # unlike `scale`, which only logs that a job was refused
+
+    try:
+        cluster.sync(submitted)
+    except RuntimeError:
+        for job in cluster.workers.values():
+            if job.job_id is None:  # else the cluster does not close
+                job.status = Status.failed
+        raise
+
+
+class _Queue:
+    """Slurm's queue: which jobs have ended, and why others wait."""
+
+    def __init__(self, cluster: Any, run: DaskExecutor, folder: Path, say: Say) -> None:
+        self._cluster, self._run, self._folder, self._say = cluster, run, folder, say
+        self._told: set[str] = set()
+        self._vain = 0  # checks, since there was a worker, that found jobs ended
+
+    async def look(self) -> None:
+        """Mark jobs that ended; say why all others wait; give up if jobs end without a worker."""
+        jobs = [job for job in self._cluster.workers.values() if job.job_id]
+        asked = ("squeue", "--me", "--noheader", "--format=%A %t %r")
+        process = await asyncio.create_subprocess_exec(*asked, stdout=PIPE, stderr=DEVNULL)
+        out, _ = await process.communicate()
+        if process.returncode:
+            return
+        lines = [line.split(maxsplit=2) for line in out.decode().splitlines()]
+        listed = {number: why if state == "PD" else "" for number, state, why in lines}
+        ended = [job for job in jobs if job.job_id not in listed]
+        for job in ended:
+            job.status = Status.closed
+        if self._cluster.scheduler.workers:
+            self._vain = 0
+            return
+        self._vain += bool(ended)
+        if self._vain == VAIN:
+            logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
+            last = logs[-1].read_text(errors="replace").split("\n") if logs else []
+            why = next((line.strip() for line in reversed(last) if line.strip()), "no message")
+            await self._run.abandon(
+                f"cluster.kind is slurm, but its jobs end before they have a worker ({why})"
+            )
+        reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._told
+        for reason in sorted(reasons):
+            self._told.add(reason)
+            self._say(f"no job of Slurm has a worker yet ({reason})")
+
+
+async def _nothing() -> None:
+    """Wait for nothing."""
+
+
+@contextmanager
+def _workers_replaced(
+    cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] = _nothing
+) -> Iterator[None]:
+    """Replace workers that are gone, checking every few seconds, after a look at what is there.
+
+    Dask restarts a worker process that dies, but gives up if it dies during its start, as by a task
+    that it gets at once. It does not replace a job that ended.
+    """
+
+    async def restore() -> None:
+        await look()
+        for name, worker in list(cluster.workers.items()):
+            if worker.status in {Status.closed, Status.failed}:
+                del cluster.workers[name], cluster.worker_spec[name]
+        cluster.scale(count)  # starts those that are missing
+
+    callback = PeriodicCallback(restore, 1000 * every)
+    cluster.loop.add_callback(callback.start)
+    try:
+        yield
+    finally:
+        cluster.loop.add_callback(callback.stop)
+
+
+@contextmanager
+def _started_with(settings: Mapping[str, Any], variables: Mapping[str, str]) -> Iterator[None]:
+    """Configure dask and its workers' environment within this context; suppress its logs."""
+    # Failures come back with their tasks; dask's other messages are not needed.
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [logger.level for logger in loggers]
+    # A variable of this process overrides the one configured for dask's workers,
+    # and dask sets those variables, and the seed of hashes, in this process.
+    settings = {**settings, "distributed.nanny.pre-spawn-environ": dict(variables)}
+    with environment(variables, "PYTHONHASHSEED"), dask.config.set(settings):
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)

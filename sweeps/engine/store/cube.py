@@ -1,0 +1,452 @@
+"""The cube of a sweep: its cells laid out as labelled arrays, with coordinates of their axes."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import Arrays, Spots, layouts
+from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.kinds import spelt
+from sweeps.engine.declare.settings import DIMENSION, Setting
+from sweeps.engine.declare.stage import COORDINATE, FIRST, MEASURED, SHARE, STATE, Bound, Output
+from sweeps.engine.declare.storable import DATES
+from sweeps.engine.declare.undeclared import Undeclared, common, learned
+from sweeps.engine.resolve.plan import Axis, Cells, Plan
+from sweeps.engine.run.schedule import Schedule
+from sweeps.engine.run.tasks import undamaged_cells, uneven
+from sweeps.engine.store.arrays import Array, Group, Region, suggest_chunks
+
+MISSING, FAILED, DONE = -1, 0, 1
+FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
+
+ANEW = "measured while the cell was computed; differs if computed again"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Layout of a stage's output in the store."""
+
+    bound: Bound
+    output: Output
+    group: str
+    axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
+    order: tuple[int, ...]  # source of each dimension: these axes first, then its own
+
+    @property
+    def origin(self) -> dict[str, Output]:
+        """The outputs at which a cell begins, by own dimension."""
+        return self.bound.stage.origin(self.output)
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """How results fill a region of a variable: where they are, which places they take, the padding.
+
+    `wanted` and `lost` are places, in the order of the axes, of results and of failed ones.
+    """
+
+    packs: Objects
+    spots: Spots  # of the results
+    stage: str
+    output: Output
+    even: bool  # whether all arrays have one shape
+    shape: tuple[int, ...]  # along the axes
+    first: tuple[int, ...]  # starts of own dimensions
+    own: tuple[int, ...]  # and lengths
+    inside: tuple[slice, ...]  # of these, what is in the region
+    order: tuple[int, ...]  # of the dimensions, axes and own
+    wanted: Cells
+    lost: Cells
+
+    def values(self, region: Region) -> NDArray[Any]:
+        """Return the values of the region; raise `Damaged` if a cell cannot be read back."""
+        output, own = self.output, self.own
+        dtype, empty = output.in_store
+        flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
+        flat[self.lost] = FAILED
+        cells = undamaged_cells(self.packs, self.spots)
+        for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
+            array = arrays.get(output.name)
+            if array is None:  # of a function that declares nothing
+                continue
+            if array.shape == own:
+                flat[number] = array
+                continue
+            if self.even:
+                raise uneven(self.stage, output.name, array.shape, own)
+            if output.pad is not None:
+                flat[number] = output.pad
+            corner = map(int.__sub__, _begins(output, arrays), self.first)
+            place: Any = [
+                slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
+            ]
+            flat[(number, *place)] = array
+        inside: Any = (..., *self.inside)
+        return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
+
+
+def _begins(output: Output, arrays: Arrays) -> list[int]:
+    """Return where a cell begins on each own dimension."""
+    return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
+
+
+def layouts_of(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[Layout]:
+    """Return the layouts of a stage's stored outputs."""
+    of = bound.stage.group
+    order = {name: place for place, name in enumerate(of.dims)}
+
+    def rank(number: int) -> int:
+        axis = plan.axes[number]
+        renamed = of.names.get(axis.settings[0], "")
+        words = [renamed, axis.name, *(setting.name for setting in axis.settings)]
+        return min((order[word] for word in words if word in order), default=-1)
+
+    layouts = []
+    for output in outputs:
+        group = bound.stage.place_of(output)
+        if not group:
+            continue
+        left_out = set(output.without)
+        axes = [
+            number
+            for number in sorted(_dimensions(plan, bound), key=rank)
+            if not {setting.name for setting in plan.axes[number].settings} <= left_out
+        ]
+        ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
+        places = tuple(np.argsort(ranks, kind="stable").tolist())
+        layouts.append(Layout(bound, output, group, tuple(axes), places))
+    return layouts
+
+
+def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
+    """Return numbers of the axes that become dimensions, even with one value."""
+    numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
+    axes = [(number, plan.axes[number]) for number in sorted(numbers)]
+    return [
+        n
+        for n, axis in axes
+        if axis.several or any(setting.single == DIMENSION for setting in axis.settings)
+    ]
+
+
+@dataclass
+class Cube:
+    """The arrays of a store, made of the finished cells of a schedule."""
+
+    schedule: Schedule
+    packs: Objects
+    # By group: starts of own dimensions that have an origin, and lengths of all.
+    _extents: dict[str, tuple[dict[str, int], dict[str, int]]] = field(default_factory=dict)
+
+    @property
+    def plan(self) -> Plan:
+        """The plan of the cells."""
+        return self.schedule.plan
+
+    def groups(self) -> dict[str, Group]:
+        """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
+        members: dict[str, list[Layout]] = defaultdict(list)
+        known: dict[str, dict[str, Array]] = defaultdict(dict)
+        for bound in self.plan.targets:
+            outputs, coordinates = self._outputs(bound)
+            for layout in layouts_of(self.plan, bound, outputs):
+                members[layout.group].append(layout)
+            known[bound.stage.group.path] |= coordinates
+        found = {name: self._group(layouts) for name, layouts in members.items()}
+        for name, arrays in known.items():
+            found[name].arrays.update(arrays)
+        for name, arrays in self._statuses():
+            found.setdefault(name, Group()).arrays.update(arrays)
+        return dict(sorted(found.items()))
+
+    def _outputs(self, bound: Bound) -> tuple[Sequence[Output], dict[str, Array]]:
+        """Return the outputs of a stage, of undeclared ones what its results have.
+
+        And coordinates that are the same in all of these, along own dimensions.
+        """
+        output = bound.stage.outputs[0] if bound.stage.outputs else None
+        if not isinstance(output, Undeclared):
+            return bound.stage.outputs, {}
+        nodes = np.unique(self.schedule.nodes[bound])
+        spots = self.schedule.spots[nodes[self.schedule.spots.present[nodes]]]
+        found = learned(output, layouts(self.packs, spots))
+        names = [one.name for one in found if one.role == COORDINATE]
+        values = common(undamaged_cells(self.packs, spots), names) if names else {}
+        coordinates = {}
+        for one in found:
+            if values.get(one.name) is not None:
+                attrs = {"units": one.unit, "long_name": one.label, **one.attrs}
+                coordinates[one.name] = Array.of(one.dims, values[one.name], attrs, coordinate=True)
+            elif one.name in one.dims:
+                raise DeclarationError(
+                    f"{output.name} returned other labels of the dimension {one.name!r} for other "
+                    "arguments; return them as a variable of another name"
+                )
+        return [one for one in found if one.name not in coordinates], coordinates
+
+    def _group(self, layouts: Sequence[Layout]) -> Group:
+        """Return a group of its variables, and the coordinates of their dimensions."""
+        names, arrays = self._names(layouts), dict[str, Array]()
+        starts, lengths = self._extents[layouts[0].group] = self._extents_of(layouts)
+        for layout in layouts:
+            for dim, first in layout.origin.items():
+                values = starts.get(dim, 0) + np.arange(lengths[dim])
+                about = {"units": first.unit, "long_name": first.label}
+                arrays[dim] = Array.of((dim,), values, about, coordinate=True)
+            arrays[layout.output.name] = self._variable(layout, names)
+        return Group(arrays | self._coordinates(layouts, names))
+
+    def _names(self, layouts: Sequence[Layout]) -> dict[int, str]:
+        """Return names of all axes that a group depends on; the whole key if the word is taken."""
+        axes, number_of = self.plan.axes, self.plan.axis_number
+        names = {
+            number_of(key): axes[number_of(key)].name
+            for layout in layouts
+            for key in layout.bound.gather
+            if axes[number_of(key)].name in layout.output.dims
+        }
+        bounds = {
+            number_of(key): layout.bound
+            for layout in reversed(layouts)
+            for key in layout.bound.needs
+        }
+        for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
+            setting = axes[number].settings[0]
+            name = bounds[number].stage.group.names.get(setting) or axes[number].name
+            taken = name in names.values()
+            names.setdefault(number, setting.key.replace(".", "_") if taken else name)
+        return names
+
+    def _variable(self, layout: Layout, names: Mapping[int, str]) -> Array:
+        """Return the variable of an output."""
+        output, (_, lengths) = layout.output, self._extents[layout.group]
+        own = [lengths[dim] for dim in output.dims]
+        shape = (*(len(self.plan.axes[number].points) for number in layout.axes), *own)
+        dims = (*(names[number] for number in layout.axes), *output.dims)
+        dtype, empty = output.in_store
+        chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
+        words = dtype.kind == "U"
+        attrs: dict[str, Any] = {} if dtype.kind in "UM" else {"units": output.unit}
+        attrs |= {"long_name": output.label, **output.attrs}
+        if output.role == SHARE:  # of which xarray makes numbers from 0 to 1, and NaN
+            attrs["scale_factor"] = 1 / int(np.iinfo(output.dtype).max)
+            attrs["_FillValue"] = empty
+        if output.role == MEASURED:
+            attrs["comment"] = ANEW
+        if output.role == STATE:
+            attrs |= FLAGS
+        given: Any = (tuple(one[k] for k in layout.order) for one in (dims, shape, chunks))
+        named, sizes, parts = given
+        make, coordinate = partial(self._filling, layout), output.role == COORDINATE
+
+        def read(region: Region) -> NDArray[Any]:
+            return make(region)(region)
+
+        if words:  # few, and stored no wider than the longest
+            texts = read(tuple(slice(0, size) for size in sizes))
+            return Array.of(named, texts, attrs, coordinate=coordinate)
+        how = partial(self._made_of, layout), make
+        return Array(named, sizes, dtype, attrs, read, parts, empty, coordinate, *how)
+
+    def _nodes(self, layout: Layout, ranges: Sequence[range]) -> Cells:
+        """Return numbers of the results in ranges of a variable's axes, the last fastest."""
+        plan, bound = self.plan, layout.bound
+        by_axis = dict(zip(layout.axes, ranges, strict=True))
+        own = plan.axes_on(bound)
+        nodes = self.schedule.nodes[bound]
+        nodes = nodes.reshape([len(plan.axes[number].points) for number in own])
+        nodes = nodes[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
+        order = [own.index(number) for number in layout.axes if number in own]
+        others = [at for at, number in enumerate(own) if number not in by_axis]
+        return nodes.transpose(order + others).ravel()
+
+    def _extents_of(self, layouts: Sequence[Layout]) -> tuple[dict[str, int], dict[str, int]]:
+        """Return starts of own dimensions with an origin over all cells, and lengths of all."""
+        ends: dict[tuple[str, bool], tuple[int, int]] = {}  # by whether there is an origin
+        lengths: dict[str, int] = {}
+        for layout in layouts:
+            output, axes = layout.output, self.plan.axes
+            numbers = map(self.plan.axis_number, layout.bound.gather)
+            gathered = {axes[n].name: len(axes[n].points) for n in numbers}
+            lengths |= {dim: max(lengths.get(dim, 0), gathered.get(dim, 0)) for dim in output.dims}
+            if gathered.keys() >= set(output.dims):
+                continue
+            origin, even = layout.origin, layout.bound.stage.is_even(output)
+            nodes = self._nodes(layout, [range(len(axes[n].points)) for n in layout.axes])
+            nodes = nodes[self.schedule.spots.present[nodes]]
+            nodes = nodes[:1] if even else np.unique(nodes)
+            for arrays in undamaged_cells(self.packs, self.schedule.spots[nodes]):
+                if output.name not in arrays:
+                    continue
+                shape = arrays[output.name].shape
+                begins = _begins(output, arrays)
+                for dim, begin, size in zip(output.dims, begins, shape, strict=True):
+                    low, high = ends.get((dim, dim in origin), (begin, begin))
+                    ends[dim, dim in origin] = min(low, begin), max(high, begin + size)
+        for (dim, _), (low, high) in ends.items():
+            lengths[dim] = max(lengths[dim], high - low)
+        return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
+
+    def _filling(self, layout: Layout, region: Region) -> Callable[[Region], NDArray[Any]]:
+        """Return what makes the values of a region of a variable, also in another process."""
+        output, count = layout.output, len(layout.axes)
+        starts, lengths = self._extents[layout.group]
+        natural = [region[k] for k in np.argsort(layout.order)]
+        ranges = [range(one.start, one.stop) for one in natural[:count]]
+        nodes = self._nodes(layout, ranges)
+        state = output.role == STATE
+        lost = np.flatnonzero(np.isin(nodes, [*self.schedule.failed])) if state else nodes[:0]
+        wanted = np.flatnonzero(self.schedule.spots.present[nodes])
+        return Filling(
+            self.packs,
+            self.schedule.spots[nodes[wanted]].alone(),
+            layout.bound.name,
+            output,
+            layout.bound.stage.is_even(output),
+            shape=tuple(map(len, ranges)),
+            first=tuple(starts.get(dim, 0) if dim in layout.origin else 0 for dim in output.dims),
+            own=tuple(lengths[dim] for dim in output.dims),
+            inside=tuple(natural[count:]),
+            order=layout.order,
+            wanted=wanted,
+            lost=lost,
+        ).values
+
+    def _made_of(self, layout: Layout, region: Region) -> bytes:
+        """Return what decides the values of a region: keys of its cells, and how they lie there."""
+        output, count = layout.output, len(layout.axes)
+        starts, lengths = self._extents[layout.group]
+        natural = [region[k] for k in np.argsort(layout.order)]
+        nodes = self._nodes(layout, [range(one.start, one.stop) for one in natural[:count]])
+        spots, failed = self.schedule.spots, self.schedule.failed
+        keys = np.where(spots.present[nodes, None], spots.keys[nodes], 0)
+        lost = np.isin(nodes, [*failed]) if output.role == STATE else np.empty(0, bool)
+        own = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
+        about = [output.name, output.pad, layout.order, own, natural[count:]]
+        return repr(about).encode() + lost.tobytes() + keys.tobytes()
+
+    def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
+        """Return coordinates of all axes: along dimensions, or scalar ones of one value."""
+        found: dict[str, Array] = {}
+        dims = {dim for layout in layouts for dim in layout.output.dims}
+        for number, name in names.items():
+            axis = self.plan.axes[number]
+            if name in dims or any(number in layout.axes for layout in layouts):
+                found |= axis_coordinates(axis, name)
+            elif not axis.several:
+                for setting, value in zip(axis.settings, axis.points[0], strict=True):
+                    if setting.single == COORDINATE:
+                        label = setting.name if axis.is_joint else name
+                        found |= setting_coordinates(setting, label, [value], scalar=True)
+        return found
+
+    def _statuses(self) -> Iterator[tuple[str, dict[str, Array]]]:
+        """Yield group and arrays of the states of stages."""
+        members: dict[tuple[str, str, tuple[int, ...]], list[Bound]] = defaultdict(list)
+        for bound in self.plan.targets:
+            of = bound.stage.group
+            if all(output.role == COORDINATE for output in bound.stage.outputs):
+                continue
+            if of.status is None:
+                name = f"status_{of.path}".replace("/", "_") + f":{bound.name}"
+                over = tuple(_dimensions(self.plan, bound))
+                members[name, f"state of {bound.name}", over].append(bound)
+            elif of.status.over:
+                over = tuple(self.plan.axis_number(setting.key) for setting in of.status.over)
+                members[of.status.name, of.status.label, over].append(bound)
+        for (name, label, over), bounds in members.items():
+            group, _, variable = name.partition(":")
+            yield group, self._status(variable, label, bounds, over)
+
+    def _status(
+        self, name: str, label: str, bounds: Sequence[Bound], numbers: Sequence[int]
+    ) -> dict[str, Array]:
+        """Return the worst state of some stages along axes, and the coordinates of these."""
+        plan = self.plan
+        axes = [plan.axes[number] for number in numbers]
+        worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
+        for bound in bounds:
+            nodes, own = self.schedule.nodes[bound], plan.axes_on(bound)
+            present = self.schedule.spots.present[nodes]
+            failed = np.isin(nodes, [*self.schedule.failed])
+            for state, those in ((MISSING, ~present & ~failed), (FAILED, failed)):
+                cells = np.flatnonzero(those)
+                point = tuple(
+                    plan.places(bound, number, cells) if number in own else slice(None)
+                    for number in numbers
+                )
+                if len(cells):
+                    worst[point] = np.where(worst[point] == FAILED, FAILED, state)
+        names: list[str] = []
+        for axis in axes:
+            taken = axis.name in (*names, name)
+            names.append(axis.settings[0].key.replace(".", "_") if taken else axis.name)
+        found: dict[str, Array] = {}
+        for axis, axis_name in zip(axes, names, strict=True):
+            found |= axis_coordinates(axis, axis_name)
+        attrs = {"units": "1", "long_name": label, **FLAGS}
+        return found | {name: Array.of(tuple(names), worst, attrs, MISSING)}
+
+
+# coordinates --------------------------------------------------------------------------------------
+
+
+def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
+    """Return coordinates of an axis: its values, or those of every setting of a joint axis.
+
+    The places of a joint axis are labelled by the values there, as in 'mass=3,limit=9', unless
+    they have names. The kind of a setting may add others.
+    """
+    columns = list(zip(*axis.points, strict=True))
+    if not axis.is_joint:
+        return setting_coordinates(axis.settings[0], name, columns[0])
+    found: dict[str, Array] = {}
+    for setting, values in zip(axis.settings, columns, strict=True):
+        taken = setting.name in (*found, *[name] * (not axis.bare))
+        label = setting.key.replace(".", "_") if taken else setting.name
+        found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
+    if axis.bare:
+        return found
+    labels = axis.labels or [
+        ",".join(f"{label}={spelt(value)}" for label, value in zip(found, point, strict=True))
+        for point in axis.points
+    ]
+    about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
+    return {name: Array.of((name,), np.array(labels), about, coordinate=True), **found}
+
+
+def setting_coordinates(
+    setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
+) -> dict[str, Array]:
+    """Yield coordinates of a setting's values as its kind defines them, its own first."""
+    offered = getattr(setting.kind, "coordinates", None)
+    if offered is None:
+        found = {name: (value_array(values), setting.attrs)}
+    else:
+        (_, own), *others = offered(tuple(values)).items()
+        found = {**({} if scalar else {name: own}), **dict(others)}
+    dims: tuple[str, ...] = () if scalar else (name,)
+    return {
+        label: Array.of(dims, array[0] if scalar else array, attrs, coordinate=True)
+        for label, (array, attrs) in found.items()
+    }
+
+
+def value_array(values: Sequence[Any]) -> NDArray[Any]:
+    """Return a (value,) ndarray: floats (NaN for null), integers, booleans, times or texts."""
+    if any(isinstance(value, str | tuple) for value in values):
+        # Convert subclasses to plain types.
+        return np.array([str(value) for value in values])
+    if isinstance(values[0], np.datetime64 | datetime):
+        return np.array(values, dtype=DATES)
+    return np.array(values, dtype=float if None in values else None)

@@ -1,0 +1,179 @@
+"""Locks of stores, so that one process writes at a time.
+
+Beside a folder, a file that the operating system locks: it is free as soon as its owner ends,
+however that ends. Beside the objects of a bucket, an object that its owner renews: whoever finds it
+silent for a while takes it over. Clocks are never compared: whoever waits measures that itself.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+import socket
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from sweeps.engine.cache.objects import OPEN, Objects, make_folder
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import Where, apart, real_place
+from sweeps.engine.run.process import repeating
+
+LEASE = 60.0  # s without renewal, after which the owner of an object is dead
+RENEWED = 10.0  # s between renewals
+LOOK = 1.0  # s between looks at the object of another owner
+OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
+
+
+@contextmanager
+def locked(place: Where) -> Iterator[Callable[[], None]]:
+    """Hold the lock of a store, which need not exist; yield a check that it still is held.
+
+    It is advisory. The check raises OSError if another process has taken over the lock of a bucket,
+    since this one was stopped for longer than the lease; call it before changes that readers see.
+    ConfigurationError if another process or thread holds the lock, or locking fails.
+    """
+    above, name = _beside(place)
+    try:
+        if isinstance(above, Path):
+            check, release = _take_file(above, name)
+        else:
+            check, release = _take_object(above, name)
+    except OSError as error:
+        raise ConfigurationError(
+            f"store is {str(place)!r}, but nothing can be locked in {str(above)!r}: "
+            f"{error.strerror}"
+        ) from error
+    except _HeldError as held:
+        raise ConfigurationError(
+            f"store is {str(place)!r}, which is being written by {held}; "
+            "wait until it ends or give another path"
+        ) from None
+    try:
+        with repeating(RENEWED, check):
+            yield check
+    finally:
+        with suppress(OSError):  # then the lease ends
+            release()
+
+
+def is_locked(place: Where) -> bool:
+    """Return whether a process holds the lock of a store; that of a bucket may have died lately."""
+    above, name = _beside(place)
+    if not isinstance(above, Path):
+        return Objects(above).get(name) is not None
+    if not (above / name).exists():
+        return False
+    try:
+        _, release = _take_file(above, name)
+    except (OSError, _HeldError):
+        return True
+    release()
+    return False
+
+
+def _beside(place: Where) -> tuple[Where, str]:
+    """Return the folder or URL that a store is in, and the name of its lock there."""
+    above, name = apart(real_place(place))
+    return above, f".{name}.lock"
+
+
+class _HeldError(Exception):
+    """Another process or thread holds a lock: its text says which."""
+
+    def __init__(self, owner: bytes) -> None:
+        text = owner.decode(errors="replace").partition("\n")[0]
+        super().__init__(text if OWNER.fullmatch(text) else "another process")
+
+
+def _owner() -> str:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return f"process {os.getpid()} on {socket.gethostname()} since {now}"
+
+
+Taken = tuple[Callable[[], None], Callable[[], None]]
+"""A check that a lock is still held, and its release."""
+
+
+def _take_file(folder: Path, name: str) -> Taken:
+    """Lock a file, which is there only as long as it is locked, or its owner was killed."""
+    make_folder(folder, OPEN)
+    path = folder / name
+    lock = FileLock(path, blocking=False, thread_local=False)
+    try:
+        lock.acquire()
+    except Timeout:
+        owner = b""
+        with suppress(FileNotFoundError):  # it has just been released
+            owner = path.read_bytes()
+        raise _HeldError(owner) from None
+    path.write_text(_owner())
+
+    def release() -> None:
+        path.unlink(missing_ok=True)  # a process that has just opened it makes another
+        lock.release()
+
+    return lambda: None, release
+
+
+def _take_object(above: Where, name: str) -> Taken:
+    """Make an object that `check` renews, or take one over that was silent for a lease."""
+    objects, own, using = Objects(above), uuid.uuid4().hex, threading.Lock()
+    owner, turns, found, since = _owner(), count(), None, time.monotonic()
+
+    def content() -> bytes:
+        return f"{owner}\n{own} {next(turns)}".encode()  # another each time
+
+    while True:
+        before, found = found, objects.versioned(name)
+        if found and before and found != before:
+            raise _HeldError(found[0])
+        if found is None or time.monotonic() - since > LEASE:
+            version = objects.put_if(name, content(), found and found[1])
+            if version:
+                break
+            raise _HeldError(found[0] if found else b"")
+        time.sleep(LOOK)
+
+    def check() -> None:
+        nonlocal version
+        with using:
+            version = version and objects.put_if(name, content(), version)
+            if not version and (there := objects.versioned(name)) and own.encode() in there[0]:
+                version = there[1]  # the answer to an earlier put was lost
+            if not version:
+                why = f"its lock was taken by another process after {LEASE:.0f} s without a sign"
+                raise OSError(errno.EIO, why, f"{above}/{name}")
+
+    def release() -> None:
+        check()
+        objects.delete([name])
+
+    return check, release
+
+
+@contextmanager
+def used(folder: Where, *, alone: bool = False) -> Iterator[None]:
+    """Use a folder together with others, or alone: then raise BlockingIOError if others use it.
+
+    Of a bucket, or a folder that is not there, nobody is known to use it.
+    """
+    if isinstance(folder, Path) and folder.is_dir():
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            with nullcontext() if alone else suppress(OSError):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB if alone else fcntl.LOCK_SH)
+            yield
+        finally:
+            os.close(descriptor)
+    else:
+        yield

@@ -1,0 +1,99 @@
+"""The manifest of a store: the size of each of its objects, and what its chunks were made of.
+
+Whoever reads a changed chunk notices it by the checksum within, but a missing one reads as fill
+values: a listing of the store shows it, without reading. A store changes in three steps, each of
+which begins with the manifest: names of the chunks to come, which no metadata refer to; then all
+metadata as they will be, which are put in place, the root's last; then the finished store.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import seal, unseal
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import Where
+from sweeps.engine.store.arrays import METADATA
+
+MANIFEST = "manifest"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a store has: by name of an object, or by path of an array.
+
+    `chunks` are the key space of each array and, by index, the digest of what decides the values of
+    a chunk; one that holds only the fill value is no file. While it is written: names of the chunks
+    to come; then all metadata, and the sizes of all objects before.
+    """
+
+    files: dict[str, int] = field(default_factory=dict)
+    chunks: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
+    coming: list[str] = field(default_factory=list)
+    nodes: dict[str, Any] = field(default_factory=dict)
+    before: dict[str, int] = field(default_factory=dict)
+
+    def put(self, objects: Objects) -> None:
+        """Write it."""
+        document = {name: value for name, value in asdict(self).items() if value}
+        objects.put(MANIFEST, seal(document))
+
+    @property
+    def known(self) -> set[str]:
+        """Names of all objects that sweeps wrote."""
+        return {MANIFEST, *self.files, *self.coming, *self.before}
+
+    def allows(self, name: str, size: int | None) -> bool:
+        """Return whether an object may have a size, or be absent."""
+        if self.nodes and (name in self.before or name.endswith(METADATA)):
+            return size in (self.files.get(name), self.before.get(name))
+        return name not in self.files or size == self.files[name]
+
+
+def read_manifest(place: Where) -> Manifest | None:
+    """Return the manifest of a store; None if there is none.
+
+    Raises ConfigurationError if it is damaged, and OSError if it cannot be read.
+    """
+    content = Objects(place).get(MANIFEST)
+    if content is None:
+        return None
+    try:
+        return Manifest(**unseal(content))
+    except (ValueError, TypeError) as error:
+        raise _unreadable(place) from error
+
+
+def manifest_of(place: Where) -> Manifest:
+    """Return the manifest of a store; ConfigurationError if it is missing or damaged."""
+    found = read_manifest(place)
+    if found is None:
+        raise _unreadable(place)
+    return found
+
+
+def _unreadable(place: Where) -> ConfigurationError:
+    return ConfigurationError(
+        f"store is {str(place)!r}, whose {MANIFEST} cannot be read; "
+        "give another path, or remove it if it is a damaged store"
+    )
+
+
+def verify(place: Where, groups: Iterable[str] | None = None) -> list[str]:
+    """Return sorted names of objects of a store that are missing, of another size or unexpected.
+
+    Nothing is read. An object that is not in the manifest counts as damage, because zarr would read
+    it as a chunk. If `groups` are given, only their objects and all metadata are verified. Raises
+    OSError where the place fails, and ConfigurationError without a manifest.
+    """
+    manifest, found = manifest_of(place), Objects(place).sizes()
+    inside, known = tuple(f"{group}/" for group in groups or ()), manifest.known
+    return sorted(
+        name
+        for name in {*manifest.files, *manifest.before, *found}
+        if groups is None or name.startswith(inside) or name.endswith(METADATA)
+        if name not in known or not manifest.allows(name, found.get(name))
+    )

@@ -1,0 +1,201 @@
+"""Provenance of a store's results, and the check of sweeps that extend it."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.kinds import (
+    Count,
+    Draws,
+    Number,
+    SetOf,
+    Switch,
+    Text,
+    Value,
+    Word,
+    spelt,
+)
+from sweeps.engine.declare.settings import Joint, Run, Setting, flatten, nested, read_choices
+from sweeps.engine.declare.stage import Experiment
+from sweeps.engine.resolve.keys import digest
+from sweeps.engine.resolve.plan import Plan
+
+EVERYWHERE = ("version", "seed")  # attributes that every group of a store repeats
+ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
+
+
+def written(setting: Setting, values: tuple[Value, ...]) -> Any:
+    """Return values of a setting as a user would write them."""
+    own = getattr(setting.kind, "written", None)
+    if own is not None:
+        return own(values)
+    if isinstance(setting.kind, Draws):
+        return len(values)
+    if isinstance(setting.kind, SetOf):
+        return None if values[0] is None else list(values[0])
+    return values[0] if len(values) == 1 else list(values)
+
+
+def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Return root attributes: everything that results depend on, and nothing else.
+
+    No times, hosts, paths or numbers of workers are among them: equal sweeps make equal stores.
+    `failures` are the names of cells that failed, and why.
+    """
+    experiment, choices = plan.experiment, plan.choices
+    attributes: dict[str, Any] = {
+        "title": experiment.title,
+        "Conventions": "CF-1.11",
+        "configuration": nested({s.key: written(s, choices[s]) for s in _identity(experiment)}),
+        "version": " ".join([experiment.name, *_version(experiment.name)]),
+        "seed": written(Run.seed, choices[Run.seed]),
+        "versions": versions(plan),
+        "code": dict(sorted(plan.code.items())),
+        "parts": {key: part for parts in _parts(plan).values() for key, part in parts.items()},
+        "shown": _shown_digest(plan),
+        "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
+        **experiment.attributes(choices),
+    }
+    if choices.joint:
+        attributes["joint"] = [
+            [one.name, one.keys, [[*map(str, point)] for point in one.points], one.labels]
+            for one in choices.joint
+        ]
+    if failures:
+        attributes["failures"] = dict(sorted(failures.items()))
+    return attributes
+
+
+def _parts(plan: Plan) -> dict[str, dict[str, str]]:
+    """Return by stage what counts of its function, each by name with a part of its hash.
+
+    Where a name stands for several things, it has that of the stage, too.
+    """
+    known: dict[str, str] = {}
+    found: dict[str, dict[str, str]] = {}
+    for stage, code in sorted(plan.digests.items()):
+        for name, value in sorted(code.parts.items()):
+            key = name if known.setdefault(name, value) == value else f"{name} ({stage})"
+            found.setdefault(stage, {})[key] = value[:12]
+    return found
+
+
+def why(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Yield stages, and what of their keys differs from those of a store, by its attributes."""
+    own, parts, now = _identity(plan.experiment), _parts(plan), versions(plan)
+    before = read_choices(own, flatten(own, old.get("configuration", {})))
+    keys = {one.key for one in own if before[one] != plan.choices[one]}
+    code, told, were = (old.get(name, {}) for name in ("code", "parts", "versions"))
+    other: set[str] = set()
+    for name, bound in plan.bound.items():
+        libraries = [*plan.digests[name].libraries, *(["numpy"] if bound.random else [])]
+        changed = {one: f"{one} {were[one]} -> {now[one]}" for one in libraries if one in were}
+        found = [text for one, text in sorted(changed.items()) if were[one] != now[one]]
+        if name not in code:
+            found = ["the store has none of it"]
+        elif code[name] != plan.code[name]:
+            named = [key for key, part in parts.get(name, {}).items() if told.get(key) != part]
+            found += named or ([] if found else ["which parts it has"])
+        inputs = {one.name: {*one.needs} for one in bound.inputs if one.name in other}
+        found += sorted(keys & {*bound.needs, *bound.gather} - set().union(*inputs.values()))
+        found += [f"its input {one}" for one in inputs]
+        if found:
+            other.add(name)
+            yield name, found if name in code else found[:1]
+
+
+def _shown_digest(plan: Plan) -> str:
+    """Return the hash of what a store shows of its results: labels, units and tables."""
+    experiment = plan.experiment
+    settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
+    stages = [(one.stage.outputs, one.stage.group.status) for one in plan.targets]
+    tables = [
+        (table.group, table.of, _code_of(table.make, plan), *map(repr, table.displays))
+        for table in experiment.tables
+    ]
+    return digest(repr([settings, stages, tables]))
+
+
+def _code_of(function: Callable[..., Any], plan: Plan) -> str:
+    """Return the hash of the code of a table; empty if it holds what has none."""
+    try:
+        return plan.source_code.digest(function).digest
+    except ConfigurationError:
+        return ""
+
+
+def _identity(experiment: Experiment) -> tuple[Setting, ...]:
+    """Return the settings that results depend on."""
+    return tuple(setting for setting in experiment.declared if setting.identity)
+
+
+def versions(plan: Plan) -> dict[str, str]:
+    """Return versions of the distributions that results depend on, and of Python."""
+    found = {name: one for name in ENGINE_LIBRARIES for one in _version(name)}
+    for code in plan.digests.values():
+        found |= code.libraries
+    return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
+
+
+def _version(name: str) -> list[str]:
+    """Return the version of a distribution; nothing if it is not installed."""
+    try:
+        return [version(name)]
+    except PackageNotFoundError:
+        return []
+
+
+def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], plan: Plan) -> None:
+    """Refuse a store, by its attributes, of another configuration or other code.
+
+    A sweep may extend a store if it includes all of the store's values. The
+    ConfigurationError names the keys that differ, and what to do.
+    """
+    if "configuration" not in old or old.get("title") != experiment.title:
+        raise ConfigurationError(
+            f"store is {path!r}, which holds other data; it must be a new path, or a store of "
+            f"{experiment.name}"
+        )
+    before = read_choices(
+        _identity(experiment), flatten(_identity(experiment), old["configuration"])
+    )
+    for setting in _identity(experiment):
+        there, asked = before[setting], plan.choices[setting]
+        lacking = sorted(set(there).difference(asked), key=there.index)
+        if not lacking:
+            continue
+        advice = "give another store"
+        if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
+            both = sorted({*there, *asked}, key=lambda value: (value is None, value))
+            advice = f"give {setting.spelling(both)} to have both, or another store"
+        raise ConfigurationError(
+            f"{setting.called} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
+            f"{', '.join(map(spelt, lacking))}: {advice}"
+        )
+    texts = replace(
+        before,
+        values={key: tuple(map(str, values)) for key, values in before.values.items()},
+        joint=tuple(Joint(*one) for one in old.get("joint", ())),
+    )
+    for joint in plan.choices.joint:
+        points = {tuple(map(str, point)) for point in joint.points}
+        if not set(texts.points(joint.keys)) <= points:
+            raise ConfigurationError(
+                f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
+                "together; have these among those that run together, too, or give another store"
+            )
+    now = {"code": plan.code, "versions": versions(plan)}
+    for kind, word in (("code", "code of"), ("versions", "version of")):
+        for name, value in old.get(kind, {}).items():
+            if now[kind].get(name, value) != value:
+                differs = ", ".join(dict(why(plan, old)).get(name, ())[:3])
+                named = f"{name} ({differs})" if differs else name
+                raise ConfigurationError(
+                    f"store is {path!r}, which was made by another {word} {named}; give another "
+                    "store, or remove it"
+                )

@@ -1,0 +1,428 @@
+"""A complete sweep: find finished cells, compute missing ones, and write the store."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field, replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sweeps.engine.cache.index import CellIndex
+from sweeps.engine.cache.objects import CLOSED, Objects, make_folder
+from sweeps.engine.cache.packs import MISSING, cells_of, declared, each_cell
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.failures import Failure, reason, traceback_of
+from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.declare.stage import Experiment
+from sweeps.engine.declare.storable import nested, plain
+from sweeps.engine.resolve.code import place_of
+from sweeps.engine.resolve.keys import distinct
+from sweeps.engine.resolve.modules import within
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.cluster import ClusterChoice, Executor, import_jobqueue
+from sweeps.engine.run.executors import executor
+from sweeps.engine.run.forking import check_guard
+from sweeps.engine.run.interrupts import heed, heeding, interruptible
+from sweeps.engine.run.process import environment
+from sweeps.engine.run.schedule import Progress, Schedule, Task, Watch
+from sweeps.engine.run.tasks import Damaged, Outcome, Report, run_calls, uneven
+from sweeps.engine.store.cube import Cube
+from sweeps.engine.store.folders import check_apart, check_cache, check_target
+from sweeps.engine.store.locks import locked, used
+from sweeps.engine.store.manifest import verify
+from sweeps.engine.store.provenance import EVERYWHERE, check_extends, provenance, why
+from sweeps.engine.store.writing import read_attributes, recover, write_store
+
+ROUNDS = 20  # of computing damaged results again, before blaming the disk
+AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
+HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
+QUICK = 1.0  # s of work that finishes before worker processes would have started
+
+LOG = logging.getLogger(__name__)
+
+PARTIAL = "partial"
+"""Attribute of a store and its groups that says how many cells are missing."""
+
+Failures = list[tuple[str, str]]
+"""Names of cells or tables that failed, and why."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
+
+    A `partial` store has the cells that are in the cache; nothing is computed.
+    """
+
+    store: Where
+    cache: Where
+    cluster: ClusterChoice = field(default_factory=ClusterChoice)
+    cache_limit: int = 20 * 10**9
+    partial: bool = False
+
+    @property
+    def packs(self) -> Objects:
+        """Where results are kept."""
+        return cells_of(self.cache)
+
+
+@dataclass
+class Finished:
+    """Outcome of a sweep: progress by stage, and the cells that failed with the reason of each.
+
+    `axes` has the number of values of everything that was swept, by key; keys of settings that
+    run together are joined by `+`.
+    """
+
+    progress: Mapping[str, Progress] = field(default_factory=dict)
+    failures: Failures = field(default_factory=list)
+    written: bool = False  # whether the store is new or changed
+    seconds: float = 0.0
+    axes: Mapping[str, int] = field(default_factory=dict)
+
+
+def existing(experiment: Experiment, path: Where, plan: Plan) -> Mapping[str, object] | None:
+    """Return attributes of the store that a sweep extends; None if there is none."""
+    attributes = read_attributes(path)
+    if attributes is not None:
+        check_extends(experiment, str(path), attributes, plan)
+    return attributes
+
+
+def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
+    """Compute all missing cells of an experiment, and write its store.
+
+    Raises
+    ------
+    ConfigurationError
+        If the store holds other data, or another sweep writes it. Nothing was written.
+    OSError
+        If the cache or the store cannot be written; finished results are kept in the cache.
+    """
+    start = time.perf_counter()
+    with ExitStack() as stack:
+        stack.enter_context(environment(choices.variables))
+        check_target(place.store)
+        check_cache(place.cache)
+        check_apart([place.store], place.cache, lambda store: ())
+        plan = Plan(experiment, choices)
+        check = stack.enter_context(locked(place.store))
+        recover(place.store)
+        if isinstance(packs := place.packs.place, Path):
+            make_folder(packs, CLOSED)
+        stack.enter_context(used(packs))
+        index = CellIndex(place.packs, watch.say, plan.identity.values())
+        old = existing(experiment, place.store, plan)
+        if LOG.isEnabledFor(logging.DEBUG):
+            for name, found in why(plan, old or {}):
+                LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
+        if old is not None and is_whole(plan, place.store, old, watch.say):
+            LOG.debug("store is reused: it has all of the sweep, and is undamaged")
+            finished = _unchanged(plan, index, watch)
+        elif place.partial and old is not None and PARTIAL not in old:
+            raise ConfigurationError(
+                f"store is {str(place.store)!r}, which is not partial, and would lose what the "
+                "cache has no longer; give another path for partial=true"
+            )
+        else:
+            tried = _tried(plan, old or {})
+            finished = _until_undamaged(plan, place, index, watch, check, tried)
+        size = 0
+        with suppress(OSError):  # the store is written, whatever the cache does now
+            size = sum(place.packs.sizes().values()) if finished.written else 0
+        if size > place.cache_limit:
+            limit = f"{place.cache_limit / 1e9:g} GB"
+            watch.say(
+                f"{place.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
+                f"`{experiment.name} --cache prune={limit.replace(' ', '')}` deletes the oldest"
+            )
+    finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
+    return finished
+
+
+def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
+    """Return stages declared in packages that a store, by its attributes, has of the same code.
+
+    Calls of these end no process: they may run in the command. A script's function may do anything.
+    """
+    if "failures" in old:
+        return set()
+    return {
+        bound.name
+        for bound in plan.bound.values()
+        if bound.name in old.get("code", ())
+        and declared(bound.stage.outputs)
+        and within(place_of(bound.stage.function)[0], plan.experiment.code)
+    }
+
+
+def _until_undamaged(
+    plan: Plan,
+    place: Place,
+    index: CellIndex,
+    watch: Watch,
+    check: Callable[[], None],
+    tried: Collection[str],
+) -> Finished:
+    """Compute and write all cells, and again those that are damaged when they are read back."""
+    # The thread starts and ends workers while this one plans and writes.
+    with ThreadPoolExecutor(1, "cluster") as thread:
+        for _ in range(ROUNDS):
+            costs = {name: seconds for name, (seconds, _) in index.costs().items()}
+            schedule, stack = Schedule(plan, costs), ExitStack()
+            try:
+                failures, workers = _compute(schedule, place, index, watch, thread, stack, tried)
+                if place.cluster.kind in HERE:  # which end meanwhile
+                    thread.submit(stack.close)
+                    workers = None
+                failures += _write(schedule, place, index, watch, check, workers)
+            except Damaged as error:
+                damaged = sorted(_damaged(schedule, index.cells).union(error.args))
+                keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
+                lost = f"{len(damaged):,} results in the cache are damaged"
+                watch.say(f"{lost} and are computed again")
+                index.forget(keys)
+            else:
+                return Finished(schedule.progress, failures, written=True)
+            finally:
+                thread.submit(stack.close)
+    raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
+
+
+def _compute(
+    schedule: Schedule,
+    place: Place,
+    index: CellIndex,
+    watch: Watch,
+    thread: ThreadPoolExecutor,
+    stack: ExitStack,
+    tried: Collection[str],
+) -> tuple[Failures, Executor | None]:
+    """Compute missing cells on workers, which a stack ends; return them, if any were started.
+
+    Little work of stages that were `tried` before is done here instead of in local workers.
+    Returns and raises what `execute` does.
+    """
+    plan, choice = schedule.plan, place.cluster
+    with interruptible():
+        schedule.resolve(index)
+        missing = schedule.missing_cells()
+    cells = sum(number for _, number, _ in missing)
+    total = sum(one.total for one in schedule.progress.values())
+    if place.partial:
+        watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
+        return [], None
+    watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
+    for bound, number, calls in missing:
+        LOG.debug(
+            "%s: %d cells are in no pack, and computed by %d calls", bound.name, number, calls
+        )
+    watch.step(schedule)
+    if not missing:
+        return [], None
+    if choice.kind == "local":
+        check_guard()
+        safe = all(bound.name in schedule.costs and bound.name in tried for bound, *_ in missing)
+        if safe and sum(schedule.work_left().values()) < QUICK:
+            choice = ClusterChoice("inline")
+    if choice.kind == "slurm":
+        import_jobqueue()
+    entered = executor(
+        choice,
+        tasks=sum(calls for *_, calls in missing),
+        packages=plan.experiment.code,
+        modules=sorted({place_of(one.stage.function)[0] for one in plan.bound.values()}),
+        packs=index.cells,
+        say=watch.say,
+    )
+    starting = thread.submit(stack.enter_context, entered)
+    if choice.kind in HERE:
+        plan.experiment.prepare(plan.choices, heeding(watch.say))
+    with interruptible():
+        workers = starting.result()
+    return execute(schedule, workers, index, watch), workers
+
+
+def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
+    """Run all calls of a schedule, and record finished cells in the index, whose packs have them.
+
+    Returns the names of cells that failed, with the reasons. Raises `Damaged`, when all is done, if
+    cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
+    without a value to pad them with, and OSError if results cannot be written.
+    """
+    damaged: set[bytes] = set()
+    shapes: dict[tuple[str, str], tuple[int, ...]] = {}
+    failures: Failures = []
+    under_way: dict[int, Task] = {}
+    # A worker that dies, for example out of memory, takes other tasks with it. So each of their
+    # calls is run again, alone, when all others have finished.
+    suspects: deque[Task] = deque()
+    alone = False  # whether what is under way is a suspect
+    numbers = count()
+
+    def hand_out(task: Task) -> None:
+        number, calls = next(numbers), tuple(part.calls for part in task.parts)
+        executor.submit(number, run_calls, calls, task.order, index.cells)
+        under_way[number] = task
+
+    while schedule.ready or under_way or suspects:
+        if not under_way and (alone := bool(suspects)):
+            hand_out(suspects.popleft())
+        most = 0 if alone or suspects else AHEAD * executor.workers
+        while schedule.ready and len(under_way) < most:
+            if (task := schedule.batch(executor.workers)).parts:
+                hand_out(task)
+        with interruptible():
+            finished = executor.finished()
+        for number, report, error in finished:
+            task = under_way.pop(number)
+            if error is not None and not alone:
+                suspects += schedule.each(task)
+                continue
+            if error is not None:
+                lost = Failure("", reason(error), traceback=traceback_of(error))
+                cells = range(len(task.parts[0].cells))
+                report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
+            if report.unwritten is not None:
+                raise report.unwritten
+            for part, outcome in zip(task.parts, report.outcomes, strict=True):
+                damaged.update(*outcome.lacking.values())
+                pack = MISSING if outcome.pack is None else index.add(outcome.pack)
+                for failure in schedule.finish(part, outcome, pack, split=error is None):
+                    failures.append(failure[:2])
+                    watch.failed(failure)
+            for stage, output, shape in report.shapes:
+                first = shapes.setdefault((stage, output), shape)
+                if shape != first:
+                    raise uneven(stage, output, shape, first)
+        watch.step(schedule)
+    if damaged:
+        raise Damaged(*sorted(damaged))
+    return failures
+
+
+def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
+    """Return keys of all cells that cannot be read back, so that one round mends them."""
+    spots = schedule.spots[schedule.spots.present]
+    spots = spots[np.lexsort((spots.row, spots.pack))]
+    cells = zip(spots.keys, each_cell(packs, spots), strict=True)
+    return {key.tobytes() for key, arrays in cells if arrays is None}
+
+
+# the store --------------------------------------------------------------------------------------
+
+
+def is_whole(
+    plan: Plan, path: Where, old: Mapping[str, object], say: Callable[[str], None]
+) -> bool:
+    """Return whether a store already has all of a plan, and is undamaged."""
+    # As read back from a store.
+    heed()
+    new = nested(plain(provenance(plan)))
+    if "failures" in old or dict(old) != new:
+        keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
+        LOG.debug("store is written again: its %s differ", ", ".join(keys))
+        return False
+    bad = verify(path)
+    if bad:
+        say(f"{len(bad):,} files of the store are damaged ({bad[0]}) and are written again")
+    return not bad
+
+
+def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
+    """Return the outcome of a sweep whose store has everything already."""
+    progress = {}
+    index.refresh()
+    for bound in plan.targets:
+        keys = plan.keys(bound)
+        plan.forget_keys(bound)
+        total = len(distinct(keys)[0])
+        progress[bound.name] = Progress(total, total)
+    cells = sum(one.total for one in progress.values())
+    watch.say(f"0 cells to compute, {cells:,} are in the store")
+    return Finished(progress)
+
+
+def _write(
+    schedule: Schedule,
+    place: Place,
+    index: CellIndex,
+    watch: Watch,
+    check: Callable[[], None],
+    workers: Executor | None,
+) -> Failures:
+    """Assemble the store with its tables, and write it; return tables that failed.
+
+    Chunks of cells are written by `workers` that are elsewhere.
+    """
+    heed()
+    plan, failed = schedule.plan, schedule.failed
+    cube = Cube(schedule, index.cells)
+    failures = {
+        plan.described(bound, cell): failed[nodes[cell]]
+        for bound in plan.bound.values()
+        if failed and (nodes := schedule.nodes.get(bound)) is not None
+        for cell in np.flatnonzero(np.isin(nodes, [*failed])).tolist()
+    }
+    found: list[Failure] = []
+    with interruptible():
+        groups = cube.groups()
+        if plan.experiment.tables and not place.partial:
+            from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
+
+            found = add_tables(plan, groups)
+    lost = {failure.what: failure.why for failure in found}
+    for failure in found:
+        watch.failed(failure)
+    attributes = provenance(plan, failures | lost)
+    everywhere: tuple[str, ...] = EVERYWHERE
+    if place.partial:
+        every = Progress.over(schedule.progress.values())
+        attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
+        everywhere = (*EVERYWHERE, PARTIAL)
+    how: dict[str, Any] = {"everywhere": everywhere, "check": check, "writers": workers}
+    write_store(place.store, groups, attributes, **how)
+    return list(lost.items())
+
+
+# dry run ------------------------------------------------------------------------------------------
+
+
+def preview(plan: Plan, place: Place) -> tuple[Mapping[str, tuple[int, int]], str]:
+    """Return the cells of each stage, those to be computed among them, and the work in words.
+
+    Nothing is written, and neither place need exist.
+
+    Raises
+    ------
+    ConfigurationError
+        If the sweep would be refused.
+    """
+    old = existing(plan.experiment, place.store, plan)
+    if old is not None and is_whole(plan, place.store, old, lambda sentence: None):
+        stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
+        return stages, "nothing to compute: all cells are in the store"
+    packs = replace(place.packs, make=False)
+    index = CellIndex(packs, lambda sentence: None, plan.identity.values())
+    schedule, costs = Schedule(plan), index.costs()
+    schedule.resolve(index)
+    stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}
+    calls = sum(number for *_, number in schedule.missing_cells())
+    if not calls:
+        return stages, "nothing to compute: all cells are in the cache"
+    size = work = "unknown"
+    left = {name: cells for name, (_, cells) in stages.items() if cells}
+    if all(name in costs for name in left):  # each has been timed
+        size = f"{sum(costs[name][1] * cells for name, cells in left.items()) / 1e6:.3g} MB"
+        work = f"{sum(costs[name][0] * cells for name, cells in left.items()):.3g} s"
+    return stages, f"{calls:,} calls to run; new results {size}; time on one core {work}"

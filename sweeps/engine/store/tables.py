@@ -1,0 +1,129 @@
+"""Tables of a store, computed from its groups before these are written."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from typing import Any
+
+import xarray as xr
+from numpy.typing import NDArray
+from xarray.backends import BackendArray
+from xarray.core.indexing import (
+    ExplicitIndexer,
+    IndexingSupport,
+    LazilyIndexedArray,
+    explicit_indexing_adapter,
+)
+
+from sweeps.engine.cache.packs import raise_shortage
+from sweeps.engine.declare.display import ATTRIBUTE
+from sweeps.engine.declare.errors import DeclarationError, located
+from sweeps.engine.declare.failures import RAISED, Failure, reason, traceback_of
+from sweeps.engine.declare.places import Where
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.tasks import Damaged
+from sweeps.engine.store.arrays import Array, Group, metadata
+from sweeps.engine.store.writing import zarr_store
+
+MOST_ROWS = 20  # of a table at the end of a sweep
+
+
+def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
+    """Add to the groups of a store, by path, all tables computed from them.
+
+    Variables that a table uses stay in memory, and are not read again when they are written.
+    Returns the tables that failed, by names such as `table tables/best`.
+    """
+    failed: dict[str, Failure] = {}
+    for table in plan.experiment.tables:
+        name = f"table {table.group}"
+        if lost := [one for one in table.of if f"table {one}" in failed]:
+            failed[name] = Failure(name, f"needs table {lost[0]}, which failed")
+        if name in failed or not all(one in groups for one in table.of):
+            continue
+        try:
+            if table.when(plan.choices):
+                given = [dataset_of(groups[one]) for one in table.of]
+                made = table.make(*given, plan.choices)
+                if not isinstance(made, xr.Dataset | None):
+                    kind = type(made).__name__
+                    raise TypeError(
+                        f"its function returned a {kind}, but must return a data set or None"
+                    )
+                if made is None and not _returns(table.make):
+                    sentence = "its function has no return, but must return a data set or None"
+                    raise TypeError(located(table.make, sentence))
+                if made is not None:
+                    if table.displays:
+                        shown = [display.written(plan.choices) for display in table.displays]
+                        made = made.assign_attrs({ATTRIBUTE: shown})
+                    groups[table.group] = group_of(made)
+        except (Damaged, DeclarationError):  # of cells, not of the table
+            raise
+        except RAISED as error:
+            raise_shortage(error)
+            failed[name] = Failure(name, reason(error), traceback=traceback_of(error))
+    return list(failed.values())
+
+
+def _returns(function: Callable[..., Any]) -> bool:
+    """Return whether a function has a statement that returns something, as far as its text says."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, TypeError, SyntaxError):
+        return True
+    returns = [one.value for one in ast.walk(tree) if isinstance(one, ast.Return)]
+    return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
+
+
+def texts(place: Where, groups: Iterable[str]) -> Iterator[str]:
+    """Yield tables of a store as texts, long ones without their middle."""
+    for name in groups:
+        with suppress(KeyError, FileNotFoundError):  # a table that has nothing, or failed
+            table = xr.open_zarr(zarr_store(place), group=name, consolidated=False)
+            table = table.drop_vars([one for one in table.coords if not table[one].dims])
+            units = {one: table[one].attrs.get("units", "1") for one in table.variables}
+            heads = {one: f"{one} [{unit}]" for one, unit in units.items() if unit != "1"}
+            some = table.isel({dim: slice(MOST_ROWS) for dim in table.dims})
+            rows = some.to_dataframe() if table.dims else some.to_pandas().to_frame().T
+            rows = rows.rename_axis(index=heads).rename(columns=heads)
+            yield rows.to_string(max_rows=MOST_ROWS, float_format="{:.4g}".format)
+
+
+class Values(BackendArray):
+    """Values of an array, which are all read when some are wanted."""
+
+    def __init__(self, array: Array) -> None:
+        self.shape, self.dtype, self._array = array.shape, array.stored, array
+
+    def __getitem__(self, key: ExplicitIndexer) -> NDArray[Any]:
+        values = self._array.whole()
+        return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, values.__getitem__)
+
+
+def dataset_of(group: Group) -> xr.Dataset:
+    """Return the data set that xarray would open of a written group; variables are read lazily."""
+    variables = {  # with their dtype, else xarray makes objects of texts
+        name: xr.Variable(
+            one.dims, LazilyIndexedArray(Values(one)), one.attributes, {"dtype": one.stored}
+        )
+        for name, one in group.arrays.items()
+    }
+    return xr.decode_cf(xr.Dataset(variables, attrs=group.attributes))
+
+
+def group_of(dataset: xr.Dataset) -> Group:
+    """Return the group of a store that holds a data set; TypeError if it cannot be stored."""
+    arrays = {
+        str(name): Array.of(
+            tuple(map(str, one.dims)), one.values, one.attrs, coordinate=name in dataset.coords
+        )
+        for name, one in dataset.variables.items()
+    }
+    for array in arrays.values():
+        metadata(array)
+    return Group(arrays, dataset.attrs)

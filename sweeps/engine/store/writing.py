@@ -1,0 +1,321 @@
+"""Stores: the results of a sweep as one zarr DataTree, which appears whole or not at all.
+
+Equal input, given in the same order, makes equal bytes of a new store: it holds no times, hosts or
+paths. The metadata of a group repeat those of all below it ("consolidated"), so that a store opens
+by one object, at the root or at any group. A store grows where it is: chunks that metadata refer to
+are never changed. A changed array takes other names for its chunks, and when all metadata refer to
+these, the old ones are deleted.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import accumulate, islice
+from pathlib import Path
+from typing import Any
+
+from sweeps.engine.cache.objects import AT_ONCE, Objects, readable
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.places import Where, real_place
+from sweeps.engine.declare.storable import nested, plain
+from sweeps.engine.run.cluster import Executor
+from sweeps.engine.run.interrupts import Stopped, heed, interruptible
+from sweeps.engine.store.arrays import (
+    METADATA,
+    SPACES,
+    Array,
+    Group,
+    Region,
+    chunk_name,
+    encode,
+    metadata,
+    regions,
+)
+from sweeps.engine.store.folders import check_target
+from sweeps.engine.store.manifest import MANIFEST, Manifest, manifest_of, read_manifest
+
+LOG = logging.getLogger(__name__)
+MOST_SENT = 64  # chunks of a task of another process
+
+Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
+
+
+def write_store(
+    place: Where,
+    groups: Mapping[str, Group],
+    attributes: Mapping[str, Any],
+    *,
+    everywhere: tuple[str, ...] = (),
+    check: Callable[[], None] = lambda: None,
+    writers: Executor | None = None,
+) -> None:
+    """Write a store, or what differs from the one that is there.
+
+    Hold its lock meanwhile (`locked`), whose `check` is called before readers see a change. Memory
+    holds a few chunks. If anything fails before that, the store is as it was. Readers of the old
+    store must open it again. Files are left to the operating system to flush: `verify` finds those
+    that a power cut has lost. `groups` are by path, as
+    'classification/acn'; parents need not be given. `attributes` are those of the root, of which
+    all groups repeat those named `everywhere`. Chunks that other processes can make are written by
+    `writers`.
+    """
+    check_target(place)
+    with readable():
+        recover(place)
+        objects, old = Objects(place, make=True), read_manifest(place) or Manifest()
+        arrays = {
+            f"{name}/{inner}": array.settled()
+            for name, group in groups.items()
+            for inner, array in group.arrays.items()
+        }
+        laid = {path: _layout(path, array, old) for path, array in arrays.items()}
+        described = {path: metadata(array, laid[path][0]) for path, array in arrays.items()}
+        nodes = _nodes(groups, described, attributes, everywhere)
+        chunks = [chunk for _, of_array in laid.values() for chunk in of_array]
+        there = objects.sizes()
+        kept = {one.name: there.get(one.name) for one in chunks if one.is_kept(old, there)}
+        new = [chunk for chunk in chunks if chunk.name not in kept]
+        coming = [chunk.name for chunk in new]
+        intent = replace(old, coming=coming)
+        try:
+            intent.put(objects)
+            made = kept if writers is None else kept | _written_elsewhere(objects, new, writers)
+            with interruptible():
+                made |= _write_chunks(objects, [one for one in new if one.name not in made])
+            files = {name: size for name, size in made.items() if size is not None}
+            check_target(place)  # another process may have written something there
+            check()
+        except BaseException:
+            with suppress(OSError):
+                _undo(objects, intent)
+            raise
+        files |= {name: len(content) for name, content in _documents(nodes).items()}
+        files = dict(sorted(files.items()))  # whoever wrote them
+        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(kept))
+        made_of = {
+            path: (space, {chunk.index: chunk.digest for chunk in of_array})
+            for path, (space, of_array) in laid.items()
+            if of_array
+        }
+        finished = Manifest(files, made_of, coming, nodes, old.files)
+        finished.put(objects)
+        _finish(objects, finished, check)
+
+
+def recover(place: Where) -> None:
+    """Finish or undo what a killed writer began; hold the lock of the store meanwhile."""
+    manifest = read_manifest(place)
+    if manifest is not None and (manifest.nodes or manifest.coming):
+        objects = Objects(place, make=True)
+        objects.tidy()
+        if manifest.nodes:
+            _finish(objects, manifest, lambda: None)
+        else:
+            _undo(objects, manifest)
+
+
+def _finish(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
+    """Put all metadata in place, the root's last, and delete what they no longer refer to."""
+    documents = _documents(manifest.nodes)
+    root = documents.pop(METADATA)
+    objects.each(lambda one: objects.put(*one), documents.items())
+    check()
+    objects.put(METADATA, root)
+    objects.delete(sorted({*manifest.before, *manifest.coming}.difference(manifest.files)))
+    replace(manifest, coming=[], nodes={}, before={}).put(objects)
+
+
+def _undo(objects: Objects, manifest: Manifest) -> None:
+    """Remove the chunks of a store that was not finished; all of a new one."""
+    objects.delete(name for name in manifest.coming if name not in manifest.files)
+    if manifest.files:
+        replace(manifest, coming=[]).put(objects)
+    else:
+        objects.delete([MANIFEST])
+        objects.leave()
+
+
+def read_attributes(place: Where) -> dict[str, Any] | None:
+    """Return attributes of the root of a store, nested ones as such; None if there is none yet.
+
+    Raises ConfigurationError if it is not a store, or its metadata are damaged.
+    """
+    objects, manifest = Objects(place), read_manifest(place)
+    if manifest is None and not objects.sizes():
+        return None
+    content, manifest = objects.get(METADATA), manifest or manifest_of(place)
+    if content is None and manifest.allows(METADATA, None):
+        return None  # its first writer did not finish
+    try:
+        if content is None or not manifest.allows(METADATA, len(content)):
+            raise ValueError("its size differs")
+        return nested(json.loads(content)["attributes"])
+    except ValueError as error:
+        raise ConfigurationError(
+            f"store is {str(place)!r}, whose {METADATA} cannot be read; "
+            "give another path or remove it"
+        ) from error
+
+
+def zarr_store(place: Where) -> Any:
+    """Return a place as zarr and xarray open it, to be read."""
+    from zarr.storage import LocalStore, ObjectStore  # takes long
+
+    if isinstance(place, Path):  # threads of obstore that answer when Python ends would abort it
+        return LocalStore(place, read_only=True)
+    return ObjectStore(Objects(place).store, read_only=True)
+
+
+# chunks -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A chunk of an array; `known` says whether the store had one of this name with equal cells."""
+
+    name: str
+    index: str
+    array: Array
+    region: Region
+    digest: str
+    known: bool
+
+    def is_kept(self, old: Manifest, there: Mapping[str, int]) -> bool:
+        """Return whether an undamaged chunk is there already, or need not be, being empty."""
+        return self.known and old.allows(self.name, there.get(self.name))
+
+
+def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
+    """Return the key space and the chunks of an array.
+
+    If all chunks that it had are among them, these stay where they are.
+    """
+    made = [(index, region, array.digest(region)) for index, region in regions(array)]
+    space, known = old.chunks.get(path, (SPACES[0], {}))
+    if not known.items() <= {(index, digest) for index, _, digest in made}:
+        space, known = next(one for one in SPACES if one != space), {}
+    return space, [
+        Chunk(chunk_name(path, space, index), index, array, region, digest, index in known)
+        for index, region, digest in made
+    ]
+
+
+def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | None]:
+    """Write chunks, several at once; return their sizes by name, None of empty ones."""
+    files: dict[str, int | None] = {}
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        under_way: deque[Future[None]] = deque()
+        for chunk in chunks:
+            content = encode(chunk.array, chunk.region)
+            files[chunk.name] = None if content is None else len(content)
+            if content is not None:
+                under_way.append(pool.submit(objects.put, chunk.name, content))
+            if len(under_way) > 2 * AT_ONCE:
+                under_way.popleft().result()
+        for putting in under_way:
+            putting.result()
+    return files
+
+
+def _written_elsewhere(
+    objects: Objects, chunks: Sequence[Chunk], writers: Executor
+) -> dict[str, int | None]:
+    """Have other processes write new chunks, each by one of them; return what `put_chunks` does.
+
+    What they do not write, as where they do not see the store, is left to this process.
+    """
+    objects = Objects(real_place(objects.place))  # which no worker makes
+    new = [chunk for chunk in chunks if chunk.array.sent is not None]
+    size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
+    parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
+    files: dict[str, int | None] = {}
+    under_way = 0
+    try:
+        while True:
+            heed()
+            for number, part in islice(parts, 2 * writers.workers - under_way):
+                sent = [(one.name, one.array.alone(one.region), one.region) for one in part]
+                writers.submit(number, put_chunks, objects, sent)
+                under_way += 1
+            if not under_way:
+                return files
+            for _, written, _ in writers.finished():
+                under_way -= 1
+                files |= written or {}
+    except Stopped:
+        while under_way:  # nothing is written after what is there is removed
+            under_way -= len(writers.finished())
+        raise
+
+
+def put_chunks(
+    objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
+) -> dict[str, int | None]:
+    """Write chunks that a store awaits; return their sizes by name, None of empty ones."""
+    files: dict[str, int | None] = {}
+    with readable():
+        for name, array, region in chunks:
+            content = encode(array, region)
+            manifest = read_manifest(objects.place)
+            if manifest is not None and name in manifest.coming:
+                if content is not None:
+                    objects.put(name, content)
+                files[name] = None if content is None else len(content)
+    return files
+
+
+# metadata -----------------------------------------------------------------------------------------
+
+
+def _nodes(
+    groups: Mapping[str, Group],
+    arrays: Mapping[str, dict[str, Any]],
+    attributes: Mapping[str, Any],
+    everywhere: tuple[str, ...],
+) -> Nodes:
+    """Return the metadata of the root, groups and arrays by path, the root's being empty."""
+    shared = plain({name: attributes[name] for name in everywhere})
+    nodes = {"": _group_node(plain(attributes))}
+    for name, group in groups.items():
+        for parent in accumulate(name.split("/"), "{}/{}".format):
+            nodes.setdefault(parent, _group_node(shared))
+        nodes[name] = _group_node({**shared, **group.attributes})
+    for path, array in arrays.items():
+        if path in nodes:
+            raise ValueError(f"{path!r} is a group and an array")
+        nodes[path] = array
+    return nodes
+
+
+def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) -> dict[str, Any]:
+    return {
+        "attributes": dict(attributes),
+        "zarr_format": 3,
+        "consolidated_metadata": {
+            "kind": "inline",
+            "must_understand": False,
+            "metadata": dict(below),
+        },
+        "node_type": "group",
+    }
+
+
+def _documents(nodes: Nodes) -> dict[str, bytes]:
+    """Return the objects of the metadata of all nodes, by name."""
+    # zarr reads the children of a group only if they follow each other.
+    ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))
+    documents: dict[str, bytes] = {}
+    for name, node in nodes.items():
+        prefix = f"{name}/" if name else ""
+        if node["node_type"] == "group":
+            below = [one for one in ordered if one.startswith(prefix) and one]
+            inside = {one.removeprefix(prefix): nodes[one] for one in below}
+            node = _group_node(node["attributes"], inside)
+        documents[f"{prefix}{METADATA}"] = json.dumps(node, separators=(",", ":")).encode()
+    return documents
