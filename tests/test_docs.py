@@ -30,7 +30,7 @@ from sweeps.experiment import EXPERIMENT
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
 
 COMPOSED = yaml.safe_load((ROOT / "tests/sweeps/experiments.yaml").read_text())["composed"]
-ELSEWHERE = {"engine.md"}  # tests/engine/test_sweep.py runs what is on it
+ELSEWHERE = {"one_function.md"}  # tests/engine/test_function_results.py runs what is on it
 WITH_CODE = [
     page
     for page in (ROOT / "README.md", *DOCS)

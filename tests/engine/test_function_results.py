@@ -234,9 +234,9 @@ def test_an_interrupt_ends_the_sweep(run):
 
 
 def test_what_the_page_shows_is_so(monkeypatch, tmp_path, capsys):
-    page = Path(__file__).parents[2] / "docs" / "engine.md"
-    section = page.read_text(encoding="utf-8").partition("## One function")[2]
-    code, cases = re.findall(r"```py(?:thon)?\n(.*?)```", section, re.S)[:2]
+    page = Path(__file__).parents[2] / "docs" / "one_function.md"
+    text = page.read_text(encoding="utf-8")
+    code, cases = re.findall(r"```py(?:thon)?\n(.*?)```", text, re.S)[:2]
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
     exec(code, names)
