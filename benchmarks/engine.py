@@ -17,7 +17,7 @@ from benchmarks.reports import Column, Report, Sample
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.store.sweeping import Place, preview
+from sweeps.engine.store.sweeping import RunOptions, preview
 
 GOAL = 0.2  # ms a cell
 GRIDS = ((4, 31, 3, 4, 3, 5), (4, 50, 10, 4, 5, 5))  # 22,320 cells, as the article's, and 200,000
@@ -100,8 +100,8 @@ def _keys(chosen: Choices) -> float:
     return time.perf_counter() - start
 
 
-def _inline(folder: Path) -> Place:
-    return Place(folder / "sweep.zarr", folder / "cache", ClusterChoice("inline"))
+def _inline(folder: Path) -> RunOptions:
+    return RunOptions(folder / "sweep.zarr", folder / "cache", ClusterChoice("inline"))
 
 
 def measure_memory(*, repeats: int, cells: Sequence[int] = CELLS) -> Report:
@@ -217,7 +217,7 @@ def many(cells: int, step: str, folder: str) -> tuple[float, float]:
     # Four ships, and five values of each other axis but the aspects.
     vigilances = VIGILANCES + (step == "more")
     chosen = toy.choices(toy.NOTHING, (4, cells // 2500, 5, 5, 5, vigilances))
-    place = Place(Path(folder, "s.zarr"), Path(folder, "cache"), ClusterChoice("local", 2))
+    place = RunOptions(Path(folder, "s.zarr"), Path(folder, "cache"), ClusterChoice("local", 2))
     start = time.perf_counter()
     if step == "dry":
         preview(Plan(toy.NOTHING, chosen), place)

@@ -20,7 +20,7 @@ from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from ncti.reproduction import article_figures
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.store.sweeping import Place
+from sweeps.engine.store.sweeping import RunOptions
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import cache_folder
 
@@ -66,7 +66,7 @@ def swept(overrides: Sequence[str], *groups: str) -> list[xr.Dataset]:
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder, "sweep.zarr")
         workers = ClusterChoice("local", workers=CORES)
-        timed(EXPERIMENT, choices_of(overrides), Place(store, cache_folder(), workers))
+        timed(EXPERIMENT, choices_of(overrides), RunOptions(store, cache_folder(), workers))
         return [xr.open_zarr(store, group=group).load() for group in groups]
 
 

@@ -14,7 +14,7 @@ from benchmarks.commands import CORES, new_folder, sweep
 from benchmarks.phases import timed
 from benchmarks.reports import Column, Report, Sample
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.store.sweeping import Place
+from sweeps.engine.store.sweeping import RunOptions
 
 TOY, SHIPS = "toy", "range profiles"
 TOYS = tuple((4, 25, times, 4, 3) for times in (1, 4, 16, 64))  # 1,200 cells, and times that
@@ -85,7 +85,9 @@ def slope(cells: Sequence[float], seconds: Sequence[float]) -> float:
 
 def _toy(grid: Sequence[int]) -> float:
     with tempfile.TemporaryDirectory() as folder:
-        place = Place(Path(folder, "sweep.zarr"), Path(folder, "cache"), ClusterChoice("inline"))
+        place = RunOptions(
+            Path(folder, "sweep.zarr"), Path(folder, "cache"), ClusterChoice("inline")
+        )
         return timed(toy.NOTHING, toy.choices(toy.NOTHING, grid), place).total
 
 

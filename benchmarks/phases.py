@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
-from sweeps.engine.store.sweeping import Place, sweep
+from sweeps.engine.store.sweeping import RunOptions, sweep
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Timed:
         return sum(one.seconds for one in self.progress.values())
 
 
-def timed(experiment: Experiment, choices: Choices, place: Place) -> Timed:
+def timed(experiment: Experiment, choices: Choices, place: RunOptions) -> Timed:
     """Run a sweep and time its phases.
 
     Raises

@@ -17,7 +17,7 @@ from scipy import stats
 from benchmarks.phases import timed
 from benchmarks.sweeping import CORES, choices_of
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.store.sweeping import Place
+from sweeps.engine.store.sweeping import RunOptions
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.classifier import drawn_aspects
 from sweeps.stages.views import cache_folder
@@ -111,7 +111,7 @@ def swept(
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder, "sweep.zarr")
-        timed(EXPERIMENT, choices_of(overrides), Place(store, cache_folder(), workers))
+        timed(EXPERIMENT, choices_of(overrides), RunOptions(store, cache_folder(), workers))
         found = {name: xr.open_zarr(store, group=name).load() for name in groups}
     print(f"{label}: {time.perf_counter() - start:.0f} s", flush=True)
     return found

@@ -11,7 +11,7 @@ from benchmarks.reports import Column, Report, Sample
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.store.sweeping import Place
+from sweeps.engine.store.sweeping import RunOptions
 from sweeps.experiment import EXPERIMENT
 
 CORES = 2
@@ -32,9 +32,9 @@ def choices_of(overrides: Sequence[str]) -> Choices:
     return EXPERIMENT.check(job.choices)
 
 
-def on_workers(folder: Path, store: str) -> Place:
+def on_workers(folder: Path, store: str) -> RunOptions:
     """Return the place of a sweep on `CORES` worker processes, its cache in a folder."""
-    return Place(folder / store, folder / "cache", ClusterChoice("local", workers=CORES))
+    return RunOptions(folder / store, folder / "cache", ClusterChoice("local", workers=CORES))
 
 
 def by_stage(title: str, runs: Sequence[Timed], stages: Iterable[str], notes: list[str]) -> Report:

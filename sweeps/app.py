@@ -18,7 +18,7 @@ from sweeps.engine.run.interrupts import Stopped, heed, stopping
 
 if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
-    from sweeps.engine.declare.places import Where
+    from sweeps.engine.declare.places import PathOrUrl
     from sweeps.engine.declare.settings import Choices
     from sweeps.engine.store.sweeping import Finished
 
@@ -78,7 +78,7 @@ def command(*modules: Any) -> Command:
     return Command(experiment, report, beside, partial(about, (*MODULES, *modules)))
 
 
-def report(store: Where, choices: Choices, finished: Finished) -> None:
+def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     """Write the report of a finished store and its tables, print a page, and draw pictures.
 
     Raises SweepIncomplete if another file is in the place of one of these; all others are written.

@@ -19,7 +19,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.run.process import one_thread
 from sweeps.engine.run.schedule import MOST_CELLS, Schedule, Watch
-from sweeps.engine.run.tasks import forget_all, run_calls
+from sweeps.engine.run.tasks import forget_all, run_batches
 from sweeps.engine.store.sweeping import execute
 
 
@@ -52,9 +52,9 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
         failures = execute(schedule, InlineExecutor(), index, Watch(_ignore))
         found = [f"{name} failed: {why}" for name, why in failures]
         compared: Counter[str] = Counter()
-        for bound, nodes in schedule.nodes.items():
-            cells = np.flatnonzero(nodes >= 0)
-            cells = cells[schedule.spots[nodes[cells]].present].tolist()
+        for bound, results in schedule.results.items():
+            cells = np.flatnonzero(results >= 0)
+            cells = cells[schedule.locations[results[cells]].present].tolist()
             for cell in cells[:: max(1, -(-len(cells) // most))]:
                 compared[bound.name] += 1
                 if how := _difference(schedule, index, bound, cell):
@@ -71,16 +71,16 @@ def _ignore(sentence: str) -> None:
 
 def _difference(schedule: Schedule, index: CellIndex, bound: Bound, cell: int) -> str:
     """Return how a cell that was computed differs from the same computed alone, if it does."""
-    spots = schedule.spots[schedule.nodes[bound][[cell]]]
-    [first] = each_cell(index.cells, spots)
-    part = schedule.part(bound, [np.array([cell])])
+    locations = schedule.locations[schedule.results[bound][[cell]]]
+    [first] = each_cell(index.cells, locations)
+    planned = schedule.planned(bound, [np.array([cell])])
     forget_all()
-    [outcome] = run_calls((part.calls,), [0], index.cells).outcomes
+    [outcome] = run_batches((planned.batch,), [0], index.cells).outcomes
     forget_all()
     if outcome.pack is None:
         return f"it raises {outcome.failed[0].why}"
     pack = np.array([index.add(outcome.pack)], np.int32)
-    [again] = each_cell(index.cells, replace(spots, pack=pack, row=np.zeros_like(pack)))
+    [again] = each_cell(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
     if first is None or again is None:
         return "it cannot be read back from the disk"
     for name in (one.name for one in bound.stage.outputs if one.role != MEASURED):

@@ -13,7 +13,7 @@ from ncti.evaluate import paired_difference
 from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where, namesake
+from sweeps.engine.declare.places import PathOrUrl, namesake
 from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
 from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable
@@ -47,7 +47,7 @@ DISPLAY = Display(
 )
 
 
-def compare(first: Where, second: Where) -> dict[str, Frame]:
+def compare(first: PathOrUrl, second: PathOrUrl) -> dict[str, Frame]:
     """Return differences by table, second store less first, those of percent correct first.
 
     Answers are paired: of the settings, ships, aspects and draws that both stores have. A setting
@@ -81,7 +81,7 @@ def compare(first: Where, second: Where) -> dict[str, Frame]:
     return frames
 
 
-def compared_name(first: Where, second: Where) -> Path:
+def compared_name(first: PathOrUrl, second: PathOrUrl) -> Path:
     """Return the path of the store that a comparison is named like: `b-less-a.zarr`, beside b."""
     ours, theirs = namesake(first), namesake(second)
     return theirs.with_name(f"{theirs.stem}-less-{ours.stem}.zarr")
@@ -136,7 +136,7 @@ def _subtracted(first: Frame, second: Frame, stores: str) -> Frame:
     )
 
 
-def _scored(path: Where, frames: Mapping[str, Frame]) -> list[Part]:
+def _scored(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
     """Return the parts of the scores of a store that count answers."""
     answered = groups(opened(path), "classification")
     return [
@@ -151,7 +151,7 @@ def _key(part: Part) -> tuple[Any, ...]:
     return part.group, part.display.figures[0].variable, *sorted(part.display.labels.items())
 
 
-def _answers(path: Where, part: Part) -> xr.DataArray:
+def _answers(path: PathOrUrl, part: Part) -> xr.DataArray:
     """Return the answers that a part of the scores counts, by kind of aspect.
 
     1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds that there are.

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.report.frames import PART, Frame
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
@@ -18,7 +18,7 @@ from sweeps.report.words import missing
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
 
 
-def write_tables(store: Where, frames: Iterable[Frame]) -> list[Path]:
+def write_tables(store: PathOrUrl, frames: Iterable[Frame]) -> list[Path]:
     """Write the tables of a store as CSV files beside it; remove those of an earlier run.
 
     Files that were changed since a report wrote them stay. Returns the paths at which other files

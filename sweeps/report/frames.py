@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, read_display
-from sweeps.engine.declare.places import Where, where
+from sweeps.engine.declare.places import PathOrUrl, path_or_url
 from sweeps.report.beside import with_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
 from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of
@@ -133,7 +133,7 @@ class Frame:
         return self.where(kept)
 
 
-def frame(path: Where, name: str) -> pd.DataFrame:
+def frame(path: PathOrUrl, name: str) -> pd.DataFrame:
     """Return a table of a store as a tidy frame, with a row per cell.
 
     Parameters
@@ -153,7 +153,7 @@ def frame(path: Where, name: str) -> pd.DataFrame:
     ConfigurationError
         If the store has no such table.
     """
-    table = chosen(read_frames(where("store", path)), name)
+    table = chosen(read_frames(path_or_url("store", path)), name)
     rows = table.rows.drop(columns=PART, errors="ignore")
     rows.attrs["columns"] = {
         key: {"label": column.meaning or column.words, "unit": column.unit}
@@ -171,7 +171,7 @@ def chosen(frames: Mapping[str, Frame], name: str) -> Frame:
     return frames[name]
 
 
-def read_frames(path: Where) -> dict[str, Frame]:
+def read_frames(path: PathOrUrl) -> dict[str, Frame]:
     """Return the tables of a store by name. Raises ConfigurationError if it has none."""
     try:
         store = opened(path)

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import track
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.engine.store.manifest import manifest_of
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
@@ -48,7 +48,7 @@ SHADES = ("#34485c", "#b2cade")
 """Of ships, visible on light and dark pages."""
 
 
-def draw_profiles(store: Where) -> Figure:
+def draw_profiles(store: PathOrUrl) -> Figure:
     """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
     from matplotlib.figure import Figure  # here, since it takes long to import
 
@@ -87,7 +87,7 @@ def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str
     axes.spines[["left", "right", "top"]].set_visible(False)
 
 
-def draw_silhouettes(store: Where) -> Figure:
+def draw_silhouettes(store: PathOrUrl) -> Figure:
     """Draw infrared images and log-polar maps of a ship by range and super-resolution."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
@@ -146,7 +146,7 @@ def _shot(view: xr.Dataset) -> tuple[Floats, Floats, NDArray[Any]]:
 
 
 def draw_flights(
-    store: Where, *, ship: Callable[[str], trimesh.Trimesh] | None = None
+    store: PathOrUrl, *, ship: Callable[[str], trimesh.Trimesh] | None = None
 ) -> dict[str, Callable[[], Figure]]:
     """Return functions that draw the corrections of flights, by names of files.
 
@@ -178,7 +178,7 @@ def draw_flights(
 
 
 def write_pictures(
-    path: Where, console: Console, *, ship: Callable[[str], trimesh.Trimesh] | None = None
+    path: PathOrUrl, console: Console, *, ship: Callable[[str], trimesh.Trimesh] | None = None
 ) -> list[Path]:
     """Draw every stage of the corrections of each flight beside the tables; see `draw_flights`.
 
@@ -201,7 +201,7 @@ def write_pictures(
     return list(dict.fromkeys(kept))
 
 
-DRAWN: dict[str, Callable[[Where], Figure]] = {
+DRAWN: dict[str, Callable[[PathOrUrl], Figure]] = {
     "range_profile": draw_profiles,
     "infrared": draw_silhouettes,
     "validation": lambda path: next(iter(draw_flights(path).values()))(),
@@ -230,7 +230,7 @@ class Pictures:
         return of, self.before.get(of) or draw()
 
 
-def pictures_of(path: Where, store: Any, pictures: Pictures) -> dict[str, tuple[str, str, str]]:
+def pictures_of(path: PathOrUrl, store: Any, pictures: Pictures) -> dict[str, tuple[str, str, str]]:
     """Return the pictures of the groups that a store has: of what, itself, why it was not drawn.
 
     A picture that fails is empty, and does not prevent the page.
@@ -248,7 +248,7 @@ def pictures_of(path: Where, store: Any, pictures: Pictures) -> dict[str, tuple[
     return drawn
 
 
-def _png(path: Where, group: str) -> str:
+def _png(path: PathOrUrl, group: str) -> str:
     """Return the picture of a group."""
     content = io.BytesIO()
     with warnings.catch_warnings():

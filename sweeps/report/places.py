@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sweeps.engine.declare.places import Where, namesake
+from sweeps.engine.declare.places import PathOrUrl, namesake
 
 SUFFIX = ".zarr"
 
 
-def beside(path: Where) -> tuple[Path, Path]:
+def beside(path: PathOrUrl) -> tuple[Path, Path]:
     """Return the folder of tables and the file of the page of a store."""
     return tables_folder(path), page_file(path)
 
 
-def tables_folder(path: Where) -> Path:
+def tables_folder(path: PathOrUrl) -> Path:
     """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
     return _beside(path, "tables")
 
 
-def page_file(path: Where) -> Path:
+def page_file(path: PathOrUrl) -> Path:
     """Return the file of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
     return _beside(path, "report.html")
 
 
-def _beside(path: Where, what: str) -> Path:
+def _beside(path: PathOrUrl, what: str) -> Path:
     near = namesake(path)
     if near.name.endswith(SUFFIX):
         return near.with_name(f"{near.name.removesuffix(SUFFIX)}-{what}")

@@ -11,7 +11,7 @@ import xarray as xr
 import zarr
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where, where
+from sweeps.engine.declare.places import PathOrUrl, path_or_url
 from sweeps.engine.declare.storable import nested
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import zarr_store
@@ -26,9 +26,9 @@ OF_ARRAYS = (
 )
 
 
-def opened(path: Where) -> Any:
+def opened(path: PathOrUrl) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
-    return zarr.open_group(zarr_store(where("store", path)), mode="r")
+    return zarr.open_group(zarr_store(path_or_url("store", path)), mode="r")
 
 
 def attributes(store: Any) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def read(store: Any, group: str) -> xr.Dataset:
     return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
 
 
-def check_whole(path: Where, *, groups: Iterable[str] | None = READ) -> None:
+def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None:
     """Refuse a store of which files are damaged, missing or of something else.
 
     By default, in what the report prints; with None, everywhere. Raises ConfigurationError.
@@ -61,7 +61,7 @@ def check_whole(path: Where, *, groups: Iterable[str] | None = READ) -> None:
         raise refusal(path, f"{many} damaged, missing or of something else: {bad[0]}")
 
 
-def refusal(path: Where, why: str | Exception = "") -> ConfigurationError:
+def refusal(path: PathOrUrl, why: str | Exception = "") -> ConfigurationError:
     """Return the error that a store is not one of a sweep with tables, or cannot be read now."""
     if isinstance(path, Path) and not path.exists():
         return ConfigurationError(f"store is {str(path)!r}, which does not exist")
@@ -97,7 +97,7 @@ def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = ()) -> xr.Dataset:
     return dataset.isel(place)
 
 
-def located(path: Where) -> str:
+def located(path: PathOrUrl) -> str:
     """Return the shortest path from the current folder, with control characters escaped."""
     if isinstance(path, Path) and path.is_relative_to(here := Path.cwd()):
         path = path.relative_to(here)

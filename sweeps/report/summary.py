@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.report.compare import compare, compared_name, sentences
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames
@@ -28,14 +28,14 @@ KEPT = ("range", "pulse_width", "frame_count")  # axes that long tables show who
 MOST_LINES = 14  # of the main table
 
 
-def tables_of(path: Where) -> dict[str, Frame]:
+def tables_of(path: PathOrUrl) -> dict[str, Frame]:
     """Return all tables of a store, the work of its last sweep included."""
     frames, work = read_frames(path), read_work(path)
     return frames | ({work.name: work} if work is not None else {})
 
 
 def summarize(
-    path: Where, frames: Mapping[str, Frame], axes: Mapping[str, int], console: Console
+    path: PathOrUrl, frames: Mapping[str, Frame], axes: Mapping[str, int], console: Console
 ) -> list[Path]:
     """Write the tables of a finished store beside it, and print a summary.
 
@@ -57,7 +57,7 @@ def summarize(
 
 
 def report(
-    path: Where, console: Console, *, table: str | None = None, html: bool = False
+    path: PathOrUrl, console: Console, *, table: str | None = None, html: bool = False
 ) -> list[Path]:
     """Write the tables of a store beside it, then print them.
 
@@ -84,7 +84,9 @@ def report(
             _print_places(path, frames, aside)
 
 
-def comparison(first: Where, second: Where, console: Console, *, html: bool = False) -> list[Path]:
+def comparison(
+    first: PathOrUrl, second: PathOrUrl, console: Console, *, html: bool = False
+) -> list[Path]:
     """Print and write how much more often ships are identified in a second store.
 
     With `html`, write its page, too, with the differences first. Returns the paths at which other
@@ -109,7 +111,9 @@ def comparison(first: Where, second: Where, console: Console, *, html: bool = Fa
     return kept
 
 
-def written_page(path: Where, frames: Mapping[str, Frame], *place: Path, **more: Any) -> list[Path]:
+def written_page(
+    path: PathOrUrl, frames: Mapping[str, Frame], *place: Path, **more: Any
+) -> list[Path]:
     """Write the report page of a store; see `write_page`.
 
     Raises ConfigurationError if it cannot be written.
@@ -125,13 +129,13 @@ def written_page(path: Where, frames: Mapping[str, Frame], *place: Path, **more:
         raise ConfigurationError(f"the report page is not written: {why}") from error
 
 
-def _swept(path: Where) -> Sequence[str]:
+def _swept(path: PathOrUrl) -> Sequence[str]:
     """Return the names of the axes that were swept."""
     axes: Sequence[str] = attributes(opened(path)).get("swept", ())
     return axes
 
 
-def _print_main(path: Where, frames: Mapping[str, Frame], console: Console) -> None:
+def _print_main(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
     """Print what a store says first: headline, accuracy, and main table along the swept axis."""
     console.print()
     store = opened(path)
@@ -163,7 +167,7 @@ def _print(frame: Frame, swept: Sequence[str], console: Console, *, whole: bool)
     note(f"At {where}; --table {frame.name} prints all." if where else "", console)
 
 
-def _print_places(path: Where, frames: Mapping[str, Frame], console: Console) -> None:
+def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
     """Print where a store, its tables and its page are, and how many of its cells failed."""
     line("", console)
     if failed := failed_cells(opened(path)):

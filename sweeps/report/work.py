@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
 from sweeps.report.own import write_own
@@ -25,7 +25,7 @@ COLUMNS = {
 }
 
 
-def write_work(store: Where, stages: Mapping[str, Progress]) -> list[Path]:
+def write_work(store: PathOrUrl, stages: Mapping[str, Progress]) -> list[Path]:
     """Write the work of a sweep beside the tables of its store.
 
     Returns the paths at which other files are in the way. Raises OSError if it cannot.
@@ -37,7 +37,7 @@ def write_work(store: Where, stages: Mapping[str, Progress]) -> list[Path]:
     return write_own(tables_folder(store), {f"{NAME}.csv": content})
 
 
-def read_work(store: Where) -> Frame | None:
+def read_work(store: PathOrUrl) -> Frame | None:
     """Return the work of the sweep that last wrote a store; None if unknown."""
     try:
         rows = pd.read_csv(tables_folder(store) / f"{NAME}.csv")

@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Pack, Packing, Spots, cells_of, read_cells
+from sweeps.engine.cache.packs import Locations, Pack, Packing, cells_of, read_cells
 from sweeps.engine.declare.stage import Output
 
 SMALL = [Output(f"output {number}", ("row",), "f8") for number in range(2)]
@@ -24,10 +24,10 @@ def write_pack(cells: Objects, stage: str, names, arrays, seconds=0.0) -> Pack:
     return packing.write(cells, stage, keys(*names), seconds)
 
 
-def spots(path: str, rows, names) -> Spots:
+def locations(path: str, rows, names) -> Locations:
     """Cells of a pack, by row and key."""
     rows = np.array(rows, np.int32)
-    return Spots([path], 0 * rows, rows, keys(*names))
+    return Locations([path], 0 * rows, rows, keys(*names))
 
 
 def small(name) -> dict[str, np.ndarray]:

@@ -11,9 +11,9 @@ from packed import keys
 from small_stores import opened
 from toys import Few, run_few
 
-from sweeps.engine.cache.packs import Packing, Spots, cells_of
+from sweeps.engine.cache.packs import Locations, Packing, cells_of
 from sweeps.engine.declare.stage import At, Group, Output, stage
-from sweeps.engine.run.tasks import Damaged, Gathered, Step
+from sweeps.engine.run.tasks import Damaged, Gathered, ShippedStage
 
 BOTH = Group("both")
 ROWS = 20_000  # of a cell
@@ -66,8 +66,8 @@ def gathered(tmp_path_factory):
         paths.append(packing.write(packs, "row", names[number]).path)
     every = np.array([names[n % 2][n // 2] for n in range(12)])
     pack[LACKING], values[LACKING] = -1, np.nan
-    spots = Spots(paths, pack.astype("i4"), place.astype("i4"), every).reshape(*SHAPE)
-    return Gathered(Step.of(row), spots, packs), values.reshape(*SHAPE, ROWS)
+    locations = Locations(paths, pack.astype("i4"), place.astype("i4"), every).reshape(*SHAPE)
+    return Gathered(ShippedStage.of(row), locations, packs), values.reshape(*SHAPE, ROWS)
 
 
 @given(at=st.data())
@@ -96,7 +96,7 @@ def test_what_is_read_is_in_memory_alone(gathered):
 
 def test_damage_is_noticed_when_it_is_read(gathered):
     lazy, _ = gathered
-    lost = replace(lazy.spots, keys=lazy.spots.keys + np.uint64(1))
+    lost = replace(lazy.locations, keys=lazy.locations.keys + np.uint64(1))
     with pytest.raises(Damaged) as error:
-        replace(lazy, spots=lost)[0, :1]
+        replace(lazy, locations=lost)[0, :1]
     assert error.value.args == (lost.keys[0, 0].tobytes(),)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
-from packed import SMALL, keys, pack_files, same, small, spots, write_pack, written
+from packed import SMALL, keys, locations, pack_files, same, small, write_pack, written
 from small_stores import files
 from toys import Told, go
 
@@ -66,7 +66,7 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
         assert pack.size == Path(name, pack.path).stat().st_size
         there, written = described_pack(cells, pack.path, pack.size)
         assert there == pack and np.array_equal(written, keys(*names))
-        found = read_cells(cells, spots(pack.path, asked, asked))
+        found = read_cells(cells, locations(pack.path, asked, asked))
     arrays = [array for cell in found for array in cell.values()]
     for row, cell in zip(asked, found, strict=True):
         assert same(cell, contents[row])
@@ -93,10 +93,10 @@ def test_what_cannot_be_kept_is_refused(tmp_path, values):
 def test_packs_of_either_kind_of_place_are_alike(place):
     cells = cells_of(place)
     one, other = written(cells, 1, 2), written(cells, 3)
-    found = read_cells(cells, spots(one.path, [1, 0, 1], [2, 1, 2]))
+    found = read_cells(cells, locations(one.path, [1, 0, 1], [2, 1, 2]))
     assert [same(cell, small(n)) for cell, n in zip(found, (2, 1, 2), strict=True)] == 3 * [True]
-    assert read_cells(cells, spots(other.path, [0, 1], [4, 3])) == [None] * 2
-    assert read_cells(cells, spots(f"{'0' * 56}.pack", [0], [1])) == [None]
+    assert read_cells(cells, locations(other.path, [0, 1], [4, 3])) == [None] * 2
+    assert read_cells(cells, locations(f"{'0' * 56}.pack", [0], [1])) == [None]
     assert cells.sizes() == {one.path: one.size, other.path: other.size}
 
 
@@ -106,7 +106,7 @@ def test_every_changed_byte_is_noticed(tmp_path):
     cells = Objects(tmp_path)
     pack = write_pack(cells, "s", range(3), made)
     path = tmp_path / pack.path
-    three = spots(pack.path, range(3), range(3))
+    three = locations(pack.path, range(3), range(3))
     content = path.read_bytes()
     ends = int(HEAD.fullmatch(pack.path)[2], 16) + np.cumsum([0, 32, 32, 48])
     assert ends[-1] == len(content)
@@ -157,7 +157,7 @@ def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
         packs._head.cache_clear()
         described_pack(cells, path, Path(name, path).stat().st_size)
         for cell, before in zip(
-            read_cells(cells, spots(path, range(3), range(3))), MIXED, strict=True
+            read_cells(cells, locations(path, range(3), range(3))), MIXED, strict=True
         ):
             if cell is not None and not sealed:
                 assert same(cell, before)
@@ -176,7 +176,7 @@ def test_what_is_cut_off_is_absent(tmp_path):
     cells = Objects(tmp_path)
     pack = written(cells, 0, 1, 2)
     path = tmp_path / pack.path
-    three = spots(pack.path, range(3), range(3))
+    three = locations(pack.path, range(3), range(3))
     content = path.read_bytes()
     for length in range(0, len(content), 7):
         path.write_bytes(content[:length])
@@ -187,7 +187,7 @@ def test_what_is_cut_off_is_absent(tmp_path):
     path.unlink()
     packs._head.cache_clear()
     for strange in (pack.path, ".", "nul\0"):
-        assert read_cells(cells, spots(strange, [0, 3], [0, 1])) == [None] * 2
+        assert read_cells(cells, locations(strange, [0, 3], [0, 1])) == [None] * 2
 
 
 # packs that are not what they were ---------------------------------------------------------------
@@ -202,10 +202,10 @@ def exchange(one: Path, other: Path) -> None:
 def test_a_cell_of_another_key_is_not_read(tmp_path):
     cells = Objects(tmp_path)
     one, other = written(cells, 1, 2), written(cells, 3, 4)
-    assert read_cells(cells, spots(one.path, [0, 1], [3, 1])) == [None] * 2
+    assert read_cells(cells, locations(one.path, [0, 1], [3, 1])) == [None] * 2
     exchange(tmp_path / one.path, tmp_path / other.path)
-    assert read_cells(cells, spots(one.path, [0, 1], [1, 2])) == [None] * 2
-    assert read_cells(cells, spots(other.path, [0, 0], [1, 3])) == [None] * 2
+    assert read_cells(cells, locations(one.path, [0, 1], [1, 2])) == [None] * 2
+    assert read_cells(cells, locations(other.path, [0, 0], [1, 3])) == [None] * 2
 
 
 def stage_of(path: Path) -> str:
@@ -245,7 +245,7 @@ def of_line(cells: Objects, line, number=0, key=1) -> Pack:
     path = sealed_as(cells.place, text + b"\n" + tables, record)
     pack, found = described_pack(cells, path, len(text) + 1 + len(tables) + len(record))
     assert len(found) == pack.cells
-    [cell] = read_cells(cells, spots(path, [0], [key]))
+    [cell] = read_cells(cells, locations(path, [0], [key]))
     return pack, cell
 
 
@@ -298,7 +298,7 @@ def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     content = (tmp_path / path).read_bytes()
     other = f"{path[:48]}{size + longer:08x}.pack"
     (tmp_path / other).write_bytes(content)
-    assert read_cells(cells, spots(other, [0], [1])) == [None]
+    assert read_cells(cells, locations(other, [0], [1])) == [None]
     pack, there = described_pack(cells, other, len(content))
     assert pack == Pack(other, len(content)) and len(there) == 0
 
@@ -361,7 +361,7 @@ def test_a_network_that_fails_is_not_damage(bucket, monkeypatch):
     monkeypatch.setattr(places, "RETRIES", 1)
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     for read in (
-        lambda there: read_cells(there, spots(pack.path, [0], [1])),
+        lambda there: read_cells(there, locations(pack.path, [0], [1])),
         lambda there: described_pack(there, pack.path, pack.size),
         lambda there: CellIndex(there, print),
     ):

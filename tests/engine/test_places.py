@@ -12,7 +12,7 @@ from small_stores import below
 from sweeps.engine.cache import objects as places
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import where
+from sweeps.engine.declare.places import path_or_url
 
 
 def test_objects_of_either_kind_behave_alike(place):
@@ -64,10 +64,10 @@ def test_other_urls_are_refused_without_their_secrets(url):
     with pytest.raises(
         ConfigurationError, match=r"^store is [^\n]* but must be [^\n]*$"
     ) as refused:
-        where("store", url)
+        path_or_url("store", url)
     assert "SECRET" not in str(refused.value)
-    assert where("store", "gs://b/x/") == "gs://b/x"
-    assert where("store", "a/b") == Path("a/b")
+    assert path_or_url("store", "gs://b/x/") == "gs://b/x"
+    assert path_or_url("store", "a/b") == Path("a/b")
 
 
 def test_absent_buckets_and_refused_keys_are_failures(bucket, monkeypatch):

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import namesake, where
+from sweeps.engine.declare.places import namesake, path_or_url
 from sweeps.engine.declare.settings import (
     COORDINATE,
     DIMENSION,
@@ -40,7 +40,7 @@ from sweeps.engine.declare.stage import (
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import forget_all
-from sweeps.engine.store.sweeping import Place, sweep
+from sweeps.engine.store.sweeping import RunOptions, sweep
 
 
 class Calls(Counter[str]):
@@ -221,10 +221,10 @@ def go(store, cache=None, kind="inline", workers=None, watch=None, **given):
 def run(experiment, choices, store, cache=None, kind="inline", workers=None, watch=None, **how):
     """Run an experiment into a store."""
     forget_all()  # as a new process would
-    place = where("store", store)
+    place = path_or_url("store", store)
     cache = Path(cache or namesake(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
-    place = Place(place, cache, cluster, **how)
+    place = RunOptions(place, cache, cluster, **how)
     return sweep(experiment, choices, place, watch or Watch(lambda sentence: None))
 
 

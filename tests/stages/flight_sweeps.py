@@ -8,7 +8,7 @@ from once import sharing_ships
 from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.sweeping import Place, sweep
+from sweeps.engine.store.sweeping import RunOptions, sweep
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import flights, measured
 
@@ -44,7 +44,7 @@ def checked(**given):
 def flown(folder, name="s", **given):
     """Path of the store of a sweep of small flights; finished cells are kept in the folder."""
     inline = ClusterChoice(kind="inline")
-    place = Place(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
+    place = RunOptions(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
     found = sweep(EXPERIMENT, checked(**given), place, Watch(lambda text: None))
     assert not found.failures
     return place.store

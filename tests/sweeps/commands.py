@@ -14,7 +14,7 @@ from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import forget_all
-from sweeps.engine.store.sweeping import Finished, Place, sweep
+from sweeps.engine.store.sweeping import Finished, RunOptions, sweep
 from sweeps.experiment import EXPERIMENT
 
 COMMAND = command()
@@ -40,7 +40,7 @@ def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> F
     """Run one sweep, and the tables of its store, without the report."""
     forget_all()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)
-    place = Place(store, sharing_ships(cache), ClusterChoice(kind="inline"))
+    place = RunOptions(store, sharing_ships(cache), ClusterChoice(kind="inline"))
     return sweep(experiment, choices, place, Watch(lambda sentence: None))
 
 

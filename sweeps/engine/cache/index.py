@@ -10,7 +10,15 @@ from dataclasses import replace
 import numpy as np
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import MISSING, NO_SPOTS, PACK, Pack, Spots, declared, described_pack
+from sweeps.engine.cache.packs import (
+    MISSING,
+    NO_LOCATIONS,
+    PACK,
+    Locations,
+    Pack,
+    declared,
+    described_pack,
+)
 from sweeps.engine.declare.stage import Output
 from sweeps.engine.resolve.keys import Keys
 
@@ -30,7 +38,7 @@ class CellIndex:
         self.paths: list[str] = []  # of all packs, by number
         self._new: dict[int, Keys | None] = {}  # keys of packs not yet in what follows, if read
         # All cells, sorted by the first half of their key, the newest of equal ones last.
-        self._spots = replace(NO_SPOTS, paths=self.paths)
+        self._spots = replace(NO_LOCATIONS, paths=self.paths)
         found = [one for part in cells.each(cells.sizes, rooms) for one in part.items()]
         packs = [one for one in found if one[0].endswith(PACK)]
         packs.sort(key=lambda one: one[0].rpartition("/")[2])  # by their time
@@ -68,9 +76,9 @@ class CellIndex:
         halves = [np.ascontiguousarray(every[:, half])[order] for half in range(2)]
         del every
         of_pack, row = np.concatenate(packs)[order], np.concatenate(rows)[order]
-        self._spots = Spots(self.paths, of_pack, row, np.array(halves).T)
+        self._spots = Locations(self.paths, of_pack, row, np.array(halves).T)
 
-    def find(self, keys: Keys, outputs: Sequence[Output]) -> Spots:
+    def find(self, keys: Keys, outputs: Sequence[Output]) -> Locations:
         """Return where the cells of some keys, (cell, 2), are: the newest of equal ones.
 
         A later one whose key has the same first half hides another: by chance once in 10^19 pairs.
@@ -92,7 +100,7 @@ class CellIndex:
             pack[wrong] = MISSING
             lost = f"{int(wrong.sum()):,} results in the cache are not what their stage declares"
             self._say(f"{lost}, and are computed again")
-        return Spots(self.paths, pack, row, keys)
+        return Locations(self.paths, pack, row, keys)
 
     def forget(self, keys: Keys) -> None:
         """Drop keys of damaged cells, (cell, 2), including older copies; packs stay."""

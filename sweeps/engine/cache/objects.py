@@ -26,7 +26,7 @@ from obstore.exceptions import (
 )
 from obstore.store import LocalStore, MemoryStore, ObjectStore, from_url
 
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 
 if TYPE_CHECKING:
     from obstore import ObjectMeta
@@ -48,7 +48,7 @@ _NUMBER = re.compile(r"\(os error (\d+)\)")
 
 
 def opened(
-    place: Where, *, make: bool = False, mode: int = OPEN, clean: bool = True
+    place: PathOrUrl, *, make: bool = False, mode: int = OPEN, clean: bool = True
 ) -> ObjectStore:
     """Return a place as obstore's; a folder that is not there is empty, or made if `make`.
 
@@ -74,7 +74,7 @@ def make_folder(path: Path, mode: int) -> None:
 
 
 @contextmanager
-def told(place: Where, *, whole: bool = False) -> Iterator[None]:
+def told(place: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
     """Raise what a place cannot do as OSError of one line.
 
     The number is that of the operating system, where one is known, and else EIO, or for a bucket
@@ -119,7 +119,7 @@ class Objects:
     Every method raises OSError if the place fails; only an object that is not there is absent.
     """
 
-    place: Where
+    place: PathOrUrl
     make: bool = False  # the folder when it is written
     mode: int = OPEN  # of the folder then
     clean: bool = True  # whether folders that become empty go

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import CLOSED, UNREACHED, Objects
-from sweeps.engine.declare.places import Where, below
+from sweeps.engine.declare.places import PathOrUrl, child
 from sweeps.engine.declare.stage import Output
 from sweeps.engine.declare.undeclared import Layout, Undeclared
 from sweeps.engine.resolve.keys import Keys
@@ -60,7 +60,7 @@ Kind = tuple[tuple[str, str, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Spots:
+class Locations:
     """Where cells are on disk: arrays of one shape, of which an index takes some.
 
     Paths of packs; which of them has each cell, negative if none; its row there; and its key, on a
@@ -72,9 +72,9 @@ class Spots:
     row: Numbers
     keys: Keys
 
-    def __getitem__(self, index: Any) -> Spots:
+    def __getitem__(self, index: Any) -> Locations:
         pack, row = np.asarray(self.pack[index]), np.asarray(self.row[index])
-        return Spots(self.paths, pack, row, self.keys[index])
+        return Locations(self.paths, pack, row, self.keys[index])
 
     def __len__(self) -> int:
         return len(self.pack)
@@ -84,12 +84,12 @@ class Spots:
         """Whether each cell is on disk."""
         return self.pack >= 0
 
-    def reshape(self, *shape: int) -> Spots:
+    def reshape(self, *shape: int) -> Locations:
         """Return the same in another shape."""
         pack, row = self.pack.reshape(shape), self.row.reshape(shape)
-        return Spots(self.paths, pack, row, self.keys.reshape(*pack.shape, 2))
+        return Locations(self.paths, pack, row, self.keys.reshape(*pack.shape, 2))
 
-    def alone(self) -> Spots:
+    def alone(self) -> Locations:
         """Return the same with no further paths, to be sent away."""
         used, pack = np.unique(self.pack, return_inverse=True)
         absent = int((used < 0).sum())
@@ -98,7 +98,9 @@ class Spots:
         return replace(self, paths=paths, pack=pack.astype(np.int32))
 
 
-NO_SPOTS = Spots((), np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 2), np.uint64))
+NO_LOCATIONS = Locations(
+    (), np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 2), np.uint64)
+)
 
 
 def seal(document: Any) -> bytes:
@@ -115,9 +117,9 @@ def unseal(line: bytes) -> Any:
     return json.loads(text)
 
 
-def cells_of(cache: Where, *, make: bool = True) -> Objects:
+def cells_of(cache: PathOrUrl, *, make: bool = True) -> Objects:
     """Return the packs of a cache, a folder that is closed to others when it is made."""
-    return Objects(below(cache, ROOM), make=make, mode=CLOSED, clean=False)
+    return Objects(child(cache, ROOM), make=make, mode=CLOSED, clean=False)
 
 
 @dataclass(frozen=True)
@@ -295,7 +297,7 @@ def _head(cells: Objects, path: str) -> Head:
     return Head.of(path, bytes(cells.part(path, 0, _named(path)[1])))
 
 
-def read_cells(cells: Objects, spots: Spots) -> list[Arrays | None]:
+def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
     """Return outputs of some cells, (cell,); ask each pack once for all of its own.
 
     None for a cell that is absent, is another than that of its key, or differs from its digest;
@@ -306,16 +308,18 @@ def read_cells(cells: Objects, spots: Spots) -> list[Arrays | None]:
     OSError
         If this process or machine lacks something, such as file descriptors or a network.
     """
-    found: list[Arrays | None] = [None] * len(spots)
-    order = np.lexsort((spots.row, spots.pack))
-    order = order[spots.pack[order] >= 0]
-    begins = np.flatnonzero(np.diff(spots.pack[order], prepend=-1))
+    found: list[Arrays | None] = [None] * len(locations)
+    order = np.lexsort((locations.row, locations.pack))
+    order = order[locations.pack[order] >= 0]
+    begins = np.flatnonzero(np.diff(locations.pack[order], prepend=-1))
     for places in np.split(order, begins[1:]) if order.size else ():
-        wanted, path = spots.row[places], spots.paths[spots.pack[places[0]]]
+        wanted, path = locations.row[places], locations.paths[locations.pack[places[0]]]
         with undamaged():
             head = _head(cells, path)
             inside = np.flatnonzero(wanted < len(head.keys))
-            right = inside[(head.keys[wanted[inside]] == spots.keys[places[inside]]).all(axis=1)]
+            right = inside[
+                (head.keys[wanted[inside]] == locations.keys[places[inside]]).all(axis=1)
+            ]
             begins, ends = head.begins[wanted[right]], head.ends[wanted[right]]
             apart = (begins[1:] - ends[:-1] > APART) | np.diff(begins // TOGETHER).astype(bool)
             for run in np.split(right, np.flatnonzero(apart) + 1):
@@ -323,24 +327,24 @@ def read_cells(cells: Objects, spots: Spots) -> list[Arrays | None]:
     return found
 
 
-def layouts(cells: Objects, spots: Spots) -> list[Layout]:
+def layouts(cells: Objects, locations: Locations) -> list[Layout]:
     """Return the distinct layouts of some cells, (cell,), of undamaged packs; the first first."""
     found: dict[Any, int] = {}
-    for number in np.unique(spots.pack).tolist():
-        places = np.flatnonzero(spots.pack == number)
+    for number in np.unique(locations.pack).tolist():
+        places = np.flatnonzero(locations.pack == number)
         with undamaged():
-            head = _head(cells, spots.paths[number])
-            kinds, first = np.unique(head.numbers[spots.row[places]], return_index=True)
+            head = _head(cells, locations.paths[number])
+            kinds, first = np.unique(head.numbers[locations.row[places]], return_index=True)
             for kind, place in zip(kinds.tolist(), places[first].tolist(), strict=True):
                 layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
                 found[layout] = min(found.get(layout, place), place)
     return sorted(found, key=found.__getitem__)
 
 
-def each_cell(cells: Objects, spots: Spots) -> Iterator[Arrays | None]:
+def each_cell(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
     """Yield what `read_cells` returns, of which some is in memory at once."""
-    for first in range(0, len(spots), AT_ONCE):
-        yield from read_cells(cells, spots[first : first + AT_ONCE])
+    for first in range(0, len(locations), AT_ONCE):
+        yield from read_cells(cells, locations[first : first + AT_ONCE])
 
 
 def _read_run(

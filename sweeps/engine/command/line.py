@@ -27,7 +27,7 @@ from sweeps.engine.command.usage import listing, usage
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.declare.failures import FailureLog, reason
 from sweeps.engine.declare.kinds import Value
-from sweeps.engine.declare.places import Where, namesake, where
+from sweeps.engine.declare.places import PathOrUrl, namesake, path_or_url
 from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.overrides import (
@@ -50,7 +50,7 @@ from sweeps.engine.run.progress import NAMED_FAILURES, counted, summary, watchin
 from sweeps.engine.store.folders import check_apart, check_cache, check_target
 from sweeps.engine.store.locks import used
 from sweeps.engine.store.provenance import why
-from sweeps.engine.store.sweeping import Finished, Place, existing, preview, sweep
+from sweeps.engine.store.sweeping import Finished, RunOptions, existing, preview, sweep
 from sweeps.engine.store.writing import read_attributes
 
 ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
@@ -60,8 +60,8 @@ HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
 
 MOST_CELLS = 10_000_000  # whose keys fit into memory
 
-Report = Callable[[Where, Choices, Finished], None]
-Sweep = tuple[Plan, Place]  # what is swept, and where and how it runs
+Report = Callable[[PathOrUrl, Choices, Finished], None]
+Sweep = tuple[Plan, RunOptions]  # what is swept, and where and how it runs
 
 
 @dataclass(frozen=True)
@@ -188,26 +188,26 @@ class Command:
         """Return the checked sweeps of some jobs; an invalid one stops them all."""
         with interruptible():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
-        stores = dict.fromkeys(where("store", job.store) for job in jobs)
+        stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
         for path in stores:
             check_target(path)
         sweeps: list[Sweep] = []
         with interruptible():
             for choices, store in fused(self.experiment, checked):
-                place = self._place(choices, store)
-                check_cache(place.cache)
-                check_apart(stores, place.cache, self.beside)
+                options = self._options(choices, store)
+                check_cache(options.cache)
+                check_apart(stores, options.cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
                     existing(self.experiment, store, plan)
-                sweeps.append((plan, place))
+                sweeps.append((plan, options))
         return sweeps
 
     def _why(self, words: Sequence[str]) -> None:
         """Print what of each stage's keys differs from the store of a sweep."""
         [job] = read_jobs(self.experiment, words, several=False)
-        choices, place = self.experiment.check(job.choices), where("store", job.store)
+        choices, place = self.experiment.check(job.choices), path_or_url("store", job.store)
         with environment(choices.variables):
             plan, old = Plan(self.experiment, choices), read_attributes(place)
             if old is None:
@@ -216,21 +216,21 @@ class Command:
             for line in found or ["nothing differs: the store has all of the sweep"]:
                 show(line)
 
-    def _places(self, given: Sequence[str], *options: str) -> tuple[Where, Where]:
+    def _places(self, given: Sequence[str], *options: str) -> tuple[PathOrUrl, PathOrUrl]:
         """Return the store and the cache of a command line beside some options."""
         words = [word for word in given if word not in options]
         if wrong := [word for word in words if "=" not in word]:
             taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
             raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
         [job] = read_jobs(self.experiment, words, several=False)
-        return where("store", job.store), self._cache_place(job.choices.one(Run.cache))
+        return path_or_url("store", job.store), self._cache_place(job.choices.one(Run.cache))
 
-    def _cache_place(self, given: Value) -> Where:
-        return where("cache", str(given)) if given else user_cache_path(self.name)
+    def _cache_place(self, given: Value) -> PathOrUrl:
+        return path_or_url("cache", str(given)) if given else user_cache_path(self.name)
 
-    def _place(self, choices: Choices, store: Where) -> Place:
+    def _options(self, choices: Choices, store: PathOrUrl) -> RunOptions:
         """Return where and how a sweep runs."""
-        return Place(
+        return RunOptions(
             store,
             self._cache_place(choices.one(Run.cache)),
             ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
@@ -249,7 +249,7 @@ class Command:
             If cells of some failed, or their report is not complete.
         """
         left: list[str] = []
-        for plan, place in sweeps:
+        for plan, options in sweeps:
             choices = plan.choices
             with environment(choices.variables):
                 unread = plan.unread({key.lstrip("+~") for key in keys})
@@ -257,35 +257,37 @@ class Command:
                 for sentence in (*remarks, *self.about(choices)):
                     say(self.name, sentence)
                 if choices.one(Run.dry_run):
-                    stages, sentence = preview(plan, place)
+                    stages, sentence = preview(plan, options)
                     rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
                     show(counted(dict(reversed(rows.items())), "cells", "reused", "to compute"))
                     show(sentence)
                 else:
-                    left += self._run(choices, place)
+                    left += self._run(choices, options)
         if left:
             raise SweepIncomplete("; ".join(left))
 
-    def _run(self, choices: Choices, place: Place) -> list[str]:
+    def _run(self, choices: Choices, options: RunOptions) -> list[str]:
         """Run one sweep into a store, and report it; return what is not complete."""
-        near = namesake(place.store)
+        near = namesake(options.store)
         log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
-        with watching(self.name, log, place.store, place.cache, record=not place.partial) as watch:
-            finished = sweep(self.experiment, choices, place, watch)
-        if place.partial:
+        with watching(
+            self.name, log, options.store, options.cache, record=not options.partial
+        ) as watch:
+            finished = sweep(self.experiment, choices, options, watch)
+        if options.partial:
             return []
         say(self.name, summary(finished.progress, finished.seconds))
         left = [_failed(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
-                (self.report or self._report)(place.store, choices, finished)
+                (self.report or self._report)(options.store, choices, finished)
         except SweepIncomplete as error:
             left.append(str(error))
         except Exception as error:  # the store is complete without it
             say(self.name, f"the store is written, but not its report: {reason(error)}")
         return left
 
-    def _report(self, store: Where, choices: Choices, finished: Finished) -> None:
+    def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         from sweeps.engine.store.tables import texts  # imports xarray, which takes long
 
         for text in texts(store, [table.group for table in self.experiment.tables]):
@@ -296,7 +298,7 @@ class Command:
         for one in (one for one in scripts if one.value.startswith("sweeps.report.")):
             show(f"next    {one.name} {pasted(path)}")
 
-    def _cache(self, place: Where, limit: float | None) -> None:
+    def _cache(self, place: PathOrUrl, limit: float | None) -> None:
         """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
 
         Raises ConfigurationError if a sweep uses it.

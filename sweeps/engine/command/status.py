@@ -9,13 +9,13 @@ from datetime import datetime
 from rich.table import Table
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.engine.run.progress import counted, state_of, states_in, time_left
 from sweeps.engine.run.schedule import Progress
 from sweeps.engine.store.locks import is_locked
 
 
-def described(store: Where, cache: Where) -> tuple[str, Table]:
+def described(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
     """Return a sentence on the latest sweep of a store, and a table of its stages.
 
     Raises ConfigurationError if the cache knows of none.

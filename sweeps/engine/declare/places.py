@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sweeps.engine.declare.errors import ConfigurationError
 
-Where = Path | str
+PathOrUrl = Path | str
 """A folder, or a URL."""
 
 SCHEMES = ("s3", "gs", "az")
@@ -22,7 +22,7 @@ _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.:-]*:/")
 _OF_BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)+")
 
 
-def where(key: str, given: Where) -> Where:
+def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
     """Return a setting's value as a path, or as a URL of a bucket without a slash at its end.
 
     Raises ConfigurationError if it is a URL of another kind, which may also have a secret in it.
@@ -40,17 +40,17 @@ def where(key: str, given: Where) -> Where:
     return url
 
 
-def below(place: Where, name: str) -> Where:
+def child(place: PathOrUrl, name: str) -> PathOrUrl:
     """Return a place in another one; a folder by its absolute path."""
     return f"{place}/{name}" if isinstance(place, str) else place.absolute() / name
 
 
-def real_place(place: Where) -> Where:
+def real_place(place: PathOrUrl) -> PathOrUrl:
     """Return the absolute path without links: a store behind a link is written where it is."""
     return Path(os.path.realpath(place)) if isinstance(place, Path) else place
 
 
-def apart(place: Where) -> tuple[Where, str]:
+def parent_and_name(place: PathOrUrl) -> tuple[PathOrUrl, str]:
     """Return the folder or URL that a place is in, and its name there."""
     if isinstance(place, Path):
         return place.parent, place.name
@@ -58,7 +58,7 @@ def apart(place: Where) -> tuple[Where, str]:
     return above, name
 
 
-def around(place: Where) -> list[Where]:
+def parents(place: PathOrUrl) -> list[PathOrUrl]:
     """Return all folders or URLs that a place is in, the nearest first."""
     if isinstance(place, Path):
         return list(place.parents)
@@ -67,12 +67,12 @@ def around(place: Where) -> list[Where]:
     return list(reversed(inside))
 
 
-def namesake(place: Where) -> Path:
+def namesake(place: PathOrUrl) -> Path:
     """Return the path beside which files about a place are written.
 
     Of a bucket, which has no folders, it is its name in the working folder.
     """
-    return place if isinstance(place, Path) else Path.cwd() / apart(place)[1]
+    return place if isinstance(place, Path) else Path.cwd() / parent_and_name(place)[1]
 
 
 def is_own(folder: Path) -> bool:

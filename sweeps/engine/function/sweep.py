@@ -14,7 +14,7 @@ from platformdirs import user_cache_path
 
 from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import Failure
-from sweeps.engine.declare.places import where
+from sweeps.engine.declare.places import path_or_url
 from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
 from sweeps.engine.declare.stage import RNG, VALID, Experiment, Group, Stage
 from sweeps.engine.declare.undeclared import NUMBERS, PADDING, Undeclared
@@ -26,7 +26,7 @@ from sweeps.engine.run.process import say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, progress_bar
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.store.folders import check_target
-from sweeps.engine.store.sweeping import Finished, Place, preview
+from sweeps.engine.store.sweeping import Finished, RunOptions, preview
 from sweeps.engine.store.sweeping import sweep as run
 from sweeps.engine.store.writing import zarr_store
 
@@ -140,14 +140,14 @@ def sweep(
         raise ConfigurationError(f"store is {store!r}, but must be a path or a URL")
     choices = read_choices(experiment.declared, {Run.seed.key: seed, Cluster.kind.key: cluster})
     choices = replace(choices, joint=joint)
-    at = where("store", store)
-    packs = where("cache", cache) if cache else user_cache_path("sweeps")
-    place = Place(at, packs, ClusterChoice(cluster))
+    at = path_or_url("store", store)
+    packs = path_or_url("cache", cache) if cache else user_cache_path("sweeps")
+    options = RunOptions(at, packs, ClusterChoice(cluster))
     import xarray as xr  # slow to import
 
     if dry_run:
         check_target(at)
-        stages, estimate = preview(Plan(experiment, choices), place)
+        stages, estimate = preview(Plan(experiment, choices), options)
         cells, left = stages[experiment.name]
         show(f"{experiment.name}: {left:,} to compute, {cells - left:,} reused; {estimate}")
         return xr.Dataset(attrs={"left": left, "reused": cells - left, "estimate": estimate})
@@ -155,7 +155,7 @@ def sweep(
     try:
         with progress_bar() as step:
             watch = Watch(lambda sentence: None, step, failed.append)
-            finished = run(experiment, choices, place, watch)
+            finished = run(experiment, choices, options, watch)
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # from this line on, and not from within
     if failed:

@@ -39,7 +39,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import MOST_VALUES, Value, rank, shown, spelt
-from sweeps.engine.declare.places import Where, where
+from sweeps.engine.declare.places import PathOrUrl, path_or_url
 from sweeps.engine.declare.settings import (
     CLUSTERS,
     Choices,
@@ -484,7 +484,7 @@ Point = tuple[Value, ...]
 OWN_STORES = "put it into the store's path for a store each"
 
 
-def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, Where]]:
+def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
     """Return choices and the place of the store of each sweep that jobs are fused into.
 
     Raises
@@ -492,9 +492,9 @@ def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, Wh
     ConfigurationError
         If jobs of one store differ in something that takes one value.
     """
-    by_store: dict[Where, list[Job]] = {}
+    by_store: dict[PathOrUrl, list[Job]] = {}
     for job in jobs:
-        store = where("store", job.store)
+        store = path_or_url("store", job.store)
         if isinstance(store, Path):
             store = Path(os.path.abspath(store))
         by_store.setdefault(store, []).append(job)

@@ -62,21 +62,21 @@ def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
     return tuple({id(axis): axis for axis in axes.values()}.values())
 
 
-class Taken(NamedTuple):
+class InputCells(NamedTuple):
     """Cells of an input that the cells of a stage take.
 
-    `first` has one for each cell of the stage, (cell,). `further`, (gathered axis, ...), is what to
+    `first` has one for each cell of the stage, (cell,). `offsets`, (gathered axis, ...), is what to
     add to it for every place on those gathered axes that the input has, in the order of
     `Stage.gather`.
     """
 
     source: Bound
     first: Cells
-    further: Cells
+    offsets: Cells
 
     def of(self, cells: Cells) -> Cells:
         """Return the cells taken by distinct ones among some cells, (distinct, taken)."""
-        return np.unique(self.first[cells])[:, None] + self.further.ravel()
+        return np.unique(self.first[cells])[:, None] + self.offsets.ravel()
 
 
 class Plan:
@@ -105,14 +105,14 @@ class Plan:
         self._strides = {bound: self._strides_of(bound) for bound in self.bound.values()}
         self.together = {bound: self._together(bound) for bound in self.bound.values()}
         # What follows is filled as it is needed.
-        self._taken: dict[Bound, dict[Bound, Taken]] = {}
+        self._input_cells: dict[Bound, dict[Bound, InputCells]] = {}
         self._keys: dict[Bound, Keys] = {}
         self._fingerprints: dict[Bound, str] = {}
         self._plain: dict[Bound, NDArray[np.object_]] = {}  # by number of the cell
         for bound in self.bound.values():
             self._check_joint(bound)
             if bound.stage.at:
-                self.taken(bound)  # which may refuse it
+                self.input_cells(bound)  # which may refuse it
 
     def unread(self, keys: Iterable[str]) -> list[str]:
         """Return which of some keys the experiment's stages read, but none of this plan does."""
@@ -215,18 +215,20 @@ class Plan:
 
     # inputs ---------------------------------------------------------------------------------
 
-    def taken(self, bound: Bound) -> dict[Bound, Taken]:
+    def input_cells(self, bound: Bound) -> dict[Bound, InputCells]:
         """Return which cells of each of its inputs the cells of a stage take."""
-        if bound not in self._taken:
+        if bound not in self._input_cells:
             sources = dict.fromkeys(bound.inputs)
-            self._taken[bound] = {source: self._taken_of(bound, source) for source in sources}
-        return self._taken[bound]
+            self._input_cells[bound] = {
+                source: self._input_cells_of(bound, source) for source in sources
+            }
+        return self._input_cells[bound]
 
-    def inputs(self, bound: Bound) -> list[Taken]:
+    def inputs(self, bound: Bound) -> list[InputCells]:
         """Return what a stage takes of its inputs that are cells."""
-        return [one for one in self.taken(bound).values() if not one.source.stage.plain]
+        return [one for one in self.input_cells(bound).values() if not one.source.stage.plain]
 
-    def _taken_of(self, bound: Bound, source: Bound) -> Taken:
+    def _input_cells_of(self, bound: Bound, source: Bound) -> InputCells:
         cells, strides = self.cells(bound), self._strides[source]
         moved = {
             self.axis_number(one.key): self._moved(bound, source, one, other)
@@ -237,11 +239,11 @@ class Plan:
         for number, stride in strides.items():
             own = moved[number] if number in moved else self.places(bound, number, cells)
             first += stride * own
-        further = np.zeros((), dtype=np.int64)
+        offsets = np.zeros((), dtype=np.int64)
         for number in (self.axis_number(key) for key in bound.gather if key in source.needs):
             places = np.arange(len(self.axes[number].points))
-            further = further[..., None] + strides.get(number, 0) * places
-        return Taken(source, first, further)
+            offsets = offsets[..., None] + strides.get(number, 0) * places
+        return InputCells(source, first, offsets)
 
     def _moved(self, bound: Bound, source: Bound, one: Setting, other: Setting) -> Cells:
         """Return by cell the place of an input on a setting's axis that takes another's value.
@@ -281,7 +283,7 @@ class Plan:
             gathered = source.key in bound.gather
             given = self.choices[source] if gathered else self.value(bound, source.key, cell)
             return source.in_si(given)
-        there = int(self.taken(bound)[source].first[cell])
+        there = int(self.input_cells(bound)[source].first[cell])
         if source not in self._plain:
             self._plain[source] = np.full(self.count(source), UNKNOWN, dtype=object)
         known = self._plain[source]
@@ -310,7 +312,7 @@ class Plan:
         of them is that of each of some cells.
         """
         if isinstance(source, Bound):
-            places, size = self.taken(bound)[source].first[cells], self.count(source)
+            places, size = self.input_cells(bound)[source].first[cells], self.count(source)
         elif source.key not in bound.gather:
             number = self.axis_number(source.key)
             places, size = self.places(bound, number, cells), len(self.axes[number].points)
@@ -370,10 +372,10 @@ class Plan:
                 texts = [f"{name}={value_token(value)}" for value in values]
                 fold(keys, hashed(texts)[places])
             else:
-                taken = self.taken(bound)[source]
+                taken = self.input_cells(bound)[source]
                 first, places = np.unique(taken.first[cells], return_inverse=True)
-                every = (first[:, None] + taken.further.ravel()).ravel()
-                rows = known(source)[every].reshape(len(first), taken.further.size, 2)
+                every = (first[:, None] + taken.offsets.ravel()).ravel()
+                rows = known(source)[every].reshape(len(first), taken.offsets.size, 2)
                 several = rows.shape[1] > 1
                 words = hashed(row.tobytes() for row in rows) if several else rows[:, 0]
                 fold(keys, hashed([f"{name}:"]))

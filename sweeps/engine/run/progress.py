@@ -19,7 +19,7 @@ from rich.table import Table
 
 from sweeps.engine.cache.objects import CLOSED, Objects
 from sweeps.engine.declare.failures import Failure, FailureLog
-from sweeps.engine.declare.places import Where, below, real_place
+from sweeps.engine.declare.places import PathOrUrl, child, real_place
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.run.process import say
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
@@ -33,7 +33,7 @@ LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least t
 
 @contextmanager
 def watching(
-    name: str, log: FailureLog, store: Where, cache: Where, *, record: bool = True
+    name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, *, record: bool = True
 ) -> Iterator[Watch]:
     """Show the progress of a sweep on stderr, in lines that begin with the `name`.
 
@@ -53,7 +53,7 @@ class _Shown:
     """What is shown and written of a sweep under way."""
 
     def __init__(
-        self, name: str, log: FailureLog, store: Where, cache: Where, record: bool
+        self, name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, record: bool
     ) -> None:
         self.name, self.log, self.record = name, log, record
         self.states, self.file, self.due = states_in(cache, make=True), state_of(store), 0.0
@@ -185,11 +185,11 @@ WRITTEN = 1.0  # s between states that are written
 FOLDER = "status"  # of a cache
 
 
-def states_in(cache: Where, *, make: bool = False) -> Objects:
+def states_in(cache: PathOrUrl, *, make: bool = False) -> Objects:
     """Return the states of sweeps that a cache knows."""
-    return Objects(below(cache, FOLDER), make=make, mode=CLOSED, clean=False)
+    return Objects(child(cache, FOLDER), make=make, mode=CLOSED, clean=False)
 
 
-def state_of(store: Where) -> str:
+def state_of(store: PathOrUrl) -> str:
     """Return the name of the state of a store's latest sweep."""
     return f"{digest(str(real_place(store)))}.json"

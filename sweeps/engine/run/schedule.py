@@ -19,24 +19,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.packs import NO_SPOTS, Spots
+from sweeps.engine.cache.packs import NO_LOCATIONS, Locations
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.settings import Setting
 from sweeps.engine.declare.stage import VALID, At, Bound
 from sweeps.engine.resolve.keys import Keys, distinct, hashed, joined
-from sweeps.engine.resolve.plan import Cells, Plan, Taken
-from sweeps.engine.run.tasks import Calls, Column, Made, Outcome, Read, Step
+from sweeps.engine.resolve.plan import Cells, InputCells, Plan
+from sweeps.engine.run.tasks import (
+    Batch,
+    ObjectArgument,
+    Outcome,
+    PlainArgument,
+    ShippedStage,
+    StoredArgument,
+)
 
 LOG = logging.getLogger(__name__)
 MOST_CELLS = 4096  # of one task
 FAILED = hashed(["failed"])[0]  # in place of the key of a result
 
 Flags = NDArray[np.bool_]
-Job = tuple[Bound, Cells]  # cells of a stage that one call computes
+Call = tuple[Bound, Cells]  # cells of a stage that one call computes
 
 
 @dataclass
-class Block:
+class ReadyCalls:
     """Calls of stages that became ready together; call k has `cells[begins[k]:begins[k + 1]]`.
 
     Its stage is `stages[stage[k]]`. `objects`, (call, ...), are numbers of the in-memory objects
@@ -62,17 +69,17 @@ class Block:
 
 
 class Queue:
-    """Calls that are ready, in the order in which tasks take them."""
+    """Batch that are ready, in the order in which tasks take them."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._blocks: deque[Block] = deque()
-        self._split: deque[Job] = deque()
+        self._ready: deque[ReadyCalls] = deque()
+        self._split: deque[Call] = deque()
         self._made: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
         self.load: Counter[Bound] = Counter()  # cells
 
     def __bool__(self) -> bool:
-        return bool(self._split or self._blocks)
+        return bool(self._split or self._ready)
 
     def add(self, ready: Mapping[Bound, Cells]) -> None:
         """Add calls for cells of some stages, of which those that share in-memory objects mix."""
@@ -91,7 +98,7 @@ class Queue:
             lengths = lengths[order]
             cells = cells[_ranges(begins[order], lengths)]
         begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-        self._blocks.append(Block([*ready], stage, begins, cells, objects))
+        self._ready.append(ReadyCalls([*ready], stage, begins, cells, objects))
         self.load.update({bound: len(of) for bound, of in ready.items()})
 
     def again(self, bound: Bound, cells: Cells) -> None:
@@ -126,7 +133,7 @@ class Queue:
                 found += [*self._shared(source, first[cells]), number[known:][places]]
         return found
 
-    def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Job]:
+    def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Call]:
         """Remove and yield calls that take about `size` seconds, by the cost of a cell of a stage.
 
         At least one. Up to `together` where calls share two in-memory objects, and have a third.
@@ -134,7 +141,7 @@ class Queue:
         seconds, cells = 0.0, 0
         before: list[int] = []
         while self and cells < MOST_CELLS:
-            block = self._blocks[0] if not self._split else None
+            block = self._ready[0] if not self._split else None
             if block and not block.objects.shape[1]:
                 yield from self._run(block, costs, size - seconds, MOST_CELLS - cells, cells == 0)
                 break
@@ -155,8 +162,8 @@ class Queue:
             yield bound, own
 
     def _run(
-        self, block: Block, costs: Mapping[str, float], size: float, most: int, begins: bool
-    ) -> Iterator[Job]:
+        self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, begins: bool
+    ) -> Iterator[Call]:
         """Remove and yield calls of one stage that share no objects, as `next` does."""
         bound, ends = block.run(most)
         before = (ends - ends[0])[:-1]
@@ -168,9 +175,9 @@ class Queue:
             yield bound, block.cells[begin:end]
 
     def _advance(self, calls: int) -> None:
-        self._blocks[0].at += calls
-        if not self._blocks[0]:
-            self._blocks.popleft()
+        self._ready[0].at += calls
+        if not self._ready[0]:
+            self._ready.popleft()
 
 
 def _ranges(begins: Cells, lengths: Cells) -> Cells:
@@ -205,22 +212,22 @@ class Progress:
         return cls(*map(sum, zip(*map(astuple, stages), strict=True)))
 
 
-class Part(NamedTuple):
+class PlannedBatch(NamedTuple):
     """Calls of one stage in a task, and what they compute, in their order.
 
-    `cells` and `nodes` are (cell,).
+    `cells` and `results` are (cell,).
     """
 
     bound: Bound
     cells: Cells
-    nodes: Cells
-    calls: Calls
+    results: Cells
+    batch: Batch
 
 
 class Task(NamedTuple):
-    """Calls that a worker runs one after the other; in which order, see `run_calls`."""
+    """Batch that a worker runs one after the other; in which order, see `run_batches`."""
 
-    parts: tuple[Part, ...]
+    batches: tuple[PlannedBatch, ...]
     order: NDArray[np.int16]
 
 
@@ -228,17 +235,17 @@ class Task(NamedTuple):
 class Schedule:
     """Cells of a plan: finished, failed, or still to be computed.
 
-    Distinct results, those of different keys, are numbered: `nodes` has by stage the number of each
-    cell, negative if none is needed. `spots` has by number where a result is, and the key under
-    which it is kept; `failed`, why one failed. `costs` are seconds per cell by stage.
+    Distinct results, those of different keys, are numbered: `results` has by stage the number of
+    each cell's, negative if none is needed. `locations` has by number where a result is, and its
+    key; `failed`, why one failed. `costs` are seconds per cell by stage.
     """
 
     plan: Plan
     costs: dict[str, float] = field(default_factory=dict)
     failed: dict[int, str] = field(default_factory=dict)
     progress: dict[str, Progress] = field(default_factory=dict)
-    nodes: dict[Bound, Cells] = field(default_factory=dict)
-    spots: Spots = field(default_factory=lambda: NO_SPOTS)
+    results: dict[Bound, Cells] = field(default_factory=dict)
+    locations: Locations = field(default_factory=lambda: NO_LOCATIONS)
 
     # what is missing ------------------------------------------------------------------------
 
@@ -246,25 +253,27 @@ class Schedule:
         """Look up all cells that are needed, and plan calls for missing ones."""
         plan, self._index = self.plan, index
         index.refresh()
-        self.spots = replace(NO_SPOTS, paths=index.paths)
+        self.locations = replace(NO_LOCATIONS, paths=index.paths)
         wanted = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
         for bound in plan.targets:
             wanted[bound][:] = True
             plan.fingerprint(bound)  # while its keys are known
         missing: dict[Bound, Cells] = {}
-        alike: dict[str, list[range]] = defaultdict(list)  # nodes by code of their function
+        of_function: dict[str, list[range]] = defaultdict(list)  # results by code of their function
         for bound in reversed(plan.bound.values()):  # each before those that it needs
             cells = np.flatnonzero(wanted[bound])
             if bound.stage.kept and cells.size:
-                cells = self._look_up(bound, cells, alike[plan.identity[bound.name]])
+                cells = self._look_up(bound, cells, of_function[plan.identity[bound.name]])
                 missing[bound] = cells
             for taken in plan.inputs(bound):
                 wanted[taken.source][taken.of(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
-        maker = np.full(len(self.spots), -1, np.int16)  # which of these stages computes a result
+        maker = np.full(
+            len(self.locations), -1, np.int16
+        )  # which of these stages computes a result
         for number, (bound, cells) in enumerate(self._missing.items()):
-            maker[self.nodes[bound][cells]] = number
+            maker[self.results[bound][cells]] = number
         stages = [*self._missing]
         self._needs = {
             bound: [stages[n] for n in self._makers(bound, maker) if n >= 0] for bound in stages
@@ -280,41 +289,43 @@ class Schedule:
         found: set[int] = set()
         for source, *_ in self.plan.inputs(bound):
             if source.stage.kept:
-                nodes = self.nodes[source]
-                found |= {*(np.flatnonzero(np.bincount(maker[nodes[nodes >= 0]] + 1)) - 1).tolist()}
+                results = self.results[source]
+                found |= {
+                    *(np.flatnonzero(np.bincount(maker[results[results >= 0]] + 1)) - 1).tolist()
+                }
             else:
                 found |= self._makers(source, maker)
         return found
 
-    def _look_up(self, bound: Bound, cells: Cells, alike: list[range]) -> Cells:
+    def _look_up(self, bound: Bound, cells: Cells, earlier: list[range]) -> Cells:
         """Number the results of some cells; return those that are to be computed, one of each.
 
         Cells of equal keys are one result, also of other stages of the same function, whose
-        results are `alike`.
+        results are among the `earlier` ones.
         """
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
         self.plan.forget_keys(bound)  # those of what it depends on are made
-        known = np.array([node for nodes in alike for node in nodes], dtype=np.int32)
-        first, number = distinct(joined(self.spots.keys[known], keys))
+        known = np.array([result for results in earlier for result in results], dtype=np.int32)
+        first, number = distinct(joined(self.locations.keys[known], keys))
         again, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
-        before = len(self.spots)
+        before = len(self.locations)
         numbers = joined(again, np.arange(before, before + len(new), dtype=np.int32))
-        nodes = np.full(self.plan.count(bound), -1, dtype=np.int32)
-        nodes[cells] = numbers[number[len(known) :]]
-        self.nodes[bound] = nodes
-        alike.append(range(before, before + len(new)))
+        results = np.full(self.plan.count(bound), -1, dtype=np.int32)
+        results[cells] = numbers[number[len(known) :]]
+        self.results[bound] = results
+        earlier.append(range(before, before + len(new)))
         asked = keys[new] if len(new) < len(keys) else keys
         found = self._index.find(asked, bound.stage.outputs)
         absent = cells[new[~found.present]]
-        self.spots = Spots(
+        self.locations = Locations(
             found.paths,
-            joined(self.spots.pack, found.pack),
-            joined(self.spots.row, found.row),
-            joined(self.spots.keys, found.keys),
+            joined(self.locations.pack, found.pack),
+            joined(self.locations.row, found.row),
+            joined(self.locations.keys, found.keys),
         )
         # What another stage is about to compute is counted there.
-        total = len(new) + int(self.spots.present[again].sum())
+        total = len(new) + int(self.locations.present[again].sum())
         self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
 
@@ -359,33 +370,33 @@ class Schedule:
         for cell in cells[lost].tolist():
             source, at = next(
                 (source, at)
-                for source, first, further in taken
-                if gone[source][at := (first[cell] + further).ravel()].all()
+                for source, first, offsets in taken
+                if gone[source][at := (first[cell] + offsets).ravel()].all()
             )
             why = f"needs {self.plan.described(source, int(at[0]))}, which failed"
-            self._fail(bound, int(self.nodes[bound][cell]), why)
+            self._fail(bound, int(self.results[bound][cell]), why)
         cells = cells[~lost]
-        nodes = self.nodes[bound][cells]
+        results = self.results[bound][cells]
         keys = self.plan.new_keys(bound, cells, self._keys_now)
-        changed = np.flatnonzero((keys != self.spots.keys[nodes]).any(axis=1))
-        self.spots.keys[nodes[changed]] = keys[changed]
+        changed = np.flatnonzero((keys != self.locations.keys[results]).any(axis=1))
+        self.locations.keys[results[changed]] = keys[changed]
         found = self._index.find(keys[changed], bound.stage.outputs)
         here = changed[found.present]
-        self._finish(bound, nodes[here], found.pack[found.present], found.row[found.present])
+        self._finish(bound, results[here], found.pack[found.present], found.row[found.present])
         return np.delete(cells, here)
 
-    def _lack(self, taken: list[Taken], gone: Mapping[Bound, Flags], cells: Cells) -> Flags:
+    def _lack(self, taken: list[InputCells], gone: Mapping[Bound, Flags], cells: Cells) -> Flags:
         """Return which cells lack an input, or all of one that they gather."""
         lost = np.zeros(len(cells), dtype=bool)
-        for source, first, further in taken:
+        for source, first, offsets in taken:
             starts, places = np.unique(first[cells], return_inverse=True)
-            lost |= gone[source][starts[:, None] + further.ravel()].all(axis=1)[places]
+            lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[places]
         return lost
 
     def _are_lost(self, bound: Bound) -> Flags:
         """Return which cells of a stage failed, or cannot be made in memory."""
         if bound.stage.kept:
-            return np.isin(self.nodes[bound], [*self.failed])
+            return np.isin(self.results[bound], [*self.failed])
         taken = self.plan.inputs(bound)
         gone = {source: self._are_lost(source) for source, *_ in taken}
         return self._lack(taken, gone, self.plan.cells(bound))
@@ -393,7 +404,7 @@ class Schedule:
     def _keys_now(self, bound: Bound) -> Keys:
         """Return the keys of a stage's cells as they are with the inputs that failed."""
         if bound.stage.kept:
-            keys = self.spots.keys[self.nodes[bound]]
+            keys = self.locations.keys[self.results[bound]]
         elif bound in self._object_keys:
             return self._object_keys[bound]
         else:
@@ -404,7 +415,7 @@ class Schedule:
 
     # batches --------------------------------------------------------------------------------
 
-    def batch(self, workers: int) -> Task:
+    def next_task(self, workers: int) -> Task:
         """Remove and return the next task of the calls that are ready; empty if there is none.
 
         `workers` tasks run at once: towards the end they get shorter, so that none idles.
@@ -415,59 +426,59 @@ class Schedule:
         together = min(TOGETHER, max(left / workers / 2, size))
         task = self._task(self._calls.next(costs, size, together))
         told = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
-        LOG.debug(told, [part.bound.name for part in task.parts], size, left, workers)
+        LOG.debug(told, [one.bound.name for one in task.batches], size, left, workers)
         return task
 
-    def _task(self, jobs: Iterable[Job]) -> Task:
+    def _task(self, calls: Iterable[Call]) -> Task:
         """Return a task of calls: the stage of each, and the cells that it computes."""
         of_stage: dict[tuple[Bound, bytes], list[Cells]] = defaultdict(list)
         order: list[int] = []
         numbers: dict[tuple[Bound, bytes], int] = {}
-        for bound, cells in jobs:
-            # Those of a part compute equal places of the axes that are computed together.
+        for bound, cells in calls:
+            # Those of a batch compute equal places of the axes that are computed together.
             starts = self.plan.start(bound, cells[:1]) if bound.along else None
             pattern = b"" if starts is None else (cells - starts).tobytes()
             order.append(numbers.setdefault((bound, pattern), len(numbers)))
             of_stage[bound, pattern].append(cells)
-        parts = (self.part(bound, cells) for (bound, _), cells in of_stage.items())
-        return Task(tuple(parts), np.array(order, dtype=np.int16))
+        batches = (self.planned(bound, cells) for (bound, _), cells in of_stage.items())
+        return Task(tuple(batches), np.array(order, dtype=np.int16))
 
     # calls ----------------------------------------------------------------------------------
 
-    def part(self, bound: Bound, jobs: Sequence[Cells]) -> Part:
-        """Return calls of a stage, whose cells all lie alike on its axes."""
-        plan, cells = self.plan, np.concatenate(jobs)
-        begins = np.cumsum([0, *map(len, jobs)])
+    def planned(self, bound: Bound, calls: Sequence[Cells]) -> PlannedBatch:
+        """Return a batch of calls of a stage, each of which computes equal places of its axes."""
+        plan, cells = self.plan, np.concatenate(calls)
+        begins = np.cumsum([0, *map(len, calls)])
         firsts = plan.start(bound, cells[begins[:-1]])
         # The cells that a call computes: by the values that occur on each axis computed together.
         grid = np.zeros((), dtype=np.int64)
         for key in bound.along:
             number = plan.axis_number(key)
             stride = plan.together[bound].get(number, 0)
-            grid = np.add.outer(grid, stride * np.unique(plan.places(bound, number, jobs[0])))
+            grid = np.add.outer(grid, stride * np.unique(plan.places(bound, number, calls[0])))
         order = np.argsort(grid.ravel())
         moved = cells - np.repeat(firsts, np.diff(begins))
         places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
-        nodes = self.nodes[bound][cells]
-        calls = self._calls_at(
+        results = self.results[bound][cells]
+        batch = self._batch_at(
             bound,
             firsts,
             grid,
-            keys=self.spots.keys[nodes],
+            keys=self.locations.keys[results],
             begins=begins,
             places=places,
             room=plan.identity[bound.name],
         )
-        return Part(bound, cells, nodes, calls)
+        return PlannedBatch(bound, cells, results, batch)
 
-    def _calls_at(self, bound: Bound, firsts: Cells, grid: Cells, **computed: Any) -> Calls:
-        """Return calls for cells, (call,), and a grid of others from each of these on.
+    def _batch_at(self, bound: Bound, firsts: Cells, grid: Cells, **computed: Any) -> Batch:
+        """Return a batch of calls for cells, (call,), and a grid of others from each of these on.
 
         The grid is an array of numbers to be added; each axis is one that is computed together.
-        What is `computed` is passed on to `Calls`.
+        What is `computed` is passed on to `Batch`.
         """
         plan, along, count = self.plan, bound.along, len(firsts)
-        sources: dict[str, Column | Read | Made] = {}
+        arguments: dict[str, PlainArgument | StoredArgument | ObjectArgument] = {}
         asks = VALID in bound.stage.arguments
         gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
         valid = np.ones((count, *gathered), dtype=bool) if asks else None
@@ -476,72 +487,78 @@ class Schedule:
                 rows = np.moveaxis(grid, along.index(source.key), 0)
                 at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
                 values = tuple(plan.value(bound, source.key, cell) for cell in at.tolist())
-                sources[name] = Column((source.in_si(values),), np.zeros(count, dtype=np.int32))
+                arguments[name] = PlainArgument(
+                    (source.in_si(values),), np.zeros(count, dtype=np.int32)
+                )
             elif isinstance(source, Setting) or source.stage.plain:
                 found, places = plan.column(bound, source, firsts)
-                sources[name] = Column(found, places.astype(np.int32))
+                arguments[name] = PlainArgument(found, places.astype(np.int32))
             elif not source.stage.kept:
                 made, places = np.unique(
-                    plan.taken(bound)[source].first[firsts], return_inverse=True
+                    plan.input_cells(bound)[source].first[firsts], return_inverse=True
                 )
                 keys = (self._keys_now if self.failed else plan.keys)(source)[made]
                 own = {"keys": keys, "begins": np.arange(len(made) + 1), "places": 0 * made}
-                calls = self._calls_at(source, made, np.zeros((), dtype=np.int64), **own)
-                sources[name] = Made(calls, places.astype(np.int32))
+                batch = self._batch_at(source, made, np.zeros((), dtype=np.int64), **own)
+                arguments[name] = ObjectArgument(batch, places.astype(np.int32))
             else:
-                spots, present = self._read(bound, source, firsts, grid)
+                locations, present = self._read(bound, source, firsts, grid)
                 read = bound.stage.reads.get(name)
                 in_blocks = isinstance(read, At) and read.in_blocks
-                sources[name] = Read(Step.of(source.stage), spots, in_blocks)
+                arguments[name] = StoredArgument(
+                    ShippedStage.of(source.stage), locations, in_blocks
+                )
                 if valid is not None:
                     valid &= present
         streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
-        step = Step.of(bound.stage)
-        return Calls(
-            step, sources, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
+        stage = ShippedStage.of(bound.stage)
+        return Batch(
+            stage, arguments, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
         )
 
-    def _read(self, bound: Bound, source: Bound, firsts: Cells, grid: Cells) -> tuple[Spots, Flags]:
+    def _read(
+        self, bound: Bound, source: Bound, firsts: Cells, grid: Cells
+    ) -> tuple[Locations, Flags]:
         """Return where an input is, and by call where on gathered axes all of its cells exist."""
-        _, first, further = self.plan.taken(bound)[source]
+        _, first, offsets = self.plan.input_cells(bound)[source]
         # Along axes on which the input does not depend, it is the same.
         own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
-        taken = np.add.outer(first[np.add.outer(firsts, own)], further)
-        spots = self.spots[self.nodes[source][taken]].alone()
-        each = range(1, spots.present.ndim - further.ndim)
-        present = np.asarray(spots.present.all(axis=tuple(each)))
+        taken = np.add.outer(first[np.add.outer(firsts, own)], offsets)
+        locations = self.locations[self.results[source][taken]].alone()
+        each = range(1, locations.present.ndim - offsets.ndim)
+        present = np.asarray(locations.present.all(axis=tuple(each)))
         lacking = (slice(None) if key in source.needs else None for key in bound.gather)
-        return spots, present[(slice(None), *lacking)]
+        return locations, present[(slice(None), *lacking)]
 
     # outcomes -------------------------------------------------------------------------------
 
     def finish(
-        self, part: Part, outcome: Outcome, pack: int, *, split: bool = True
+        self, planned: PlannedBatch, outcome: Outcome, pack: int, *, split: bool = True
     ) -> list[Failure]:
         """Record where the cells of some calls are, and let stages begin that wait for them.
 
         Returns what failed. Several cells of a call that raised are computed by one call each if
         `split`, since one of them may be the cause.
         """
-        bound, begins, name = part.bound, part.calls.begins, part.bound.name
-        done = np.ones(len(part.cells), dtype=bool)
+        bound, begins, name = planned.bound, planned.batch.begins, planned.bound.name
+        done = np.ones(len(planned.cells), dtype=bool)
         for call in outcome.lacking:
             done[begins[call] : begins[call + 1]] = False
         failed: list[Failure] = []
         together = np.repeat(np.diff(begins), np.diff(begins)) > 1
         for number, failure in outcome.failed.items():
             done[number] = False
-            cells = part.cells[number : number + 1]
+            cells = planned.cells[number : number + 1]
             if split and failure.traceback and together[number]:
                 self._calls.again(bound, cells)
             else:
                 failed.append(failure._replace(what=self.plan.described(bound, int(cells[0]))))
-                self._fail(bound, int(part.nodes[number]), failure.why)
-        nodes = part.nodes[done]
-        self._finish(bound, nodes, pack, np.arange(len(nodes), dtype=np.int32))
+                self._fail(bound, int(planned.results[number]), failure.why)
+        results = planned.results[done]
+        self._finish(bound, results, pack, np.arange(len(results), dtype=np.int32))
         self.progress[name].seconds += outcome.seconds
         if outcome.seconds:
-            each = outcome.seconds / len(part.cells)
+            each = outcome.seconds / len(planned.cells)
             self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
         if not self._left[bound]:
             self._open()
@@ -550,18 +567,18 @@ class Schedule:
     def each(self, task: Task) -> list[Task]:
         """Return a task for every call of a task."""
         return [
-            self._task([(part.bound, part.cells[begin:end])])
-            for part in task.parts
-            for begin, end in pairwise(part.calls.begins.tolist())
+            self._task([(planned.bound, planned.cells[begin:end])])
+            for planned in task.batches
+            for begin, end in pairwise(planned.batch.begins.tolist())
         ]
 
-    def _finish(self, bound: Bound, nodes: Cells, pack: Any, row: Any) -> None:
-        self.spots.pack[nodes], self.spots.row[nodes] = pack, row
-        self.progress[bound.name].done += len(nodes)
-        self._left[bound] -= len(nodes)
+    def _finish(self, bound: Bound, results: Cells, pack: Any, row: Any) -> None:
+        self.locations.pack[results], self.locations.row[results] = pack, row
+        self.progress[bound.name].done += len(results)
+        self._left[bound] -= len(results)
 
-    def _fail(self, bound: Bound, node: int, why: str) -> None:
-        self.failed[node] = why
+    def _fail(self, bound: Bound, result: int, why: str) -> None:
+        self.failed[result] = why
         self.progress[bound.name].failed += 1
         self._left[bound] -= 1
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Arrays, Pack, Packing, Spots, each_cell
+from sweeps.engine.cache.packs import Arrays, Locations, Pack, Packing, each_cell
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.failures import RAISED, Failure, described, reason, traceback_of
 from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
@@ -37,7 +37,7 @@ WHOLE = 2**63  # of the whole numbers that numpy knows, about the largest
 
 
 @dataclass(frozen=True)
-class Step:
+class ShippedStage:
     """Description of a stage for workers."""
 
     name: str
@@ -49,7 +49,7 @@ class Step:
 
     @classmethod
     @cache
-    def of(cls, stage: Stage) -> Step:
+    def of(cls, stage: Stage) -> ShippedStage:
         """Return the description of a stage."""
         function, (module, name) = stage.function, place_of(stage.function)
         there = looked_up(module, name) if module != MAIN else None
@@ -65,7 +65,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class PlainArgument:
     """A plain argument of many calls: the distinct values, and which of them each call gets."""
 
     values: tuple[Any, ...]
@@ -78,27 +78,27 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Read:
+class StoredArgument:
     """An argument of many calls that is read from packs.
 
-    `spots` are (call,) or, of an argument that is an array of several cells, (call, ...).
+    `locations` are (call,) or, of an argument that is an array of several cells, (call, ...).
     """
 
-    step: Step
-    spots: Spots
+    stage: ShippedStage
+    locations: Locations
     in_blocks: bool = False  # each call gets `Gathered`
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class ObjectArgument:
     """An argument of many calls that is an object, made in this process: which call makes it."""
 
-    calls: Calls
+    batch: Batch
     places: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
-class Calls:
+class Batch:
     """Calls of one function: the arguments of all by name, and the cells that they compute.
 
     Call k computes the cells `begins[k]` to `begins[k + 1]` of those with `keys`, (cell, 2), and
@@ -106,8 +106,8 @@ class Calls:
     an object has one cell.
     """
 
-    step: Step
-    sources: Mapping[str, Column | Read | Made]
+    stage: ShippedStage
+    arguments: Mapping[str, PlainArgument | StoredArgument | ObjectArgument]
     keys: Keys
     begins: NDArray[np.int64]
     places: NDArray[np.int64]
@@ -146,20 +146,20 @@ class Damaged(Exception):
     """Inputs differ from what was written; its arguments are their keys, as bytes."""
 
 
-def undamaged_cells(packs: Objects, spots: Spots) -> Iterator[Arrays]:
+def undamaged_cells(packs: Objects, locations: Locations) -> Iterator[Arrays]:
     """Yield the arrays of cells; raise `Damaged` if one cannot be read back."""
-    for key, arrays in zip(spots.keys, each_cell(packs, spots), strict=True):
+    for key, arrays in zip(locations.keys, each_cell(packs, locations), strict=True):
         if arrays is None:
             raise Damaged(key.tobytes())
         yield arrays
 
 
-def run_calls(parts: tuple[Calls, ...], order: Iterable[int], packs: Objects) -> Report:
+def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects) -> Report:
     """Run calls one after the other, even if some raise, and pack their results.
 
-    `order` has the part of which the next call is run, each in turn.
+    `order` has, for each call, the number of its batch.
     """
-    running = [_Running(part, packs) for part in parts]
+    running = [_Running(batch, packs) for batch in batches]
     for number in order:
         running[number].run()
     outcomes = []
@@ -184,10 +184,10 @@ def uneven(
 class _Running:
     """Calls of one function, under way: what is done of them."""
 
-    def __init__(self, calls: Calls, packs: Objects) -> None:
-        self.calls, self.packs = calls, packs
-        self.function, self.folder = calls.step.call, os.getcwd()
-        self.begins: list[int] = calls.begins.tolist()
+    def __init__(self, batch: Batch, packs: Objects) -> None:
+        self.batch, self.packs = batch, packs
+        self.function, self.folder = batch.stage.call, os.getcwd()
+        self.begins: list[int] = batch.begins.tolist()
         self.packing = Packing()
         self.next = 0
         self.kept: list[int] = []  # numbers of cells that are packed
@@ -195,25 +195,25 @@ class _Running:
         self.failed: dict[int, Failure] = {}
         self.lacking: dict[int, tuple[bytes, ...]] = {}
         self.shapes: set[tuple[str, str, tuple[int, ...]]] = set()
-        self._inputs = _with_inputs(calls, packs)
+        self._inputs = _with_inputs(batch, packs)
 
     def run(self) -> None:
         """Run the next call."""
-        calls, step, number = self.calls, self.calls.step, self.next
+        batch, stage, number = self.batch, self.batch.stage, self.next
         self.next += 1
         begin, end = self.begins[number], self.begins[number + 1]
         inputs = next(self._inputs)
         start = time.perf_counter()
         given: dict[str, Any] = {}
         try:
-            given = _arguments(calls, number, inputs, self.packs)
+            given = _arguments(batch, number, inputs, self.packs)
             cells = self._computed(number, given)
         except Damaged as error:
             self.lacking[number] = error.args
             return
         except RAISED as error:
-            if calls.streams:  # from which the generator can be made again
-                seed, name = calls.streams[number]
+            if batch.streams:  # from which the generator can be made again
+                seed, name = batch.streams[number]
                 given[RNG] = f"cell_rng({seed}, **{name})"
             failure = Failure("", reason(error), described(given), traceback_of(error))
             self.failed |= dict.fromkeys(range(begin, end), failure)
@@ -222,22 +222,22 @@ class _Running:
         for cell, arrays in enumerate(cells, begin):
             self.packing.add(arrays)
             self.kept.append(cell)
-        for output in step.even:  # those of a call are of one array
-            self.shapes.add((step.name, output, cells[0][output].shape))
+        for output in stage.even:  # those of a call are of one array
+            self.shapes.add((stage.name, output, cells[0][output].shape))
 
     def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
         """Return each wanted cell of a call's result."""
-        calls, step = self.calls, self.calls.step
+        batch, stage = self.batch, self.batch.stage
         try:
             found = self.function(**arguments)
         finally:
             _return_to(self.folder)
-        arrays = arrays_of(step.name, step.outputs, found, calls.shape)
-        if not calls.shape:
+        arrays = arrays_of(stage.name, stage.outputs, found, batch.shape)
+        if not batch.shape:
             return [arrays]
         cells: list[Arrays] = []
-        for place in calls.places[calls.begins[number] : calls.begins[number + 1]].tolist():
-            at: Any = (*np.unravel_index(place, calls.shape), ...)  # an array even for one value
+        for place in batch.places[batch.begins[number] : batch.begins[number + 1]].tolist():
+            at: Any = (*np.unravel_index(place, batch.shape), ...)  # an array even for one value
             cells.append({name: array[at] for name, array in arrays.items()})
         return cells
 
@@ -245,8 +245,8 @@ class _Running:
         """Write the pack of all cells; return the outcome."""
         if not self.kept:
             return Outcome(self.seconds, self.failed, self.lacking)
-        keys, name = self.calls.keys[self.kept], self.calls.step.name
-        pack = self.packing.write(self.packs, name, keys, self.seconds, self.calls.room)
+        keys, name = self.batch.keys[self.kept], self.batch.stage.name
+        pack = self.packing.write(self.packs, name, keys, self.seconds, self.batch.room)
         return Outcome(self.seconds, self.failed, self.lacking, pack)
 
 
@@ -264,28 +264,28 @@ Inputs = dict[str, Any]
 """By argument, the arrays of what a call reads, what reads them, or that they are damaged."""
 
 
-def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Inputs]:
+def _with_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[Inputs]:
     """Yield what each call from one on reads, for as many at once as fit, estimated from earlier.
 
     Opening a pack takes longer than reading a small cell in it.
     """
-    reads = {name: one for name, one in calls.sources.items() if isinstance(one, Read)}
+    reads = {name: one for name, one in batch.arguments.items() if isinstance(one, StoredArgument)}
     if not reads:
-        yield from ({} for _ in range(start, len(calls)))
+        yield from ({} for _ in range(start, len(batch)))
         return
     window = 1
-    while start < len(calls):
-        stop = min(start + window, len(calls))
+    while start < len(batch):
+        stop = min(start + window, len(batch))
         found: list[Inputs] = [{} for _ in range(start, stop)]
         size = 0
         for name, read in reads.items():
-            spots = read.spots[start:stop]
-            if spots.pack.ndim > 1:  # several cells, which are read when the call runs
+            locations = read.locations[start:stop]
+            if locations.pack.ndim > 1:  # several cells, which are read when the call runs
                 for number, inputs in enumerate(found):
-                    inputs[name] = Gathered(read.step, spots[number], packs)
+                    inputs[name] = Gathered(read.stage, locations[number], packs)
                 continue
-            for number, arrays in enumerate(each_cell(packs, spots)):
-                found[number][name] = arrays or Damaged(spots.keys[number].tobytes())
+            for number, arrays in enumerate(each_cell(packs, locations)):
+                found[number][name] = arrays or Damaged(locations.keys[number].tobytes())
                 size += sum(array.nbytes for array in (arrays or {}).values())
         while found:
             yield found.pop(0)  # and hold it no longer
@@ -293,49 +293,49 @@ def _with_inputs(calls: Calls, packs: Objects, start: int = 0) -> Iterator[Input
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
 
 
-def _arguments(calls: Calls, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
+def _arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
     """Return arguments of a call by name; raise `Damaged` if one is unreadable."""
     given: dict[str, Any] = {}
-    for name, source in calls.sources.items():
-        if isinstance(source, Column):
+    for name, source in batch.arguments.items():
+        if isinstance(source, PlainArgument):
             given[name] = source.of_calls[number]
-        elif isinstance(source, Made):
-            given[name] = _object(source.calls, int(source.places[number]), packs)
+        elif isinstance(source, ObjectArgument):
+            given[name] = _object(source.batch, int(source.places[number]), packs)
         else:
             arrays = inputs.pop(name)
             if isinstance(arrays, Damaged):
                 raise arrays
             if isinstance(arrays, Gathered) and not source.in_blocks:
-                arrays = arrays.arrays(arrays.spots)
+                arrays = arrays.arrays(arrays.locations)
             if not source.in_blocks and len(arrays) == 1:
-                arrays = arrays[source.step.outputs[0].name]
+                arrays = arrays[source.stage.outputs[0].name]
             given[name] = arrays
-    if calls.streams:
-        seed, cell = calls.streams[number]
+    if batch.streams:
+        seed, cell = batch.streams[number]
         given[RNG] = cell_rng(seed, **cell)
-    if calls.valid is not None:
-        given[VALID] = calls.valid[number].copy()
+    if batch.valid is not None:
+        given[VALID] = batch.valid[number].copy()
     return given
 
 
-def _object(calls: Calls, number: int, packs: Objects) -> Any:
+def _object(batch: Batch, number: int, packs: Objects) -> Any:
     """Return an object by its key, made if missing; the oldest of its stage is evicted."""
     # By the function's name: stages that share one share its results. A function that comes with
     # each task, from a script or a session, is another object each time.
-    objects = vars(_kept).setdefault(calls.step.place, OrderedDict())
-    key = calls.keys[number].tobytes()
+    objects = vars(_kept).setdefault(batch.stage.place, OrderedDict())
+    key = batch.keys[number].tobytes()
     if key in objects:
         objects.move_to_end(key)
         return objects[key]
-    while len(objects) >= calls.step.keep:
+    while len(objects) >= batch.stage.keep:
         objects.popitem(last=False)
     # What is read for the next ones, too, of the latest calls of a function.
     ahead = vars(_ahead)
-    latest, due, inputs = ahead.get(calls.step.place, (None, 0, None))
-    if latest is not calls or due != number:
-        inputs = _with_inputs(calls, packs, number)
-    ahead[calls.step.place] = calls, number + 1, inputs
-    objects[key] = made = calls.step.call(**_arguments(calls, number, next(inputs), packs))
+    latest, due, inputs = ahead.get(batch.stage.place, (None, 0, None))
+    if latest is not batch or due != number:
+        inputs = _with_inputs(batch, packs, number)
+    ahead[batch.stage.place] = batch, number + 1, inputs
+    objects[key] = made = batch.stage.call(**_arguments(batch, number, next(inputs), packs))
     return made
 
 
@@ -346,47 +346,47 @@ class Gathered:
     Only axes of cells are indexed, and by `reshape` become others; indices are those of numpy.
     """
 
-    step: Step
-    spots: Spots
+    stage: ShippedStage
+    locations: Locations
     packs: Objects
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """Numbers of cells, and the shape of one."""
-        flat = self.spots.reshape(-1)
+        flat = self.locations.reshape(-1)
         first = flat[np.flatnonzero(flat.present)[:1]]
         [array] = self.arrays(first).values()
-        return *self.spots.pack.shape, *array.shape[1:]
+        return *self.locations.pack.shape, *array.shape[1:]
 
     def __len__(self) -> int:
         return self.shape[0]
 
     def reshape(self, *shape: int) -> Gathered:
         """Return the same with other axes of cells, whose own shape stays."""
-        own = len(self.shape) - self.spots.pack.ndim
-        return replace(self, spots=self.spots.reshape(*shape[: len(shape) - own]))
+        own = len(self.shape) - self.locations.pack.ndim
+        return replace(self, locations=self.locations.reshape(*shape[: len(shape) - own]))
 
     def __getitem__(self, at: Any) -> NDArray[Any]:
         """Return the arrays of some cells; raise `Damaged` if any are."""
-        spots, own = self.spots[at], self.shape[self.spots.pack.ndim :]
-        if not spots.present.any():
-            [output] = self.step.outputs
-            return np.full((*spots.pack.shape, *own), output.empty, output.dtype)
-        [array] = self.arrays(spots).values()
+        locations, own = self.locations[at], self.shape[self.locations.pack.ndim :]
+        if not locations.present.any():
+            [output] = self.stage.outputs
+            return np.full((*locations.pack.shape, *own), output.empty, output.dtype)
+        [array] = self.arrays(locations).values()
         return array
 
-    def arrays(self, spots: Spots) -> Arrays:
+    def arrays(self, locations: Locations) -> Arrays:
         """Return the arrays of cells by output; empty values where there is none."""
-        present, whole = spots.present, Arrays()
-        cells = undamaged_cells(self.packs, spots[present])
+        present, whole = locations.present, Arrays()
+        cells = undamaged_cells(self.packs, locations[present])
         for place, arrays in zip(np.flatnonzero(present).tolist(), cells, strict=True):
-            for output in self.step.outputs:
+            for output in self.stage.outputs:
                 name, array = output.name, arrays[output.name]
                 if name not in whole:
                     shape = (present.size, *array.shape)
                     whole[name] = np.full(shape, output.empty, output.dtype)
                 if array.shape != whole[name].shape[1:]:
-                    what = f"{name} of {self.step.name}"
+                    what = f"{name} of {self.stage.name}"
                     raise ValueError(f"{what} has a shape that differs between cells")
                 whole[name][place] = array
         return {name: one.reshape(*present.shape, *one.shape[1:]) for name, one in whole.items()}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Arrays, Spots, layouts
+from sweeps.engine.cache.packs import Arrays, Locations, layouts
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import spelt
 from sweeps.engine.declare.settings import DIMENSION, Setting
@@ -33,8 +33,8 @@ ANEW = "measured while the cell was computed; differs if computed again"
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Layout of a stage's output in the store."""
+class StoredVariable:
+    """StoredVariable of a stage's output in the store."""
 
     bound: Bound
     output: Output
@@ -49,14 +49,14 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class Filling:
+class RegionReader:
     """How results fill a region of a variable: where they are, which places they take, the padding.
 
     `wanted` and `lost` are places, in the order of the axes, of results and of failed ones.
     """
 
     packs: Objects
-    spots: Spots  # of the results
+    locations: Locations  # of the results
     stage: str
     output: Output
     even: bool  # whether all arrays have one shape
@@ -74,7 +74,7 @@ class Filling:
         dtype, empty = output.in_store
         flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
         flat[self.lost] = FAILED
-        cells = undamaged_cells(self.packs, self.spots)
+        cells = undamaged_cells(self.packs, self.locations)
         for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
             array = arrays.get(output.name)
             if array is None:  # of a function that declares nothing
@@ -100,8 +100,8 @@ def _begins(output: Output, arrays: Arrays) -> list[int]:
     return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
 
 
-def layouts_of(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[Layout]:
-    """Return the layouts of a stage's stored outputs."""
+def stored_variables(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[StoredVariable]:
+    """Return the variables of a stage's stored outputs."""
     of = bound.stage.group
     order = {name: place for place, name in enumerate(of.dims)}
 
@@ -111,7 +111,7 @@ def layouts_of(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[Layo
         words = [renamed, axis.name, *(setting.name for setting in axis.settings)]
         return min((order[word] for word in words if word in order), default=-1)
 
-    layouts = []
+    variables = []
     for output in outputs:
         group = bound.stage.place_of(output)
         if not group:
@@ -124,8 +124,8 @@ def layouts_of(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[Layo
         ]
         ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
         places = tuple(np.argsort(ranks, kind="stable").tolist())
-        layouts.append(Layout(bound, output, group, tuple(axes), places))
-    return layouts
+        variables.append(StoredVariable(bound, output, group, tuple(axes), places))
+    return variables
 
 
 def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
@@ -155,14 +155,14 @@ class Cube:
 
     def groups(self) -> dict[str, Group]:
         """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
-        members: dict[str, list[Layout]] = defaultdict(list)
+        members: dict[str, list[StoredVariable]] = defaultdict(list)
         known: dict[str, dict[str, Array]] = defaultdict(dict)
         for bound in self.plan.targets:
             outputs, coordinates = self._outputs(bound)
-            for layout in layouts_of(self.plan, bound, outputs):
-                members[layout.group].append(layout)
+            for variable in stored_variables(self.plan, bound, outputs):
+                members[variable.group].append(variable)
             known[bound.stage.group.path] |= coordinates
-        found = {name: self._group(layouts) for name, layouts in members.items()}
+        found = {name: self._group(variables) for name, variables in members.items()}
         for name, arrays in known.items():
             found[name].arrays.update(arrays)
         for name, arrays in self._statuses():
@@ -177,11 +177,11 @@ class Cube:
         output = bound.stage.outputs[0] if bound.stage.outputs else None
         if not isinstance(output, Undeclared):
             return bound.stage.outputs, {}
-        nodes = np.unique(self.schedule.nodes[bound])
-        spots = self.schedule.spots[nodes[self.schedule.spots.present[nodes]]]
-        found = learned(output, layouts(self.packs, spots))
+        results = np.unique(self.schedule.results[bound])
+        locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
+        found = learned(output, layouts(self.packs, locations))
         names = [one.name for one in found if one.role == COORDINATE]
-        values = common(undamaged_cells(self.packs, spots), names) if names else {}
+        values = common(undamaged_cells(self.packs, locations), names) if names else {}
         coordinates = {}
         for one in found:
             if values.get(one.name) is not None:
@@ -194,31 +194,31 @@ class Cube:
                 )
         return [one for one in found if one.name not in coordinates], coordinates
 
-    def _group(self, layouts: Sequence[Layout]) -> Group:
+    def _group(self, variables: Sequence[StoredVariable]) -> Group:
         """Return a group of its variables, and the coordinates of their dimensions."""
-        names, arrays = self._names(layouts), dict[str, Array]()
-        starts, lengths = self._extents[layouts[0].group] = self._extents_of(layouts)
-        for layout in layouts:
-            for dim, first in layout.origin.items():
+        names, arrays = self._names(variables), dict[str, Array]()
+        starts, lengths = self._extents[variables[0].group] = self._extents_of(variables)
+        for variable in variables:
+            for dim, first in variable.origin.items():
                 values = starts.get(dim, 0) + np.arange(lengths[dim])
                 about = {"units": first.unit, "long_name": first.label}
                 arrays[dim] = Array.of((dim,), values, about, coordinate=True)
-            arrays[layout.output.name] = self._variable(layout, names)
-        return Group(arrays | self._coordinates(layouts, names))
+            arrays[variable.output.name] = self._variable(variable, names)
+        return Group(arrays | self._coordinates(variables, names))
 
-    def _names(self, layouts: Sequence[Layout]) -> dict[int, str]:
+    def _names(self, variables: Sequence[StoredVariable]) -> dict[int, str]:
         """Return names of all axes that a group depends on; the whole key if the word is taken."""
         axes, number_of = self.plan.axes, self.plan.axis_number
         names = {
             number_of(key): axes[number_of(key)].name
-            for layout in layouts
-            for key in layout.bound.gather
-            if axes[number_of(key)].name in layout.output.dims
+            for variable in variables
+            for key in variable.bound.gather
+            if axes[number_of(key)].name in variable.output.dims
         }
         bounds = {
-            number_of(key): layout.bound
-            for layout in reversed(layouts)
-            for key in layout.bound.needs
+            number_of(key): variable.bound
+            for variable in reversed(variables)
+            for key in variable.bound.needs
         }
         for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]
@@ -227,12 +227,12 @@ class Cube:
             names.setdefault(number, setting.key.replace(".", "_") if taken else name)
         return names
 
-    def _variable(self, layout: Layout, names: Mapping[int, str]) -> Array:
+    def _variable(self, variable: StoredVariable, names: Mapping[int, str]) -> Array:
         """Return the variable of an output."""
-        output, (_, lengths) = layout.output, self._extents[layout.group]
+        output, (_, lengths) = variable.output, self._extents[variable.group]
         own = [lengths[dim] for dim in output.dims]
-        shape = (*(len(self.plan.axes[number].points) for number in layout.axes), *own)
-        dims = (*(names[number] for number in layout.axes), *output.dims)
+        shape = (*(len(self.plan.axes[number].points) for number in variable.axes), *own)
+        dims = (*(names[number] for number in variable.axes), *output.dims)
         dtype, empty = output.in_store
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
         words = dtype.kind == "U"
@@ -245,9 +245,9 @@ class Cube:
             attrs["comment"] = ANEW
         if output.role == STATE:
             attrs |= FLAGS
-        given: Any = (tuple(one[k] for k in layout.order) for one in (dims, shape, chunks))
+        given: Any = (tuple(one[k] for k in variable.order) for one in (dims, shape, chunks))
         named, sizes, parts = given
-        make, coordinate = partial(self._filling, layout), output.role == COORDINATE
+        make, coordinate = partial(self._reader, variable), output.role == COORDINATE
 
         def read(region: Region) -> NDArray[Any]:
             return make(region)(region)
@@ -255,37 +255,39 @@ class Cube:
         if words:  # few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
             return Array.of(named, texts, attrs, coordinate=coordinate)
-        how = partial(self._made_of, layout), make
+        how = partial(self._made_of, variable), make
         return Array(named, sizes, dtype, attrs, read, parts, empty, coordinate, *how)
 
-    def _nodes(self, layout: Layout, ranges: Sequence[range]) -> Cells:
+    def _results(self, variable: StoredVariable, ranges: Sequence[range]) -> Cells:
         """Return numbers of the results in ranges of a variable's axes, the last fastest."""
-        plan, bound = self.plan, layout.bound
-        by_axis = dict(zip(layout.axes, ranges, strict=True))
+        plan, bound = self.plan, variable.bound
+        by_axis = dict(zip(variable.axes, ranges, strict=True))
         own = plan.axes_on(bound)
-        nodes = self.schedule.nodes[bound]
-        nodes = nodes.reshape([len(plan.axes[number].points) for number in own])
-        nodes = nodes[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
-        order = [own.index(number) for number in layout.axes if number in own]
+        results = self.schedule.results[bound]
+        results = results.reshape([len(plan.axes[number].points) for number in own])
+        results = results[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
+        order = [own.index(number) for number in variable.axes if number in own]
         others = [at for at, number in enumerate(own) if number not in by_axis]
-        return nodes.transpose(order + others).ravel()
+        return results.transpose(order + others).ravel()
 
-    def _extents_of(self, layouts: Sequence[Layout]) -> tuple[dict[str, int], dict[str, int]]:
+    def _extents_of(
+        self, variables: Sequence[StoredVariable]
+    ) -> tuple[dict[str, int], dict[str, int]]:
         """Return starts of own dimensions with an origin over all cells, and lengths of all."""
         ends: dict[tuple[str, bool], tuple[int, int]] = {}  # by whether there is an origin
         lengths: dict[str, int] = {}
-        for layout in layouts:
-            output, axes = layout.output, self.plan.axes
-            numbers = map(self.plan.axis_number, layout.bound.gather)
+        for variable in variables:
+            output, axes = variable.output, self.plan.axes
+            numbers = map(self.plan.axis_number, variable.bound.gather)
             gathered = {axes[n].name: len(axes[n].points) for n in numbers}
             lengths |= {dim: max(lengths.get(dim, 0), gathered.get(dim, 0)) for dim in output.dims}
             if gathered.keys() >= set(output.dims):
                 continue
-            origin, even = layout.origin, layout.bound.stage.is_even(output)
-            nodes = self._nodes(layout, [range(len(axes[n].points)) for n in layout.axes])
-            nodes = nodes[self.schedule.spots.present[nodes]]
-            nodes = nodes[:1] if even else np.unique(nodes)
-            for arrays in undamaged_cells(self.packs, self.schedule.spots[nodes]):
+            origin, even = variable.origin, variable.bound.stage.is_even(output)
+            results = self._results(variable, [range(len(axes[n].points)) for n in variable.axes])
+            results = results[self.schedule.locations.present[results]]
+            results = results[:1] if even else np.unique(results)
+            for arrays in undamaged_cells(self.packs, self.schedule.locations[results]):
                 if output.name not in arrays:
                     continue
                 shape = arrays[output.name].shape
@@ -297,51 +299,53 @@ class Cube:
             lengths[dim] = max(lengths[dim], high - low)
         return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
 
-    def _filling(self, layout: Layout, region: Region) -> Callable[[Region], NDArray[Any]]:
+    def _reader(self, variable: StoredVariable, region: Region) -> Callable[[Region], NDArray[Any]]:
         """Return what makes the values of a region of a variable, also in another process."""
-        output, count = layout.output, len(layout.axes)
-        starts, lengths = self._extents[layout.group]
-        natural = [region[k] for k in np.argsort(layout.order)]
+        output, count = variable.output, len(variable.axes)
+        starts, lengths = self._extents[variable.group]
+        natural = [region[k] for k in np.argsort(variable.order)]
         ranges = [range(one.start, one.stop) for one in natural[:count]]
-        nodes = self._nodes(layout, ranges)
+        results = self._results(variable, ranges)
         state = output.role == STATE
-        lost = np.flatnonzero(np.isin(nodes, [*self.schedule.failed])) if state else nodes[:0]
-        wanted = np.flatnonzero(self.schedule.spots.present[nodes])
-        return Filling(
+        lost = np.flatnonzero(np.isin(results, [*self.schedule.failed])) if state else results[:0]
+        wanted = np.flatnonzero(self.schedule.locations.present[results])
+        return RegionReader(
             self.packs,
-            self.schedule.spots[nodes[wanted]].alone(),
-            layout.bound.name,
+            self.schedule.locations[results[wanted]].alone(),
+            variable.bound.name,
             output,
-            layout.bound.stage.is_even(output),
+            variable.bound.stage.is_even(output),
             shape=tuple(map(len, ranges)),
-            first=tuple(starts.get(dim, 0) if dim in layout.origin else 0 for dim in output.dims),
+            first=tuple(starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims),
             own=tuple(lengths[dim] for dim in output.dims),
             inside=tuple(natural[count:]),
-            order=layout.order,
+            order=variable.order,
             wanted=wanted,
             lost=lost,
         ).values
 
-    def _made_of(self, layout: Layout, region: Region) -> bytes:
+    def _made_of(self, variable: StoredVariable, region: Region) -> bytes:
         """Return what decides the values of a region: keys of its cells, and how they lie there."""
-        output, count = layout.output, len(layout.axes)
-        starts, lengths = self._extents[layout.group]
-        natural = [region[k] for k in np.argsort(layout.order)]
-        nodes = self._nodes(layout, [range(one.start, one.stop) for one in natural[:count]])
-        spots, failed = self.schedule.spots, self.schedule.failed
-        keys = np.where(spots.present[nodes, None], spots.keys[nodes], 0)
-        lost = np.isin(nodes, [*failed]) if output.role == STATE else np.empty(0, bool)
+        output, count = variable.output, len(variable.axes)
+        starts, lengths = self._extents[variable.group]
+        natural = [region[k] for k in np.argsort(variable.order)]
+        results = self._results(variable, [range(one.start, one.stop) for one in natural[:count]])
+        locations, failed = self.schedule.locations, self.schedule.failed
+        keys = np.where(locations.present[results, None], locations.keys[results], 0)
+        lost = np.isin(results, [*failed]) if output.role == STATE else np.empty(0, bool)
         own = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
-        about = [output.name, output.pad, layout.order, own, natural[count:]]
+        about = [output.name, output.pad, variable.order, own, natural[count:]]
         return repr(about).encode() + lost.tobytes() + keys.tobytes()
 
-    def _coordinates(self, layouts: Sequence[Layout], names: Mapping[int, str]) -> dict[str, Array]:
+    def _coordinates(
+        self, variables: Sequence[StoredVariable], names: Mapping[int, str]
+    ) -> dict[str, Array]:
         """Return coordinates of all axes: along dimensions, or scalar ones of one value."""
         found: dict[str, Array] = {}
-        dims = {dim for layout in layouts for dim in layout.output.dims}
+        dims = {dim for variable in variables for dim in variable.output.dims}
         for number, name in names.items():
             axis = self.plan.axes[number]
-            if name in dims or any(number in layout.axes for layout in layouts):
+            if name in dims or any(number in variable.axes for variable in variables):
                 found |= axis_coordinates(axis, name)
             elif not axis.several:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
@@ -376,9 +380,9 @@ class Cube:
         axes = [plan.axes[number] for number in numbers]
         worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
         for bound in bounds:
-            nodes, own = self.schedule.nodes[bound], plan.axes_on(bound)
-            present = self.schedule.spots.present[nodes]
-            failed = np.isin(nodes, [*self.schedule.failed])
+            results, own = self.schedule.results[bound], plan.axes_on(bound)
+            present = self.schedule.locations.present[results]
+            failed = np.isin(results, [*self.schedule.failed])
             for state, those in ((MISSING, ~present & ~failed), (FAILED, failed)):
                 cells = np.flatnonzero(those)
                 point = tuple(

@@ -11,7 +11,15 @@ from pathlib import Path
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import ROOM
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where, around, below, is_own, namesake, real_place, where
+from sweeps.engine.declare.places import (
+    PathOrUrl,
+    child,
+    is_own,
+    namesake,
+    parents,
+    path_or_url,
+    real_place,
+)
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import read_manifest
 
@@ -19,7 +27,7 @@ OF_ZARR = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr h
 BESIDE = ".{}." + 32 * "0" + ".partial"  # of names beside a store one of the longest
 
 
-def check_target(path: Where) -> None:
+def check_target(path: PathOrUrl) -> None:
     """Refuse a place that is neither new nor a store with a readable manifest and its files alone.
 
     A store grows where it is. Nor may it be inside another one.
@@ -38,7 +46,7 @@ def check_target(path: Where) -> None:
             raise _wrong("store", path, reason)
 
 
-def _names(key: str, place: Where) -> set[str]:
+def _names(key: str, place: PathOrUrl) -> set[str]:
     """Return names of all objects of a place, and of links to folders."""
     try:
         return set(Objects(place).sizes())
@@ -46,20 +54,20 @@ def _names(key: str, place: Where) -> set[str]:
         raise _wrong(key, place, f"which cannot be read: {error.strerror}") from error
 
 
-def check_cache(path: Where) -> None:
+def check_cache(path: PathOrUrl) -> None:
     """Refuse a cache that is in a store, is no folder and cannot become one, or is not its user's.
 
     Who may write to a bucket is said there.
     """
     place = _checked_place("cache", path, inside=False)
-    for folder in (place, below(place, ROOM)):
+    for folder in (place, child(place, ROOM)):
         if isinstance(folder, Path) and not is_own(folder):
             reason = f"but others own {str(folder)!r} or may write there; a cache is its user's own"
             raise _wrong("cache", path, f"{reason}: chmod go-w, or give another folder")
 
 
 def check_apart(
-    stores: Iterable[Where], cache: Where, beside: Callable[[Path], Iterable[Path]]
+    stores: Iterable[PathOrUrl], cache: PathOrUrl, beside: Callable[[Path], Iterable[Path]]
 ) -> None:
     """Refuse stores of one command in one another, around its cache, or where reports are written.
 
@@ -67,7 +75,7 @@ def check_apart(
     paths that the report of a store writes to, which may be a store that is there, too.
     """
     places = {real_place(path): path for path in stores}
-    reports: dict[Path, Where] = {}
+    reports: dict[Path, PathOrUrl] = {}
     for path in places.values():
         for written in beside(namesake(path)):
             if real_place(written) in places or is_store(written):
@@ -78,35 +86,35 @@ def check_apart(
                 raise _wrong("store", path, f"{reason}; give another name")
     for key, path in (("cache", cache), *(("store", path) for path in places.values())):
         place = real_place(path)
-        outside = [place, *around(place)][key == "store" :]
+        outside = [place, *parents(place)][key == "store" :]
         if store := next((places[one] for one in outside if one in places), None):
             raise _wrong(key, path, f"but must not be in the store {str(store)!r}")
 
 
-def is_store(place: Where) -> bool:
+def is_store(place: PathOrUrl) -> bool:
     """Return whether a place is a zarr store or part of one."""
     with suppress(OSError):  # what cannot be told
         return any(Objects(place).get(name) is not None for name in OF_ZARR)
     return False
 
 
-def _wrong(key: str, path: Where, reason: str) -> ConfigurationError:
+def _wrong(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
     return ConfigurationError(f"{key} is {str(path)!r}, {reason}")
 
 
-def _checked_place(key: str, given: Where, *, inside: bool) -> Where:
+def _checked_place(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
     """Return the real place; refuse a name or a folder that cannot be, or what is in a store.
 
     That is the place itself, or the one that it is `inside`.
     """
-    path = where(key, given)
+    path = path_or_url(key, given)
     place = _checked_path(key, given, path, inside=inside) if isinstance(path, Path) else path
-    if store := next(filter(is_store, [place, *around(place)][inside:]), None):
+    if store := next(filter(is_store, [place, *parents(place)][inside:]), None):
         raise _wrong(key, given, f"but must not be in the store {str(store)!r}")
     return place
 
 
-def _checked_path(key: str, given: Where, path: Path, *, inside: bool) -> Path:
+def _checked_path(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> Path:
     """Return the real path; refuse an impossible name, or a folder that cannot be written."""
     try:
         place = Path(os.path.realpath(path))

@@ -25,7 +25,7 @@ from filelock import FileLock, Timeout
 
 from sweeps.engine.cache.objects import OPEN, Objects, make_folder
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where, apart, real_place
+from sweeps.engine.declare.places import PathOrUrl, parent_and_name, real_place
 from sweeps.engine.run.process import repeating
 
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
@@ -35,7 +35,7 @@ OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 
 
 @contextmanager
-def locked(place: Where) -> Iterator[Callable[[], None]]:
+def locked(place: PathOrUrl) -> Iterator[Callable[[], None]]:
     """Hold the lock of a store, which need not exist; yield a check that it still is held.
 
     It is advisory. The check raises OSError if another process has taken over the lock of a bucket,
@@ -66,7 +66,7 @@ def locked(place: Where) -> Iterator[Callable[[], None]]:
             release()
 
 
-def is_locked(place: Where) -> bool:
+def is_locked(place: PathOrUrl) -> bool:
     """Return whether a process holds the lock of a store; that of a bucket may have died lately."""
     above, name = _beside(place)
     if not isinstance(above, Path):
@@ -81,9 +81,9 @@ def is_locked(place: Where) -> bool:
     return False
 
 
-def _beside(place: Where) -> tuple[Where, str]:
+def _beside(place: PathOrUrl) -> tuple[PathOrUrl, str]:
     """Return the folder or URL that a store is in, and the name of its lock there."""
-    above, name = apart(real_place(place))
+    above, name = parent_and_name(real_place(place))
     return above, f".{name}.lock"
 
 
@@ -125,7 +125,7 @@ def _take_file(folder: Path, name: str) -> Taken:
     return lambda: None, release
 
 
-def _take_object(above: Where, name: str) -> Taken:
+def _take_object(above: PathOrUrl, name: str) -> Taken:
     """Make an object that `check` renews, or take one over that was silent for a lease."""
     objects, own, using = Objects(above), uuid.uuid4().hex, threading.Lock()
     owner, turns, found, since = _owner(), count(), None, time.monotonic()
@@ -162,7 +162,7 @@ def _take_object(above: Where, name: str) -> Taken:
 
 
 @contextmanager
-def used(folder: Where, *, alone: bool = False) -> Iterator[None]:
+def used(folder: PathOrUrl, *, alone: bool = False) -> Iterator[None]:
     """Use a folder together with others, or alone: then raise BlockingIOError if others use it.
 
     Of a bucket, or a folder that is not there, nobody is known to use it.

@@ -15,7 +15,7 @@ from typing import Any
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import seal, unseal
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 
 MANIFEST = "manifest"
@@ -53,7 +53,7 @@ class Manifest:
         return name not in self.files or size == self.files[name]
 
 
-def read_manifest(place: Where) -> Manifest | None:
+def read_manifest(place: PathOrUrl) -> Manifest | None:
     """Return the manifest of a store; None if there is none.
 
     Raises ConfigurationError if it is damaged, and OSError if it cannot be read.
@@ -67,7 +67,7 @@ def read_manifest(place: Where) -> Manifest | None:
         raise _unreadable(place) from error
 
 
-def manifest_of(place: Where) -> Manifest:
+def manifest_of(place: PathOrUrl) -> Manifest:
     """Return the manifest of a store; ConfigurationError if it is missing or damaged."""
     found = read_manifest(place)
     if found is None:
@@ -75,14 +75,14 @@ def manifest_of(place: Where) -> Manifest:
     return found
 
 
-def _unreadable(place: Where) -> ConfigurationError:
+def _unreadable(place: PathOrUrl) -> ConfigurationError:
     return ConfigurationError(
         f"store is {str(place)!r}, whose {MANIFEST} cannot be read; "
         "give another path, or remove it if it is a damaged store"
     )
 
 
-def verify(place: Where, groups: Iterable[str] | None = None) -> list[str]:
+def verify(place: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
     """Return sorted names of objects of a store that are missing, of another size or unexpected.
 
     Nothing is read. An object that is not in the manifest counts as damage, because zarr would read

@@ -21,7 +21,7 @@ from sweeps.engine.cache.objects import CLOSED, Objects, make_folder
 from sweeps.engine.cache.packs import MISSING, cells_of, declared, each_cell
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure, reason, traceback_of
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.declare.storable import nested, plain
@@ -35,7 +35,7 @@ from sweeps.engine.run.forking import check_guard
 from sweeps.engine.run.interrupts import heed, heeding, interruptible
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Task, Watch
-from sweeps.engine.run.tasks import Damaged, Outcome, Report, run_calls, uneven
+from sweeps.engine.run.tasks import Damaged, Outcome, Report, run_batches, uneven
 from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.folders import check_apart, check_cache, check_target
 from sweeps.engine.store.locks import locked, used
@@ -58,14 +58,14 @@ Failures = list[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Place:
+class RunOptions:
     """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
 
     A `partial` store has the cells that are in the cache; nothing is computed.
     """
 
-    store: Where
-    cache: Where
+    store: PathOrUrl
+    cache: PathOrUrl
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 10**9
     partial: bool = False
@@ -91,7 +91,7 @@ class Finished:
     axes: Mapping[str, int] = field(default_factory=dict)
 
 
-def existing(experiment: Experiment, path: Where, plan: Plan) -> Mapping[str, object] | None:
+def existing(experiment: Experiment, path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
     """Return attributes of the store that a sweep extends; None if there is none."""
     attributes = read_attributes(path)
     if attributes is not None:
@@ -99,7 +99,7 @@ def existing(experiment: Experiment, path: Where, plan: Plan) -> Mapping[str, ob
     return attributes
 
 
-def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) -> Finished:
+def sweep(experiment: Experiment, choices: Choices, options: RunOptions, watch: Watch) -> Finished:
     """Compute all missing cells of an experiment, and write its store.
 
     Raises
@@ -112,38 +112,38 @@ def sweep(experiment: Experiment, choices: Choices, place: Place, watch: Watch) 
     start = time.perf_counter()
     with ExitStack() as stack:
         stack.enter_context(environment(choices.variables))
-        check_target(place.store)
-        check_cache(place.cache)
-        check_apart([place.store], place.cache, lambda store: ())
+        check_target(options.store)
+        check_cache(options.cache)
+        check_apart([options.store], options.cache, lambda store: ())
         plan = Plan(experiment, choices)
-        check = stack.enter_context(locked(place.store))
-        recover(place.store)
-        if isinstance(packs := place.packs.place, Path):
+        check = stack.enter_context(locked(options.store))
+        recover(options.store)
+        if isinstance(packs := options.packs.place, Path):
             make_folder(packs, CLOSED)
         stack.enter_context(used(packs))
-        index = CellIndex(place.packs, watch.say, plan.identity.values())
-        old = existing(experiment, place.store, plan)
+        index = CellIndex(options.packs, watch.say, plan.identity.values())
+        old = existing(experiment, options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
             for name, found in why(plan, old or {}):
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
-        if old is not None and is_whole(plan, place.store, old, watch.say):
+        if old is not None and is_whole(plan, options.store, old, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
             finished = _unchanged(plan, index, watch)
-        elif place.partial and old is not None and PARTIAL not in old:
+        elif options.partial and old is not None and PARTIAL not in old:
             raise ConfigurationError(
-                f"store is {str(place.store)!r}, which is not partial, and would lose what the "
+                f"store is {str(options.store)!r}, which is not partial, and would lose what the "
                 "cache has no longer; give another path for partial=true"
             )
         else:
             tried = _tried(plan, old or {})
-            finished = _until_undamaged(plan, place, index, watch, check, tried)
+            finished = _until_undamaged(plan, options, index, watch, check, tried)
         size = 0
         with suppress(OSError):  # the store is written, whatever the cache does now
-            size = sum(place.packs.sizes().values()) if finished.written else 0
-        if size > place.cache_limit:
-            limit = f"{place.cache_limit / 1e9:g} GB"
+            size = sum(options.packs.sizes().values()) if finished.written else 0
+        if size > options.cache_limit:
+            limit = f"{options.cache_limit / 1e9:g} GB"
             watch.say(
-                f"{place.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
+                f"{options.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
                 f"`{experiment.name} --cache prune={limit.replace(' ', '')}` deletes the oldest"
             )
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
@@ -168,7 +168,7 @@ def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
 
 def _until_undamaged(
     plan: Plan,
-    place: Place,
+    options: RunOptions,
     index: CellIndex,
     watch: Watch,
     check: Callable[[], None],
@@ -181,11 +181,11 @@ def _until_undamaged(
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
-                failures, workers = _compute(schedule, place, index, watch, thread, stack, tried)
-                if place.cluster.kind in HERE:  # which end meanwhile
+                failures, workers = _compute(schedule, options, index, watch, thread, stack, tried)
+                if options.cluster.kind in HERE:  # which end meanwhile
                     thread.submit(stack.close)
                     workers = None
-                failures += _write(schedule, place, index, watch, check, workers)
+                failures += _write(schedule, options, index, watch, check, workers)
             except Damaged as error:
                 damaged = sorted(_damaged(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
@@ -196,12 +196,12 @@ def _until_undamaged(
                 return Finished(schedule.progress, failures, written=True)
             finally:
                 thread.submit(stack.close)
-    raise OSError(errno.EIO, "results cannot be read back as they were written", str(place.cache))
+    raise OSError(errno.EIO, "results cannot be read back as they were written", str(options.cache))
 
 
 def _compute(
     schedule: Schedule,
-    place: Place,
+    options: RunOptions,
     index: CellIndex,
     watch: Watch,
     thread: ThreadPoolExecutor,
@@ -213,13 +213,13 @@ def _compute(
     Little work of stages that were `tried` before is done here instead of in local workers.
     Returns and raises what `execute` does.
     """
-    plan, choice = schedule.plan, place.cluster
+    plan, choice = schedule.plan, options.cluster
     with interruptible():
         schedule.resolve(index)
         missing = schedule.missing_cells()
     cells = sum(number for _, number, _ in missing)
     total = sum(one.total for one in schedule.progress.values())
-    if place.partial:
+    if options.partial:
         watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
         return [], None
     watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
@@ -271,8 +271,8 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     numbers = count()
 
     def hand_out(task: Task) -> None:
-        number, calls = next(numbers), tuple(part.calls for part in task.parts)
-        executor.submit(number, run_calls, calls, task.order, index.cells)
+        number, batches = next(numbers), tuple(one.batch for one in task.batches)
+        executor.submit(number, run_batches, batches, task.order, index.cells)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
@@ -280,7 +280,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
             hand_out(suspects.popleft())
         most = 0 if alone or suspects else AHEAD * executor.workers
         while schedule.ready and len(under_way) < most:
-            if (task := schedule.batch(executor.workers)).parts:
+            if (task := schedule.next_task(executor.workers)).batches:
                 hand_out(task)
         with interruptible():
             finished = executor.finished()
@@ -291,14 +291,14 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                 continue
             if error is not None:
                 lost = Failure("", reason(error), traceback=traceback_of(error))
-                cells = range(len(task.parts[0].cells))
+                cells = range(len(task.batches[0].cells))
                 report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
             if report.unwritten is not None:
                 raise report.unwritten
-            for part, outcome in zip(task.parts, report.outcomes, strict=True):
+            for planned, outcome in zip(task.batches, report.outcomes, strict=True):
                 damaged.update(*outcome.lacking.values())
                 pack = MISSING if outcome.pack is None else index.add(outcome.pack)
-                for failure in schedule.finish(part, outcome, pack, split=error is None):
+                for failure in schedule.finish(planned, outcome, pack, split=error is None):
                     failures.append(failure[:2])
                     watch.failed(failure)
             for stage, output, shape in report.shapes:
@@ -313,9 +313,9 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
 
 def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
     """Return keys of all cells that cannot be read back, so that one round mends them."""
-    spots = schedule.spots[schedule.spots.present]
-    spots = spots[np.lexsort((spots.row, spots.pack))]
-    cells = zip(spots.keys, each_cell(packs, spots), strict=True)
+    locations = schedule.locations[schedule.locations.present]
+    locations = locations[np.lexsort((locations.row, locations.pack))]
+    cells = zip(locations.keys, each_cell(packs, locations), strict=True)
     return {key.tobytes() for key, arrays in cells if arrays is None}
 
 
@@ -323,7 +323,7 @@ def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
 
 
 def is_whole(
-    plan: Plan, path: Where, old: Mapping[str, object], say: Callable[[str], None]
+    plan: Plan, path: PathOrUrl, old: Mapping[str, object], say: Callable[[str], None]
 ) -> bool:
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
@@ -355,7 +355,7 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
 
 def _write(
     schedule: Schedule,
-    place: Place,
+    options: RunOptions,
     index: CellIndex,
     watch: Watch,
     check: Callable[[], None],
@@ -369,15 +369,15 @@ def _write(
     plan, failed = schedule.plan, schedule.failed
     cube = Cube(schedule, index.cells)
     failures = {
-        plan.described(bound, cell): failed[nodes[cell]]
+        plan.described(bound, cell): failed[results[cell]]
         for bound in plan.bound.values()
-        if failed and (nodes := schedule.nodes.get(bound)) is not None
-        for cell in np.flatnonzero(np.isin(nodes, [*failed])).tolist()
+        if failed and (results := schedule.results.get(bound)) is not None
+        for cell in np.flatnonzero(np.isin(results, [*failed])).tolist()
     }
     found: list[Failure] = []
     with interruptible():
         groups = cube.groups()
-        if plan.experiment.tables and not place.partial:
+        if plan.experiment.tables and not options.partial:
             from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
 
             found = add_tables(plan, groups)
@@ -386,33 +386,33 @@ def _write(
         watch.failed(failure)
     attributes = provenance(plan, failures | lost)
     everywhere: tuple[str, ...] = EVERYWHERE
-    if place.partial:
+    if options.partial:
         every = Progress.over(schedule.progress.values())
         attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
         everywhere = (*EVERYWHERE, PARTIAL)
     how: dict[str, Any] = {"everywhere": everywhere, "check": check, "writers": workers}
-    write_store(place.store, groups, attributes, **how)
+    write_store(options.store, groups, attributes, **how)
     return list(lost.items())
 
 
 # dry run ------------------------------------------------------------------------------------------
 
 
-def preview(plan: Plan, place: Place) -> tuple[Mapping[str, tuple[int, int]], str]:
+def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, int]], str]:
     """Return the cells of each stage, those to be computed among them, and the work in words.
 
-    Nothing is written, and neither place need exist.
+    Nothing is written, and neither store nor cache need exist.
 
     Raises
     ------
     ConfigurationError
         If the sweep would be refused.
     """
-    old = existing(plan.experiment, place.store, plan)
-    if old is not None and is_whole(plan, place.store, old, lambda sentence: None):
+    old = existing(plan.experiment, options.store, plan)
+    if old is not None and is_whole(plan, options.store, old, lambda sentence: None):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
-    packs = replace(place.packs, make=False)
+    packs = replace(options.packs, make=False)
     index = CellIndex(packs, lambda sentence: None, plan.identity.values())
     schedule, costs = Schedule(plan), index.costs()
     schedule.resolve(index)

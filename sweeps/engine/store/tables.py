@@ -23,7 +23,7 @@ from sweeps.engine.cache.packs import raise_shortage
 from sweeps.engine.declare.display import ATTRIBUTE
 from sweeps.engine.declare.errors import DeclarationError, located
 from sweeps.engine.declare.failures import RAISED, Failure, reason, traceback_of
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.tasks import Damaged
 from sweeps.engine.store.arrays import Array, Group, metadata
@@ -80,7 +80,7 @@ def _returns(function: Callable[..., Any]) -> bool:
     return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
 
 
-def texts(place: Where, groups: Iterable[str]) -> Iterator[str]:
+def texts(place: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
     """Yield tables of a store as texts, long ones without their middle."""
     for name in groups:
         with suppress(KeyError, FileNotFoundError):  # a table that has nothing, or failed

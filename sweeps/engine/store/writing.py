@@ -22,7 +22,7 @@ from typing import Any
 
 from sweeps.engine.cache.objects import AT_ONCE, Objects, readable
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import Where, real_place
+from sweeps.engine.declare.places import PathOrUrl, real_place
 from sweeps.engine.declare.storable import nested, plain
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import Stopped, heed, interruptible
@@ -47,7 +47,7 @@ Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
 
 def write_store(
-    place: Where,
+    place: PathOrUrl,
     groups: Mapping[str, Group],
     attributes: Mapping[str, Any],
     *,
@@ -108,7 +108,7 @@ def write_store(
         _finish(objects, finished, check)
 
 
-def recover(place: Where) -> None:
+def recover(place: PathOrUrl) -> None:
     """Finish or undo what a killed writer began; hold the lock of the store meanwhile."""
     manifest = read_manifest(place)
     if manifest is not None and (manifest.nodes or manifest.coming):
@@ -141,7 +141,7 @@ def _undo(objects: Objects, manifest: Manifest) -> None:
         objects.leave()
 
 
-def read_attributes(place: Where) -> dict[str, Any] | None:
+def read_attributes(place: PathOrUrl) -> dict[str, Any] | None:
     """Return attributes of the root of a store, nested ones as such; None if there is none yet.
 
     Raises ConfigurationError if it is not a store, or its metadata are damaged.
@@ -163,7 +163,7 @@ def read_attributes(place: Where) -> dict[str, Any] | None:
         ) from error
 
 
-def zarr_store(place: Where) -> Any:
+def zarr_store(place: PathOrUrl) -> Any:
     """Return a place as zarr and xarray open it, to be read."""
     from zarr.storage import LocalStore, ObjectStore  # takes long
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sweeps.engine.declare.places import Where, namesake
+from sweeps.engine.declare.places import PathOrUrl, namesake
 from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
@@ -26,7 +26,7 @@ FALLBACK = "frame_count"  # the axis of charts where nothing was swept
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
-def content_of(path: Where, frames: Mapping[str, Frame], pictures: Pictures) -> dict[str, Any]:
+def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures) -> dict[str, Any]:
     """Return the content of the page of a store, of its tables; OSError if it cannot be read.
 
     Pictures that the page before had are taken from there.

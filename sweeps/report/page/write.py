@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import sweeps.report
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.declare.places import Where
+from sweeps.engine.declare.places import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 from sweeps.report.frames import Frame
 from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_whole
@@ -32,7 +32,7 @@ _IMAGE = re.compile(r'<img data-of="([0-9a-f]+)" src="data:image/png;base64,([A-
 
 
 def write_page(
-    store: Where,
+    store: PathOrUrl,
     frames: Mapping[str, Frame],
     beside: Path | None = None,
     *,
@@ -54,7 +54,7 @@ def write_page(
     return []
 
 
-def is_current(store: Where) -> bool:
+def is_current(store: PathOrUrl) -> bool:
     """Return whether the page beside a store was made from it by this code."""
     try:
         with page_file(store).open(encoding="utf-8") as file:
@@ -63,7 +63,7 @@ def is_current(store: Where) -> bool:
         return False
 
 
-def _stamp(store: Where) -> str:
+def _stamp(store: PathOrUrl) -> str:
     """Return a digest of a store's attributes, of the version and of the report's sources."""
     attributes = Objects(store).get(METADATA) or b""
     return hashlib.sha256(_code().encode() + attributes).hexdigest()[:32]
@@ -91,7 +91,7 @@ def _pictures(page: Path | None) -> Pictures:
 
 
 def page_of(
-    path: Where,
+    path: PathOrUrl,
     frames: Mapping[str, Frame],
     headline: Sequence[str] = (),
     *,
