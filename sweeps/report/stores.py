@@ -14,6 +14,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.places import PathOrUrl, path_or_url
 from sweeps.engine.declare.storable import nested
 from sweeps.engine.store.manifest import verify
+from sweeps.engine.store.tables import with_scalars
 from sweeps.engine.store.writing import zarr_store
 from sweeps.report.words import MAIN, preferred, printable
 
@@ -44,7 +45,7 @@ def groups(store: Any, under: str = "") -> list[str]:
 
 def read(store: Any, group: str) -> xr.Dataset:
     """Return a group of a store, each variable read lazily. Raises KeyError without it."""
-    return xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r"))
+    return with_scalars(xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r")))
 
 
 def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None:

@@ -242,7 +242,8 @@ def test_help_opens_with_an_example(tmp_path, monkeypatch):
 
 
 def test_what_is_offered_is_documented():
-    assert [name for name in dir(sweeps) if not name.startswith("_")] == ["sweep"]
+    offered = {name for name in dir(sweeps) if not name.startswith("_")}
+    assert offered == {*sweeps.__all__} and all(hasattr(sweeps, name) for name in offered)
     offered = [name for name in dir(ncti) if not name.startswith("_")]
     assert {"simulate", "dataset"} <= {*offered} and not {"Any", "import_module"} & {*offered}
     assert all(name in ncti.__doc__ for name in offered)

@@ -15,7 +15,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store.arrays import Array, Group
 from sweeps.engine.store.folders import check_target
 from sweeps.engine.store.manifest import MANIFEST, verify
-from sweeps.engine.store.tables import group_of
+from sweeps.engine.store.tables import group_of, with_scalars
 from sweeps.engine.store.writing import read_attributes, write_store
 
 DTYPES = [
@@ -101,8 +101,9 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
             xr.testing.assert_identical(tree[name].to_dataset(inherit=False).load(), read)
     assert tree.attrs == {"seed": 3, "list": "[1, null]"}
     assert tree["classification"].attrs == {"title": "all"}
-    assert set(tree["classification/acn"].coords) == {"rule", "alone"}
-    assert tree["classification/acn"].attrs == {}
+    acn = tree["classification/acn"].to_dataset()
+    assert set(acn.coords) == {"alone"} and acn.attrs["rule"] == "otsu"
+    assert set(with_scalars(acn).coords) == {"rule", "alone"} and with_scalars(acn).attrs == {}
     np.testing.assert_array_equal(tree["classification/mnn"]["x"], COUNTS + 1)
     for name in late:
         found = opened(path, name)

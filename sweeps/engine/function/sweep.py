@@ -28,6 +28,7 @@ from sweeps.engine.run.schedule import Watch
 from sweeps.engine.store.folders import check_target
 from sweeps.engine.store.sweeping import Finished, RunOptions, preview
 from sweeps.engine.store.sweeping import sweep as run
+from sweeps.engine.store.tables import with_scalars
 from sweeps.engine.store.writing import zarr_store
 
 if TYPE_CHECKING:
@@ -160,7 +161,8 @@ def sweep(
         raise ConfigurationError(str(error)) from None  # from this line on, and not from within
     if failed:
         warnings.warn(_told(finished, failed), CallsFailed, stacklevel=2)
-    found = xr.open_zarr(zarr_store(at), group=experiment.name, chunks=None).load()
+    found = xr.open_zarr(zarr_store(at), group=experiment.name, chunks=None)
+    found = with_scalars(found.load())
     for name, one in found.variables.items():
         if PADDING in one.attrs:
             say("sweeps", f"{name} is padded {one.attrs[PADDING]}")

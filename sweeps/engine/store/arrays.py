@@ -21,6 +21,7 @@ from sweeps.engine.declare.storable import DATES, LARGEST, NAT, plain
 from sweeps.engine.resolve.keys import BYTES
 
 METADATA = "zarr.json"
+SCALARS = "scalar_coordinates"  # attribute of a group
 
 # What the name of a chunk begins with: two of zarr's ways to name them, of which a changed array
 # takes the other, so that the old metadata never refer to new chunks.
@@ -160,6 +161,25 @@ class Group:
         named = {"coordinates": " ".join(sorted(others))} if others else {}
         return plain(self.attrs) | named
 
+    def stored(self) -> Group:
+        """Return the group as it is written: scalar coordinates are attributes of it.
+
+        `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them.
+        """
+        scalars = {
+            name: one
+            for name, one in self.arrays.items()
+            if one.coordinate and not one.dims and one.dtype.kind in "biufU"
+            if name not in self.attrs
+        }
+        if not scalars:
+            return self
+        values = {name: one.whole().astype(one.dtype).item() for name, one in scalars.items()}
+        given = {name: value for name, value in values.items() if not _is_nan(value)}
+        about = {SCALARS: {name: one.attributes for name, one in scalars.items()}}
+        others = {name: one for name, one in self.arrays.items() if name not in scalars}
+        return Group(others, {**self.attrs, **given, **about})
+
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
     """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `whole` axes.
@@ -243,3 +263,7 @@ def encode(array: Array, region: Region) -> bytes | None:
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
     return None if content == empty else bytes(_ZSTD.encode(content))
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)

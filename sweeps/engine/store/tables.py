@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -24,9 +25,10 @@ from sweeps.engine.declare.display import ATTRIBUTE
 from sweeps.engine.declare.errors import DeclarationError, located
 from sweeps.engine.declare.failures import RAISED, Failure, reason, traceback_of
 from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.storable import nested
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.tasks import Damaged
-from sweeps.engine.store.arrays import Array, Group, metadata
+from sweeps.engine.store.arrays import SCALARS, Array, Group, metadata
 from sweeps.engine.store.writing import zarr_store
 
 MOST_ROWS = 20  # of a table at the end of a sweep
@@ -114,6 +116,20 @@ def dataset_of(group: Group) -> xr.Dataset:
         for name, one in group.arrays.items()
     }
     return xr.decode_cf(xr.Dataset(variables, attrs=group.attributes))
+
+
+def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a group of a store with the scalar coordinates that are attributes there."""
+    attrs = dict(dataset.attrs)
+    about = nested({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
+    scalars = {}
+    for name, given in about.items():
+        value = attrs.pop(name, math.nan)
+        value = value == "true" if given.pop("dtype", "") == "bool" else value
+        scalars[name] = ((), value, given)
+    found = dataset.assign_coords(scalars)
+    found.attrs = attrs
+    return found
 
 
 def group_of(dataset: xr.Dataset) -> Group:
