@@ -69,7 +69,7 @@ class Setting:
     dimension: str = ""  # its name in stores; by default the last word of its key
     # Why it takes one value only; empty if several make it an axis. None: as its class, or empty.
     fixed: str | None = None
-    # In stores, with one value: a DIMENSION, an attribute (COORDINATE), or nothing; None: as its class.
+    # In stores, with one value: a DIMENSION, an attribute (COORDINATE), or nothing; None: as class.
     single: str | None = None
     key: str = ""  # in the configuration, given by `Settings`
 
