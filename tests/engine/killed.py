@@ -14,7 +14,7 @@ from pathlib import Path
 
 from running import ROOT
 
-METHODS = ("get", "part", "put", "create", "copy", "_delete", "listed")
+METHODS = ("get", "part", "put", "_delete", "listed")
 EVENTS = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate"}
 
 
@@ -73,15 +73,15 @@ def main():
                 if event in EVENTS and folder in str(arguments[0]):
                     touched()
 
+            for name in METHODS:
+                setattr(Objects, name, counted(getattr(Objects, name)))
+            sys.addaudithook(hook)
             try:
-                for name in METHODS:
-                    setattr(Objects, name, counted(getattr(Objects, name)))
-                sys.addaudithook(hook)
                 go(Path(folder, store), Path(folder, cache), **asked)
             finally:
                 os._exit(0)
-        os.waitpid(child, 0)
-        print("ended", flush=True)
+        _, status = os.waitpid(child, 0)
+        print("ended" if os.waitstatus_to_exitcode(status) in (0, 9) else "failed", flush=True)
 
 
 if __name__ == "__main__":

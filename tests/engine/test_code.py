@@ -86,7 +86,7 @@ def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, diges
 def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
     folder = write(tmp_path / "here", PROJECT)
     script = (
-        "import fleet.measure; from sweeps.engine import code, modules;"
+        "import fleet.measure; from sweeps.engine.resolve import code, modules;"
         "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest);"
         "modules.keep_sources()"
     )

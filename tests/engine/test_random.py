@@ -65,15 +65,18 @@ def clean(folder, asked):
     return CLEAN[name]
 
 
-def damaged(folder, seed, flips):
-    """Flip bits of files below a folder."""
+def damaged(folder, seed, number, *, flip):
+    """Flip bits of files below a folder, or cut files short, which a listing shows."""
     chance = random.Random(seed)
-    there = sorted(file for file in folder.rglob("*") if file.is_file() and file.stat().st_size)
-    for _ in range(flips if there else 0):
-        file = chance.choice(there)
-        content = bytearray(file.read_bytes())
-        content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
-        file.write_bytes(content)
+    for _ in range(number):
+        there = sorted(file for file in folder.rglob("*") if file.is_file() and file.stat().st_size)
+        if there:
+            file = chance.choice(there)
+            content = bytearray(file.read_bytes())
+            at = chance.randrange(len(content))
+            if flip:
+                content[at] ^= 1 << chance.randrange(8)
+            file.write_bytes(content if flip else content[:at])
 
 
 def healed(store, cache, asked):
@@ -102,7 +105,7 @@ def test_whatever_happens_the_store_is_that_of_one_clean_run(tmp_path_factory, a
             case "kill":
                 killed_at(one, store, cache, asked)
             case "cache" | "store":
-                damaged(cache if what == "cache" else store, one, two)
+                damaged(cache if what == "cache" else store, one, two, flip=what == "cache")
             case "clear":
                 shutil.rmtree(cache, ignore_errors=True)
             case "lose":

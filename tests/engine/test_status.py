@@ -13,7 +13,8 @@ from small_stores import contents, opened
 from toys import SPRINGS, go
 
 from sweeps.engine.command.line import Command
-from sweeps.engine.run import progress as watching
+from sweeps.engine.command.status import described
+from sweeps.engine.run import progress
 from sweeps.engine.store.locks import used
 from sweeps.engine.store.writing import read_attributes
 
@@ -53,8 +54,8 @@ def rows(text):
 
 
 def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start, monkeypatch):
-    monkeypatch.setattr(watching, "WRITTEN", 0.0)
-    monkeypatch.setattr(watching, "EARLIEST", 0.2)
+    monkeypatch.setattr(progress, "WRITTEN", 0.0)
+    monkeypatch.setattr(progress, "EARLIEST", 0.2)
     seen = []
 
     def look():
@@ -63,7 +64,7 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
         os.kill(os.getpid(), signal.SIGINT)
 
     def estimated():
-        seen[:] = [watching.described(Path("s.zarr"), Path("cache"))]
+        seen[:] = [described(Path("s.zarr"), Path("cache"))]
         return [*seen[0][1].columns[-1].cells][-1]
 
     with meanwhile(look):

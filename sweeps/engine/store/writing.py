@@ -86,7 +86,9 @@ def write_store(
         intent = replace(old, coming=coming)
         try:
             intent.put(objects)
-            made = kept if writers is None else kept | _written_elsewhere(objects, new, writers)
+            made = dict(kept)
+            if writers is not None:
+                made |= _written_elsewhere(objects, new, writers)
             with interruptible():
                 made |= _write_chunks(objects, [one for one in new if one.name not in made])
             files = {name: size for name, size in made.items() if size is not None}
