@@ -507,43 +507,44 @@ def unknown(
     return {"unknown": Report("Unknown ships", columns, rows)}
 
 
-def pairs(answers: Mapping[tuple[str, str], Mapping[int, Answers]]) -> dict[str, Report]:
+def pairs(answers: Mapping[tuple[str, str], Mapping[str, Answers]]) -> dict[str, Report]:
     """Return the share of known ships kept where two of six are unknown, at 100 km.
 
-    By the pair that is unknown and the number of ships generated of each one learned.
+    By the pair that is unknown and the alternative that answers are weighed against.
     """
-    numbers = list(next(iter(answers.values())))
+    alternatives = list(next(iter(answers.values())))
     kept = {
-        number: np.array(
+        alternative: np.array(
             [
-                [open_set(one["classification/likelihood"], pair)["kept"] for one in found[number]]
+                [
+                    open_set(one["classification/likelihood"], pair)["kept"]
+                    for one in found[alternative]
+                ]
                 for pair, found in answers.items()
             ]
         )
-        for number in numbers
+        for alternative in alternatives
     }
     rows = [
         {"what": " and ".join(name.title() for name in pair)}
-        | {str(number): text_of(kept[number][k]) for number in numbers}
+        | {alternative: text_of(of[k]) for alternative, of in kept.items()}
         for k, pair in enumerate(answers)
     ]
     rows.append(
         {"what": "mean of all pairs"}
-        | {str(number): text_of(kept[number].mean(axis=0)) for number in numbers}
+        | {alternative: text_of(of.mean(axis=0)) for alternative, of in kept.items()}
     )
-    spread = {number: kept[number].mean(axis=1) for number in numbers}
+    spread = {alternative: of.mean(axis=1) for alternative, of in kept.items()}
     rows.append(
         {"what": "standard deviation of pairs [lowest-highest]"}
         | {
-            str(number): f"{of.std(ddof=1):.0f} [{of.min():.0f}-{of.max():.0f}]"
-            for number, of in spread.items()
+            alternative: f"{of.std(ddof=1):.0f} [{of.min():.0f}-{of.max():.0f}]"
+            for alternative, of in spread.items()
         }
     )
+    seeds = kept[alternatives[0]].shape[1]
     columns = (
-        Column("what", f"unknown ships, mean of {kept[numbers[0]].shape[1]} seeds [95 % interval]"),
-        *(
-            Column(str(number), f"{'with' if number else 'without'} generated ships")
-            for number in numbers
-        ),
+        Column("what", f"unknown ships, mean of {seeds} seeds [95 % interval]; alternative:"),
+        *(Column(alternative, alternative) for alternative in alternatives),
     )
     return {"pairs": Report("Every pair of six ships unknown", columns, rows)}

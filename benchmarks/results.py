@@ -109,17 +109,33 @@ SIX = (*ARTICLE, *UNKNOWN_SHIPS)
 PAIRS, PAIR_SEEDS = tuple(combinations(SIX, 2)), 5
 
 
-def of_unknown(*alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS) -> tuple[str, ...]:
+def of_unknown(
+    *alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS, tested: Sequence[str] = ARTICLE
+) -> tuple[str, ...]:
     """Return the ships of a sweep with unknown ones, and with some that are known to be unknown."""
     absent = list(dict.fromkeys([*unknown, *alternative]))
     given = [f"classifier.alternative=[{','.join(alternative)}]"] if alternative else []
-    ships = ",".join(dict.fromkeys([*ARTICLE, *absent]))
+    ships = ",".join(dict.fromkeys([*tested, *absent]))
     return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(absent)}]", *given
 
 
-def of_pair(pair: Sequence[str]) -> tuple[str, ...]:
-    """Return the ships of a sweep in which two of six are unknown."""
-    return f"grid.ship=[{','.join(SIX)}]", f"classifier.unknown=[{','.join(pair)}]"
+def against_pair(pair: Sequence[str], generated: int) -> dict[str, tuple[str, ...]]:
+    """Return the arguments of sweeps in which two of six ships are unknown, by the alternative."""
+
+    def others(*alternative: str) -> tuple[str, ...]:
+        return of_unknown(*alternative, unknown=pair, tested=SIX)
+
+    return {
+        "none": others(),
+        "generated ships": (*others(), f"classifier.generated={generated}"),
+        "variants of the unknown ships": others(*_variants(pair)),
+        "the unknown ships themselves": others(*pair),
+    }
+
+
+def _variants(ships: Iterable[str]) -> tuple[str, ...]:
+    """Return a variant of each ship, drawn with twice the uncertainty of its sheet."""
+    return tuple(f"{ship}@1.1x2" for ship in ships)
 
 
 PARTS = (
@@ -301,13 +317,13 @@ def measure(sizes: Sizes) -> dict[str, Report]:
     if "categories" in parts:
         made |= categories(sizes.alone(FORMED, in_group("classification/", "acn"), "categories"))
     if "unknown" in parts:
-        sisters = tuple(f"{ship}@1.1x2" for ship in UNKNOWN_SHIPS)
+        sisters = of_unknown(*_variants(UNKNOWN_SHIPS))
         looked_up, likely, against, themselves = (
             sizes.rejecting([*overrides, *ships], names, label)
             for overrides, ships, names, label in (
                 (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
                 (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
-                (AGAINST, of_unknown(*sisters), CLASSIFIERS[2:], "unknown ships, alternative"),
+                (AGAINST, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
                 (AGAINST, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
             )
         )
@@ -334,14 +350,14 @@ def measure(sizes: Sizes) -> dict[str, Report]:
         made |= pairs(
             {
                 pair: {
-                    number: sizes.rejecting(
-                        [*FAR, *of_pair(pair), f"classifier.generated={number}"],
+                    alternative: sizes.rejecting(
+                        [*FAR, *overrides],
                         CLASSIFIERS[2:],
-                        f"{' and '.join(pair)} unknown, {number} generated of each",
+                        f"{' and '.join(pair)} unknown, alternative: {alternative}",
                         SOURCE_STEP,
                         seeds=min(sizes.draws, PAIR_SEEDS),
                     )
-                    for number in (0, sizes.generated)
+                    for alternative, overrides in against_pair(pair, sizes.generated).items()
                 }
                 for pair in sizes.pairs
             }
