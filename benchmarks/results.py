@@ -147,6 +147,7 @@ PARTS = (
     "protocol",
     "categories",
     "unknown",
+    "pairs",
     "flights",
 )
 
@@ -347,6 +348,7 @@ def measure(sizes: Sizes) -> dict[str, Report]:
             against,
             themselves,
         )
+    if "pairs" in parts:
         made |= pairs(
             {
                 pair: {
