@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import Experiment
+from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
 from sweeps.engine.store.sweeping import RunOptions, sweep
 
@@ -59,7 +60,7 @@ def timed(experiment: Experiment, choices: Choices, place: RunOptions) -> Timed:
     def step(schedule: Schedule) -> None:
         steps.append(time.perf_counter())
 
-    finished = sweep(experiment, choices, place, Watch(lambda sentence: None, step))
+    finished = sweep(Plan(experiment, choices), place, Watch(lambda sentence: None, step))
     end = time.perf_counter()
     steps += [] if steps else [end]
     for what, why in finished.failures:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 import zarr
 
+from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, path_or_url
+from sweeps.engine.declare.places import PathOrUrl, path_or_url, real_place
 from sweeps.engine.declare.storable import nested
+from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.tables import with_scalars
 from sweeps.engine.store.writing import zarr_store
@@ -29,7 +32,14 @@ OF_ARRAYS = (
 
 def opened(path: PathOrUrl) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
-    return zarr.open_group(zarr_store(path_or_url("store", path)), mode="r")
+    place = real_place(path_or_url("store", path))
+    return _opened(place, Objects(place).get(METADATA))
+
+
+@lru_cache(maxsize=2)
+def _opened(place: PathOrUrl, metadata: bytes | None) -> Any:
+    """Return a store, opened once while its metadata are the same."""
+    return zarr.open_group(zarr_store(place), mode="r")
 
 
 def attributes(store: Any) -> dict[str, Any]:

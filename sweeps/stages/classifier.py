@@ -297,7 +297,7 @@ def check(choices: Choices) -> Choices:
 
 def check_left_out(choices: Choices) -> None:
     """Refuse to leave the true aspect out where no other is learned."""
-    aspects = int(learned_of(choices).any("ship").sum("aspect").min())
+    aspects = min(int(learned.any(axis=0).sum()) for learned in _learned(choices))
     if any(choices[Classifier.left_out]) and aspects < 2:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 

@@ -37,6 +37,7 @@ from sweeps.engine.declare.stage import (
     plain,
     stage,
 )
+from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import forget_all
@@ -225,7 +226,7 @@ def run(experiment, choices, store, cache=None, kind="inline", workers=None, wat
     cache = Path(cache or namesake(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
     place = RunOptions(place, cache, cluster, **how)
-    return sweep(experiment, choices, place, watch or Watch(lambda sentence: None))
+    return sweep(Plan(experiment, choices), place, watch or Watch(lambda sentence: None))
 
 
 class Told:

@@ -6,6 +6,7 @@ import numpy as np
 from once import sharing_ships
 
 from sweeps.engine.declare.settings import read_choices
+from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.store.sweeping import RunOptions, sweep
@@ -45,7 +46,7 @@ def flown(folder, name="s", **given):
     """Path of the store of a sweep of small flights; finished cells are kept in the folder."""
     inline = ClusterChoice(kind="inline")
     place = RunOptions(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
-    found = sweep(EXPERIMENT, checked(**given), place, Watch(lambda text: None))
+    found = sweep(Plan(EXPERIMENT, checked(**given)), place, Watch(lambda text: None))
     assert not found.failures
     return place.store
 

@@ -11,6 +11,7 @@ from once import sharing_ships
 from sweeps.app import command, main
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.overrides import read_jobs
+from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import forget_all
@@ -41,7 +42,7 @@ def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> F
     forget_all()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)
     place = RunOptions(store, sharing_ships(cache), ClusterChoice(kind="inline"))
-    return sweep(experiment, choices, place, Watch(lambda sentence: None))
+    return sweep(Plan(experiment, choices), place, Watch(lambda sentence: None))
 
 
 def ran(*arguments: str, modules=()) -> int:

@@ -200,7 +200,7 @@ class Command:
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
-                    existing(self.experiment, store, plan)
+                    existing(store, plan)
                 sweeps.append((plan, options))
         return sweeps
 
@@ -262,25 +262,25 @@ class Command:
                     show(counted(dict(reversed(rows.items())), "cells", "reused", "to compute"))
                     show(sentence)
                 else:
-                    left += self._run(choices, options)
+                    left += self._run(plan, options)
         if left:
             raise SweepIncomplete("; ".join(left))
 
-    def _run(self, choices: Choices, options: RunOptions) -> list[str]:
+    def _run(self, plan: Plan, options: RunOptions) -> list[str]:
         """Run one sweep into a store, and report it; return what is not complete."""
         near = namesake(options.store)
         log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
         with watching(
             self.name, log, options.store, options.cache, record=not options.partial
         ) as watch:
-            finished = sweep(self.experiment, choices, options, watch)
+            finished = sweep(plan, options, watch)
         if options.partial:
             return []
         say(self.name, summary(finished.progress, finished.seconds))
         left = [_failed(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
-                (self.report or self._report)(options.store, choices, finished)
+                (self.report or self._report)(options.store, plan.choices, finished)
         except SweepIncomplete as error:
             left.append(str(error))
         except Exception as error:  # the store is complete without it

@@ -156,7 +156,7 @@ def sweep(
     try:
         with progress_bar() as step:
             watch = Watch(lambda sentence: None, step, failed.append)
-            finished = run(experiment, choices, options, watch)
+            finished = run(Plan(experiment, choices), options, watch)
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # from this line on, and not from within
     if failed:

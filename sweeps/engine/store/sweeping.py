@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,6 @@ from sweeps.engine.cache.packs import MISSING, cells_of, declared, each_cell
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure, reason, traceback_of
 from sweeps.engine.declare.places import PathOrUrl
-from sweeps.engine.declare.settings import Choices
-from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.declare.storable import nested, plain
 from sweeps.engine.resolve.code import place_of
 from sweeps.engine.resolve.keys import distinct
@@ -46,6 +45,7 @@ from sweeps.engine.store.writing import read_attributes, recover, write_store
 ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
 HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
+OF_TABLES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers compute
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
@@ -91,16 +91,16 @@ class Finished:
     axes: Mapping[str, int] = field(default_factory=dict)
 
 
-def existing(experiment: Experiment, path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
+def existing(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
     """Return attributes of the store that a sweep extends; None if there is none."""
     attributes = read_attributes(path)
     if attributes is not None:
-        check_extends(experiment, str(path), attributes, plan)
+        check_extends(plan.experiment, str(path), attributes, plan)
     return attributes
 
 
-def sweep(experiment: Experiment, choices: Choices, options: RunOptions, watch: Watch) -> Finished:
-    """Compute all missing cells of an experiment, and write its store.
+def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
+    """Compute all missing cells of a plan, and write its store.
 
     Raises
     ------
@@ -111,18 +111,17 @@ def sweep(experiment: Experiment, choices: Choices, options: RunOptions, watch: 
     """
     start = time.perf_counter()
     with ExitStack() as stack:
-        stack.enter_context(environment(choices.variables))
+        stack.enter_context(environment(plan.choices.variables))
         check_target(options.store)
         check_cache(options.cache)
         check_apart([options.store], options.cache, lambda store: ())
-        plan = Plan(experiment, choices)
         check = stack.enter_context(locked(options.store))
         recover(options.store)
         if isinstance(packs := options.packs.place, Path):
             make_folder(packs, CLOSED)
         stack.enter_context(used(packs))
         index = CellIndex(options.packs, watch.say, plan.identity.values())
-        old = existing(experiment, options.store, plan)
+        old = existing(options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
             for name, found in why(plan, old or {}):
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
@@ -142,9 +141,10 @@ def sweep(experiment: Experiment, choices: Choices, options: RunOptions, watch: 
             size = sum(options.packs.sizes().values()) if finished.written else 0
         if size > options.cache_limit:
             limit = f"{options.cache_limit / 1e9:g} GB"
+            prune = f"{plan.experiment.name} --cache prune={limit.replace(' ', '')}"
             watch.say(
                 f"{options.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
-                f"`{experiment.name} --cache prune={limit.replace(' ', '')}` deletes the oldest"
+                f"`{prune}` deletes the oldest"
             )
     finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
     return finished
@@ -250,6 +250,9 @@ def _compute(
         plan.experiment.prepare(plan.choices, heeding(watch.say))
     with interruptible():
         workers = starting.result()
+    if plan.experiment.tables and choice.kind != "inline":
+        for name in OF_TABLES:
+            thread.submit(import_module, name)
     return execute(schedule, workers, index, watch), workers
 
 
@@ -408,7 +411,7 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     ConfigurationError
         If the sweep would be refused.
     """
-    old = existing(plan.experiment, options.store, plan)
+    old = existing(options.store, plan)
     if old is not None and is_whole(plan, options.store, old, lambda sentence: None):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
