@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sweeps.engine.run.interrupts import Stopped, heed, stopping
+from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, stopping
 
 if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
@@ -63,16 +63,16 @@ def _say(sentence: str) -> None:
 
 def command(*modules: Any) -> Command:
     """Return the command of the experiment, with further modules if any."""
-    heed()
+    raise_if_stopped()
     from sweeps.engine.command.line import Command
-    from sweeps.engine.run.process import seek_garbage_less
+    from sweeps.engine.run.process import relax_gc
 
-    seek_garbage_less()
-    heed()
+    relax_gc()
+    raise_if_stopped()
     from sweeps.experiment import EXPERIMENT, MODULES, about, assemble
     from sweeps.report.places import beside
 
-    heed()
+    raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
     return Command(experiment, report, beside, partial(about, (*MODULES, *modules)))

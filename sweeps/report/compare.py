@@ -13,7 +13,7 @@ from ncti.evaluate import paired_difference
 from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, namesake
+from sweeps.engine.declare.places import PathOrUrl, path_beside
 from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
 from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable
@@ -60,7 +60,7 @@ def compare(first: PathOrUrl, second: PathOrUrl) -> dict[str, Frame]:
         If a store has no tables, or the stores have nothing in common.
     """
     ours, theirs = read_frames(first), read_frames(second)
-    stores = f"{printable(namesake(second).name)} less {printable(namesake(first).name)}"
+    stores = f"{printable(path_beside(second).name)} less {printable(path_beside(first).name)}"
     known = {_key(part): part for part in _scored(first, ours)}
     parts = []
     for part in _scored(second, theirs):
@@ -83,7 +83,7 @@ def compare(first: PathOrUrl, second: PathOrUrl) -> dict[str, Frame]:
 
 def compared_name(first: PathOrUrl, second: PathOrUrl) -> Path:
     """Return the path of the store that a comparison is named like: `b-less-a.zarr`, beside b."""
-    ours, theirs = namesake(first), namesake(second)
+    ours, theirs = path_beside(first), path_beside(second)
     return theirs.with_name(f"{theirs.stem}-less-{ours.stem}.zarr")
 
 

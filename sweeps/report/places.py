@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sweeps.engine.declare.places import PathOrUrl, namesake
+from sweeps.engine.declare.places import PathOrUrl, path_beside
 
 SUFFIX = ".zarr"
 
@@ -25,7 +25,7 @@ def page_file(path: PathOrUrl) -> Path:
 
 
 def _beside(path: PathOrUrl, what: str) -> Path:
-    near = namesake(path)
+    near = path_beside(path)
     if near.name.endswith(SUFFIX):
         return near.with_name(f"{near.name.removesuffix(SUFFIX)}-{what}")
     return near.with_name(f"{near.name}.{what}")

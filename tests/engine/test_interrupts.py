@@ -12,7 +12,13 @@ from toys import SPRINGS, go, having
 
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.stage import Table
-from sweeps.engine.run.interrupts import Stopped, heed, heeding, interruptible, stopping
+from sweeps.engine.run.interrupts import (
+    Stopped,
+    interruptible,
+    raise_if_stopped,
+    stopping,
+    unless_stopped,
+)
 from sweeps.engine.store import sweeping as run
 from sweeps.engine.store import writing as store
 
@@ -41,16 +47,16 @@ def test_a_signal_waits_until_it_is_heeded():
         arrive()
         arrive(signal.SIGTERM)  # later ones change nothing
         with pytest.raises(Stopped) as stopped:
-            heed()
+            raise_if_stopped()
         assert (stopped.value.words, stopped.value.status) == ("interrupted", 130)
         with pytest.raises(Stopped):
-            heeding(print)("nothing")
+            unless_stopped(print)("nothing")
         with pytest.raises(Stopped), interruptible():
             pytest.fail("begun after a signal")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    heed()
+    raise_if_stopped()
     with stopping():
-        heed()  # that of the earlier context is forgotten
+        raise_if_stopped()  # that of the earlier context is forgotten
 
 
 def arriving(function):

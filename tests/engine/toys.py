@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import namesake, path_or_url
+from sweeps.engine.declare.places import path_beside, path_or_url
 from sweeps.engine.declare.settings import (
     COORDINATE,
     DIMENSION,
@@ -223,7 +223,7 @@ def run(experiment, choices, store, cache=None, kind="inline", workers=None, wat
     """Run an experiment into a store."""
     forget_all()  # as a new process would
     place = path_or_url("store", store)
-    cache = Path(cache or namesake(place).with_suffix(".cache"))
+    cache = Path(cache or path_beside(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
     place = RunOptions(place, cache, cluster, **how)
     return sweep(Plan(experiment, choices), place, watch or Watch(lambda sentence: None))

@@ -74,12 +74,12 @@ def make_folder(path: Path, mode: int) -> None:
 
 
 @contextmanager
-def told(place: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
-    """Raise what a place cannot do as OSError of one line.
+def translated_errors(place: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
+    """Translate errors of obstore within this context into OSError with a message of one line.
 
-    The number is that of the operating system, where one is known, and else EIO, or for a bucket
-    UNREACHED. What a server says is left out beyond its status: it may repeat a key. What is absent
-    is an object (FileNotFoundError), or the `whole` place.
+    Its number is the operating system's where that is known, else EIO, or UNREACHED of a bucket. A
+    server's message is cut after its status, since it may repeat a key. FileNotFoundError is raised
+    of an absent object, or ENXIO of a `whole` place that is absent.
     """
     try:
         yield
@@ -127,7 +127,7 @@ class Objects:
     @cached_property
     def store(self) -> ObjectStore:
         """The place as obstore's."""
-        with told(self.place):
+        with translated_errors(self.place):
             return opened(self.place, make=self.make, mode=self.mode, clean=self.clean)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -136,14 +136,14 @@ class Objects:
     def get(self, name: str) -> bytes | None:
         """Return an object; None if it is absent."""
         try:
-            with told(self.place):
+            with translated_errors(self.place):
                 return bytes(self.store.get(name).bytes())
         except FileNotFoundError:
             return None
 
     def put(self, name: str, content: bytes | Iterator[bytes]) -> None:
         """Write an object: readers see it whole, or as it was before."""
-        with told(self.place, whole=True):
+        with translated_errors(self.place, whole=True):
             self.store.put(name, content, use_multipart=False)
 
     def part(self, name: str, begin: int, end: int) -> memoryview:
@@ -152,14 +152,14 @@ class Objects:
             with open(f"{self.place}/{name}", "rb", buffering=0) as file:
                 size = os.fstat(file.fileno()).st_size
                 return memoryview(os.pread(file.fileno(), max(min(end, size) - begin, 0), begin))
-        with told(self.place):
+        with translated_errors(self.place):
             found = self.store.get_range(name, start=begin, end=end) if begin < end else b""
         return memoryview(found)
 
     def versioned(self, name: str) -> tuple[bytes, Version] | None:
         """Return an object of a bucket, and its version; None if it is absent."""
         try:
-            with told(self.place):
+            with translated_errors(self.place):
                 found = self.store.get(name)
                 return bytes(found.bytes()), _version(found.meta)
         except FileNotFoundError:
@@ -172,7 +172,7 @@ class Objects:
         """
         mode: Any = version or "create"
         try:
-            with told(self.place, whole=True):
+            with translated_errors(self.place, whole=True):
                 return _version(self.store.put(name, content, mode=mode, use_multipart=False))
         except FileExistsError:
             return None
@@ -182,7 +182,7 @@ class Objects:
         self.each(self._delete, names)
 
     def _delete(self, name: str) -> None:
-        with suppress(FileNotFoundError), told(self.place):
+        with suppress(FileNotFoundError), translated_errors(self.place):
             self.store.delete(name)
 
     def each(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
@@ -192,7 +192,7 @@ class Objects:
 
     def listed(self, under: str = "") -> dict[str, ObjectMeta]:
         """Return size and time of all objects, or of those under a prefix, by name."""
-        with told(self.place, whole=True):
+        with translated_errors(self.place, whole=True):
             return {one["path"]: one for part in self.store.list(under or None) for one in part}
 
     def sizes(self, under: str = "") -> dict[str, int]:

@@ -27,7 +27,7 @@ from sweeps.engine.command.usage import listing, usage
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.declare.failures import FailureLog, reason
 from sweeps.engine.declare.kinds import Value
-from sweeps.engine.declare.places import PathOrUrl, namesake, path_or_url
+from sweeps.engine.declare.places import PathOrUrl, path_beside, path_or_url
 from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.overrides import (
@@ -44,7 +44,7 @@ from sweeps.engine.resolve.overrides import (
 )
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.interrupts import Stopped, heed, interruptible, stopping
+from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, stopping
 from sweeps.engine.run.process import environment, forgiving, say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, counted, summary, watching
 from sweeps.engine.store.folders import check_apart, check_cache, check_target
@@ -61,7 +61,7 @@ HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
 MOST_CELLS = 10_000_000  # whose keys fit into memory
 
 Report = Callable[[PathOrUrl, Choices, Finished], None]
-Sweep = tuple[Plan, RunOptions]  # what is swept, and where and how it runs
+Sweep = tuple[Plan, RunOptions]
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Command:
         try:
             with stopping():
                 self._main(given)
-                heed()
+                raise_if_stopped()
                 return "", ALL_DONE
         except SystemExit as ended:  # of a parser, after its help or a wrong option
             return "", ended.code if isinstance(ended.code, int) else ALL_DONE
@@ -268,7 +268,7 @@ class Command:
 
     def _run(self, plan: Plan, options: RunOptions) -> list[str]:
         """Run one sweep into a store, and report it; return what is not complete."""
-        near = namesake(options.store)
+        near = path_beside(options.store)
         log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
         with watching(
             self.name, log, options.store, options.cache, record=not options.partial

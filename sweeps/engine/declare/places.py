@@ -50,7 +50,7 @@ def real_place(place: PathOrUrl) -> PathOrUrl:
     return Path(os.path.realpath(place)) if isinstance(place, Path) else place
 
 
-def parent_and_name(place: PathOrUrl) -> tuple[PathOrUrl, str]:
+def split_parent(place: PathOrUrl) -> tuple[PathOrUrl, str]:
     """Return the folder or URL that a place is in, and its name there."""
     if isinstance(place, Path):
         return place.parent, place.name
@@ -58,7 +58,7 @@ def parent_and_name(place: PathOrUrl) -> tuple[PathOrUrl, str]:
     return above, name
 
 
-def parents(place: PathOrUrl) -> list[PathOrUrl]:
+def ancestors(place: PathOrUrl) -> list[PathOrUrl]:
     """Return all folders or URLs that a place is in, the nearest first."""
     if isinstance(place, Path):
         return list(place.parents)
@@ -67,12 +67,12 @@ def parents(place: PathOrUrl) -> list[PathOrUrl]:
     return list(reversed(inside))
 
 
-def namesake(place: PathOrUrl) -> Path:
+def path_beside(place: PathOrUrl) -> Path:
     """Return the path beside which files about a place are written.
 
     Of a bucket, which has no folders, it is its name in the working folder.
     """
-    return place if isinstance(place, Path) else Path.cwd() / parent_and_name(place)[1]
+    return place if isinstance(place, Path) else Path.cwd() / split_parent(place)[1]
 
 
 def is_own(folder: Path) -> bool:

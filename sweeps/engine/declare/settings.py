@@ -230,7 +230,7 @@ class Run(Settings, fixed=NO_RESULT):
         20, 0, 1e6, unit="GB", label="size of the cache from which on a sweep says it at its end"
     )
     dry_run = switch(False, label="only print what would be computed")
-    partial = switch(False, label="compute nothing, and write a store of what is in the cache")
+    partial = switch(False, label="compute nothing, and store the cells that the cache has")
 
 
 class Together(Settings, key="grid", fixed=NO_RESULT):

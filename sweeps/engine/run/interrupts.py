@@ -1,9 +1,9 @@
 """Signals that ask this process to stop.
 
 No signal is lost, and none interrupts cleaning up: an exception raised at any moment would be
-swallowed by some library, or cut short what stops workers. So a signal is only noted, and `Stopped`
-is raised where the program asks (`heed`), or at any moment of what may take long and needs no
-cleaning up (`interruptible`). It is the first module that the command needs, and imports little.
+swallowed by some library, or cut the stopping of workers short. So a signal is only noted, and
+`Stopped` is raised where the program asks (`raise_if_stopped`), or at any moment of long work that
+needs no cleaning up (`interruptible`). The command imports this module first: it imports little.
 """
 
 from __future__ import annotations
@@ -70,17 +70,17 @@ def stopping() -> Iterator[None]:
         sys.unraisablehook, _noted.handled = hook, False
 
 
-def heed() -> None:
+def raise_if_stopped() -> None:
     """Raise `Stopped` if a signal has arrived."""
     if _is_here() and _noted.number is not None:
         raise Stopped(_noted.number)
 
 
-def heeding(say: Callable[[str], None]) -> Callable[[str], None]:
+def unless_stopped(say: Callable[[str], None]) -> Callable[[str], None]:
     """Return a function that says a sentence, unless a signal has arrived."""
 
     def heeded(sentence: str) -> None:
-        heed()
+        raise_if_stopped()
         say(sentence)
 
     return heeded
@@ -94,11 +94,11 @@ def interruptible() -> Iterator[None]:
         return
     _noted.interruptible += 1  # before asking, so that no signal falls in between
     try:
-        heed()
+        raise_if_stopped()
         yield
     finally:
         _noted.interruptible -= 1
-    heed()  # something may have swallowed the exception
+    raise_if_stopped()  # something may have swallowed the exception
 
 
 def _is_here() -> bool:

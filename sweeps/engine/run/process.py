@@ -135,10 +135,10 @@ def repeating(seconds: float, function: Callable[[], object]) -> Iterator[None]:
         thread.join()
 
 
-def seek_garbage_less() -> None:
-    """Let Python wait for 50,000 new objects before it seeks garbage in this process.
+def relax_gc() -> None:
+    """Raise the threshold of the garbage collector to 50,000 allocations.
 
-    At its default, 700, a tenth of a sweep's time went into looking through what was imported.
+    At its default, 700, a tenth of a sweep's time went into scanning imported modules.
     """
     gc.set_threshold(50_000)
 

@@ -31,7 +31,7 @@ from tornado.ioloop import PeriodicCallback
 from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.run.cluster import import_jobqueue
 from sweeps.engine.run.forking import ENVIRONMENT, interrupts_held
-from sweeps.engine.run.process import environment, one_thread, seek_garbage_less
+from sweeps.engine.run.process import environment, one_thread, relax_gc
 from sweeps.engine.run.shared import UNSHARED, Shared
 
 SETTINGS = {
@@ -75,7 +75,7 @@ def run_task(shared: Shared, function: Callable[..., Any], arguments: tuple[Any,
     Raises what `Shared.check` does if this process has other code or folders.
     """
     shared.check()
-    seek_garbage_less()
+    relax_gc()
 
     def call() -> Any:
         with one_thread():

@@ -13,10 +13,10 @@ from sweeps.engine.cache.packs import ROOM
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.places import (
     PathOrUrl,
+    ancestors,
     child,
     is_own,
-    namesake,
-    parents,
+    path_beside,
     path_or_url,
     real_place,
 )
@@ -77,7 +77,7 @@ def check_apart(
     places = {real_place(path): path for path in stores}
     reports: dict[Path, PathOrUrl] = {}
     for path in places.values():
-        for written in beside(namesake(path)):
+        for written in beside(path_beside(path)):
             if real_place(written) in places or is_store(written):
                 reason = f"whose report would be written into the store {str(written)!r}"
                 raise _wrong("store", path, f"{reason}; give another path")
@@ -86,7 +86,7 @@ def check_apart(
                 raise _wrong("store", path, f"{reason}; give another name")
     for key, path in (("cache", cache), *(("store", path) for path in places.values())):
         place = real_place(path)
-        outside = [place, *parents(place)][key == "store" :]
+        outside = [place, *ancestors(place)][key == "store" :]
         if store := next((places[one] for one in outside if one in places), None):
             raise _wrong(key, path, f"but must not be in the store {str(store)!r}")
 
@@ -109,7 +109,7 @@ def _checked_place(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
     """
     path = path_or_url(key, given)
     place = _checked_path(key, given, path, inside=inside) if isinstance(path, Path) else path
-    if store := next(filter(is_store, [place, *parents(place)][inside:]), None):
+    if store := next(filter(is_store, [place, *ancestors(place)][inside:]), None):
         raise _wrong(key, given, f"but must not be in the store {str(store)!r}")
     return place
 

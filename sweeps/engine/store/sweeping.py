@@ -31,7 +31,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice, Executor, import_jobqueue
 from sweeps.engine.run.executors import executor
 from sweeps.engine.run.forking import check_guard
-from sweeps.engine.run.interrupts import heed, heeding, interruptible
+from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, unless_stopped
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.run.tasks import Damaged, Outcome, Report, run_batches, uneven
@@ -247,7 +247,7 @@ def _compute(
     )
     starting = thread.submit(stack.enter_context, entered)
     if choice.kind in HERE:
-        plan.experiment.prepare(plan.choices, heeding(watch.say))
+        plan.experiment.prepare(plan.choices, unless_stopped(watch.say))
     with interruptible():
         workers = starting.result()
     if plan.experiment.tables and choice.kind != "inline":
@@ -330,7 +330,7 @@ def is_whole(
 ) -> bool:
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
-    heed()
+    raise_if_stopped()
     new = nested(plain(provenance(plan)))
     if "failures" in old or dict(old) != new:
         keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
@@ -368,7 +368,7 @@ def _write(
 
     Chunks of cells are written by `workers` that are elsewhere.
     """
-    heed()
+    raise_if_stopped()
     plan, failed = schedule.plan, schedule.failed
     cube = Cube(schedule, index.cells)
     failures = {

@@ -25,7 +25,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.places import PathOrUrl, real_place
 from sweeps.engine.declare.storable import nested, plain
 from sweeps.engine.run.cluster import Executor
-from sweeps.engine.run.interrupts import Stopped, heed, interruptible
+from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped
 from sweeps.engine.store.arrays import (
     METADATA,
     SPACES,
@@ -241,7 +241,7 @@ def _written_elsewhere(
     under_way = 0
     try:
         while True:
-            heed()
+            raise_if_stopped()
             for number, part in islice(parts, 2 * writers.workers - under_way):
                 sent = [(one.name, one.array.alone(one.region), one.region) for one in part]
                 writers.submit(number, put_chunks, objects, sent)

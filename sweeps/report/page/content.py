@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sweeps.engine.declare.places import PathOrUrl, namesake
+from sweeps.engine.declare.places import PathOrUrl, path_beside
 from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
@@ -44,7 +44,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     against = next(filter(None, names), "")
     settings = list(flat(about.get("configuration", {})))
     return {
-        "store": namesake(path).name,
+        "store": path_beside(path).name,
         "about": about,
         "headline": sentences,
         "accuracy": accuracy(store),
@@ -58,7 +58,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "ships": ships_of(store, pictures),
         "work": None if work is None else laid_out(work),
         "data": {
-            "store": namesake(path).name,
+            "store": path_beside(path).name,
             "tables": {name: data_of(table) for name, table in tables.items()},
             # Their places give classifiers a colour, the same in every chart.
             "colours": list(
