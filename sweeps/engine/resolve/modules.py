@@ -194,15 +194,16 @@ class Modules:
 
     def __init__(self, roots: frozenset[str]) -> None:
         self._roots = roots
+        self.module, self.is_source = cache(self._module), cache(self._is_source)
         self.reached, self.edges = cache(self._reached), cache(self._edges)
 
-    def module(self, name: str) -> Module | None:
+    def _module(self, name: str) -> Module | None:
         """Return a module; None if it has no file."""
         spec = place(name)
         file = Path(spec.origin) if spec and spec.has_location and spec.origin else None
         return read(name, file, file.stat().st_mtime_ns) if file else None
 
-    def is_source(self, name: str) -> bool:
+    def _is_source(self, name: str) -> bool:
         """Return whether a module counts by its source."""
         top = name.partition(".")[0]
         if within(name, ENGINE) or (top in sys.stdlib_module_names and top not in self._roots):
