@@ -403,7 +403,8 @@ def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override)
     """Refuse a key that is not in the configuration, or a value that a group does not have."""
     key = override.key_or_group
     value: Any = override.value()
-    if options := loader.get_group_options(key):
+    # Hydra copies its whole configuration to look for a group.
+    if key not in experiment.by_key and (options := loader.get_group_options(key)):
         for one in override.sweep_iterator() if override.is_sweep_override() else [value]:
             if isinstance(one, list):
                 hint = f"; {key}.name takes a list" if f"{key}.name" in experiment.by_key else ""
