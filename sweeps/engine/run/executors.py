@@ -5,17 +5,16 @@ from __future__ import annotations
 import sys
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.resolve.modules import ENGINE
-from sweeps.engine.run.cluster import READ, ClusterChoice, Executor, InlineExecutor
+from sweeps.engine.run.cluster import READ, ClusterChoice, Executor, InlineExecutor, import_jobqueue
 from sweeps.engine.run.forking import start_method, worth_importing
 from sweeps.engine.run.shared import Shared, package_digest
 
 
-@contextmanager
 def executor(
     choice: ClusterChoice,
     *,
@@ -24,8 +23,8 @@ def executor(
     modules: Sequence[str] = (),
     packs: Objects | None = None,
     say: Callable[[str], None],
-) -> Iterator[Executor]:
-    """Start the chosen workers, or connect to them; stop or release them afterwards.
+) -> AbstractContextManager[Executor]:
+    """Return a context that starts the chosen workers, or connects to them, and then releases them.
 
     Parameters
     ----------
@@ -43,16 +42,30 @@ def executor(
     say : callable
         Called with a sentence about what is awaited, or what the user should know.
 
-    Yields
-    ------
-    Executor
-        Use it only in the thread that entered this context.
+    Returns
+    -------
+    context manager of Executor
+        Use it in one thread, which need not be the one that entered this context.
 
     Raises
     ------
     ConfigurationError
         If the cluster cannot be reached or started, or the code or folder of a worker differs.
     """
+    if choice.kind == "slurm":
+        import_jobqueue()
+    return _entered(choice, tasks, packages, modules, packs, say)
+
+
+@contextmanager
+def _entered(
+    choice: ClusterChoice,
+    tasks: int,
+    packages: Sequence[str],
+    modules: Sequence[str],
+    packs: Objects | None,
+    say: Callable[[str], None],
+) -> Iterator[Executor]:
     if choice.kind == "inline":
         yield InlineExecutor()
         return

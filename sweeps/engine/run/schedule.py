@@ -69,7 +69,7 @@ class ReadyCalls:
 
 
 class Queue:
-    """Batch that are ready, in the order in which tasks take them."""
+    """Calls that are ready, in the order in which tasks take them."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
@@ -225,7 +225,7 @@ class PlannedBatch(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Batch that a worker runs one after the other; in which order, see `run_batches`."""
+    """Batches of calls that a worker runs one after the other, in the order of `run_batches`."""
 
     batches: tuple[PlannedBatch, ...]
     order: NDArray[np.int16]

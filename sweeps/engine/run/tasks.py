@@ -1,9 +1,9 @@
 """Tasks of a worker: calls of stages, whose inputs it reads or makes, and whose results it packs.
 
-A task is a batch of calls. A call computes one cell, or several along the axes that its stage
-computes together. The arguments of all calls of a function come together: a plain value, arrays
-from a pack, a stack of such arrays, or an object made by another stage in this process, which keeps
-the last few of each.
+A task has batches of calls, each of one function. A call computes one cell, or several along the
+axes that its stage computes together. The arguments of a batch come together: plain values, arrays
+from packs, stacks of such arrays, or objects made by another stage in this process, which keeps the
+last few of each.
 """
 
 from __future__ import annotations

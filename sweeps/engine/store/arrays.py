@@ -1,7 +1,7 @@
 """Attributes and arrays of a store in the zarr 3 format: their metadata, and chunks as bytes.
 
 The metadata are plain dictionaries and the chunks are encoded here, because a store has hundreds
-of small arrays: for each, zarr takes 3 ms, and this 0.1 ms.
+of small arrays: zarr takes 1.4 ms to make and 1.2 ms to write each, and this 0.1 ms.
 """
 
 from __future__ import annotations

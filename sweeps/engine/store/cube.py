@@ -34,7 +34,7 @@ ANEW = "measured while the cell was computed; differs if computed again"
 
 @dataclass(frozen=True)
 class StoredVariable:
-    """StoredVariable of a stage's output in the store."""
+    """An output of a stage as a variable of the store."""
 
     bound: Bound
     output: Output

@@ -28,7 +28,7 @@ from sweeps.engine.resolve.code import place_of
 from sweeps.engine.resolve.keys import distinct
 from sweeps.engine.resolve.modules import within
 from sweeps.engine.resolve.plan import Plan
-from sweeps.engine.run.cluster import ClusterChoice, Executor, import_jobqueue
+from sweeps.engine.run.cluster import ClusterChoice, Executor
 from sweeps.engine.run.executors import executor
 from sweeps.engine.run.forking import check_guard
 from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, unless_stopped
@@ -44,7 +44,7 @@ from sweeps.engine.store.writing import read_attributes, recover, write_store
 
 ROUNDS = 20  # of computing damaged results again, before blaming the disk
 AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
-HERE = ("inline", "local")  # kinds of clusters whose workers end before the store is written
+HERE = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
 OF_TABLES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers compute
 QUICK = 1.0  # s of work that finishes before worker processes would have started
 
@@ -235,8 +235,6 @@ def _compute(
         safe = all(bound.name in schedule.costs and bound.name in tried for bound, *_ in missing)
         if safe and sum(schedule.work_left().values()) < QUICK:
             choice = ClusterChoice("inline")
-    if choice.kind == "slurm":
-        import_jobqueue()
     entered = executor(
         choice,
         tasks=sum(calls for *_, calls in missing),
@@ -268,7 +266,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     failures: Failures = []
     under_way: dict[int, Task] = {}
     # A worker that dies, for example out of memory, takes other tasks with it. So each of their
-    # calls is run again, alone, when all others have finished.
+    # calls is run again, alone, when nothing else is left to run.
     suspects: deque[Task] = deque()
     alone = False  # whether what is under way is a suspect
     numbers = count()
@@ -279,9 +277,9 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
-        if not under_way and (alone := bool(suspects)):
+        if not under_way and (alone := bool(suspects) and not schedule.ready):
             hand_out(suspects.popleft())
-        most = 0 if alone or suspects else AHEAD * executor.workers
+        most = 0 if alone else AHEAD * executor.workers
         while schedule.ready and len(under_way) < most:
             if (task := schedule.next_task(executor.workers)).batches:
                 hand_out(task)

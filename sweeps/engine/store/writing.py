@@ -2,9 +2,9 @@
 
 Equal input, given in the same order, makes equal bytes of a new store: it holds no times, hosts or
 paths. The metadata of a group repeat those of all below it ("consolidated"), so that a store opens
-by one object, at the root or at any group. A store grows where it is: chunks that metadata refer to
-are never changed. A changed array takes other names for its chunks, and when all metadata refer to
-these, the old ones are deleted.
+by one object, at the root or at any group. A store grows where it is: of chunks that metadata refer
+to, only damaged ones are written again. A changed array takes other names for its chunks, and when
+all metadata refer to these, the old ones are deleted.
 """
 
 from __future__ import annotations
