@@ -14,7 +14,7 @@ import time
 from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -99,7 +99,8 @@ class DaskExecutor:
     def workers(self) -> int:
         """Number of processes started or, of a running cluster, present a moment ago."""
         if self._workers is None and time.monotonic() >= self._due:  # asked for with every task
-            self._present = max(1, len(self._client.nthreads()))
+            with suppress(OSError):  # of a scheduler that is gone, as `finished` finds out
+                self._present = max(1, len(self._client.nthreads()))
             self._due = time.monotonic() + COUNTED
         return self._workers or self._present
 
