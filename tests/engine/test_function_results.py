@@ -246,6 +246,21 @@ def test_what_the_page_shows_is_so(monkeypatch, tmp_path, capsys):
     assert found.sel(case="a").item() == 1024 and found.values.tolist() == [1024, 243]
 
 
+def test_a_fixed_argument_may_be_named_like_an_attribute_of_the_store(tmp_path):
+    """`seed` and `version` are of every group; `coordinates` is xarray's."""
+
+    def total(x, seed, version, coordinates, gain):
+        return x + seed + version + coordinates + gain
+
+    fixed = {"seed": 3, "version": 5, "coordinates": 7, "gain": 9}
+    values = xr.Dataset({"x": ("x", [1, 2]), **fixed})
+    found = sweeps.sweep(total, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
+    assert found.total.values.tolist() == [25, 26]
+    assert {name: found[name].item() for name in fixed} == fixed
+    stored = xr.open_zarr(tmp_path / "s.zarr", group="total").attrs
+    assert stored["seed"] == 0 and stored["gain"] == 9
+
+
 @pytest.mark.parametrize(
     ("function", "sentence"),
     [

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -161,16 +161,18 @@ class Group:
         named = {"coordinates": " ".join(sorted(others))} if others else {}
         return plain(self.attrs) | named
 
-    def stored(self) -> Group:
+    def stored(self, taken: Collection[str] = ()) -> Group:
         """Return the group as it is written: scalar coordinates are attributes of it.
 
-        `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them.
+        `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them. One whose
+        name is `taken` by another attribute stays an array.
         """
+        taken = {*self.attrs, *taken, "coordinates", SCALARS}
         scalars = {
             name: one
             for name, one in self.arrays.items()
             if one.coordinate and not one.dims and one.dtype.kind in "biufU"
-            if name not in self.attrs
+            if name not in taken
         }
         if not scalars:
             return self

@@ -66,7 +66,7 @@ def write_store(
     `writers`.
     """
     check_target(place)
-    groups = {name: group.stored() for name, group in groups.items()}
+    groups = {name: group.stored(everywhere) for name, group in groups.items()}
     with readable():
         recover(place)
         objects, old = Objects(place, make=True), read_manifest(place) or Manifest()
