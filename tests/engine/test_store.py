@@ -1,5 +1,6 @@
 """Stores read back bit for bit, laid out as zarr itself would, whose damage is noticed."""
 
+import json
 import os
 import resource
 import warnings
@@ -67,6 +68,32 @@ def test_round_trip_of_every_dtype(tmp_path):
             stored = native.astype("i1" if value.dtype.kind == "b" else native.dtype)
             assert same_bits(found[name].values, native), name
             assert same_bits(block, stored), name
+
+
+SCALARS = {
+    "text": "{a: 1}",
+    "truth": np.True_,
+    "falsehood": np.False_,
+    "whole": -(2**63),
+    "beyond": np.uint64(2**64 - 1),
+    "float": 0.1,
+    "missing": np.nan,
+    "endless": -np.inf,
+}
+
+
+def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
+    """As attributes that any reader of JSON knows; what these cannot hold stays an array."""
+    arrays = {name: coordinate((), np.array(value)) for name, value in SCALARS.items()}
+    write_store(tmp_path / "s.zarr", {"g": Group({"x": array(COUNTS), **arrays})}, {})
+    text = (tmp_path / "s.zarr/g/zarr.json").read_text()
+    raw = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+    attributes = raw["attributes"]
+    assert {"beyond", "endless"}.isdisjoint(attributes) and attributes["float"] == 0.1
+    found = with_scalars(opened(tmp_path / "s.zarr", "g"))
+    assert found.attrs == {}
+    for name, value in SCALARS.items():
+        assert same_bits(found[name].values, np.array(value)), name
 
 
 def test_tree_opens_with_coordinates_and_tables(tmp_path):

@@ -174,10 +174,11 @@ class Group:
             if one.coordinate and not one.dims and one.dtype.kind in "biufU"
             if name not in taken
         }
+        values = {name: one.whole().astype(one.dtype).item() for name, one in scalars.items()}
+        scalars = {name: one for name, one in scalars.items() if _is_json(values[name])}
         if not scalars:
             return self
-        values = {name: one.whole().astype(one.dtype).item() for name, one in scalars.items()}
-        given = {name: value for name, value in values.items() if not _is_nan(value)}
+        given = {name: values[name] for name in scalars if not _is_nan(values[name])}
         about = {SCALARS: {name: one.attributes for name, one in scalars.items()}}
         others = {name: one for name, one in self.arrays.items() if name not in scalars}
         return Group(others, {**self.attrs, **given, **about})
@@ -269,3 +270,10 @@ def encode(array: Array, region: Region) -> bytes | None:
 
 def _is_nan(value: Any) -> bool:
     return isinstance(value, float) and math.isnan(value)
+
+
+def _is_json(value: Any) -> bool:
+    """Return whether an attribute can hold a value, NaN being left out: no infinity, 64 bits."""
+    return not (isinstance(value, float) and math.isinf(value)) and (
+        not isinstance(value, int) or -(2**63) <= value < 2**63
+    )
