@@ -19,7 +19,8 @@ from benchmarks.sweeping import choices_of
 from ncti.classify.likelihood import GaussianTemplates
 from ncti.evaluate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_extent, sample_frames
-from ncti.operate import (
+from ncti.render import LineImage
+from studies.operate import (
     ProfileMatch,
     Seen,
     draw_views,
@@ -29,12 +30,11 @@ from ncti.operate import (
     ship_evidence,
     signatures,
 )
-from ncti.operate.identify import LEFT_OUT
-from ncti.operate.survey import DRAWN_FOR
-from ncti.operate.tables import LEVEL, frames_needed
-from ncti.render import LineImage
+from studies.operate.identify import LEFT_OUT
+from studies.operate.stages import Operate
+from studies.operate.survey import DRAWN_FOR
+from studies.operate.tables import LEVEL, frames_needed
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.operate import Operate
 from sweeps.stages.views import Grid
 
 Floats = NDArray[np.float64]

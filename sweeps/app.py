@@ -41,6 +41,8 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     if "--version" in given:
         print(f"{NAME} {version(NAME)}")
         sys.exit(0)
+    from sweeps.engine.declare.errors import DeclarationError
+
     with ExitStack() as signals:
         signals.enter_context(stopping())
         try:
@@ -50,6 +52,9 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         except Stopped as stopped:
             _say(stopped.words)
             status = stopped.status
+        except DeclarationError as error:
+            _say(str(error))
+            status = 2
         if arguments is None:  # this process ends, and a signal that comes too late is only noted
             _until_exit.append(signals.pop_all())
     sys.exit(status)

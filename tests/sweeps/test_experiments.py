@@ -28,7 +28,11 @@ GROUPS = sorted(
     for path in conf_folder().glob("*/*.yaml")
     if path.parent.name != "experiment"
 )
-EXPERIMENTS = sorted(path.stem for path in conf_folder().glob("experiment/*.yaml"))
+EXPERIMENTS = sorted(
+    path.stem
+    for folder in (conf_folder(), *EXPERIMENT.added_conf)
+    for path in folder.glob("experiment/*.yaml")
+)
 
 ROWS = yaml.safe_load(Path(__file__).with_name("experiments.yaml").read_text())
 TINY, GALLERY = ROWS["small"], ROWS["pictures"]
@@ -61,6 +65,14 @@ def test_every_experiment_composes_whole(name):
 def test_what_the_command_line_sweeps_comes_before_the_axes_of_an_experiment():
     swept = EXPERIMENT.attributes(chosen("+experiment=smoke", "ladar.cnr=[23,26]"))["swept"]
     assert swept[0] == "cnr" and "pulse_width" in swept
+
+
+def test_a_classifier_without_use_is_named_where_it_was_asked_for():
+    infrared = ("sensor=infrared", "grid.ship=[duncan,texas]")
+    asked = chosen(*infrared, "classifier.name=[acn,correlation]")
+    line = "classifier.name=correlation has nothing to do for sensor=infrared; ignored"
+    assert COMMAND.about(asked) == [line]
+    assert COMMAND.about(chosen("+experiment=scan")) == []  # it has acn by default
 
 
 def test_sensitivity_is_one_parameter_at_a_time():

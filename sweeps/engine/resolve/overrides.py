@@ -54,6 +54,7 @@ from sweeps.engine.declare.settings import (
 from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
+PACKAGE = re.compile(r"# @package (\S+)")  # a file's first line, as Hydra reads it
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
 ALIKE = 0.66  # least similarity of a key that may have been meant
 
@@ -72,6 +73,11 @@ def register(experiment: Experiment) -> None:
     known.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
     for kind in CLUSTERS:
         known.store(group="cluster", name=kind, node={"kind": kind})
+    for folder in experiment.added_conf:
+        for path in sorted(folder.glob("*/*.yaml")):
+            named = PACKAGE.match(path.read_text(encoding="utf-8"))
+            package, group = named and named[1], path.parent.name
+            known.store(path.stem, OmegaConf.load(path), group=group, package=package)
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_"]
         node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}
