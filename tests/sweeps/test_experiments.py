@@ -71,8 +71,9 @@ def test_a_classifier_without_use_is_named_where_it_was_asked_for():
     infrared = ("sensor=infrared", "grid.ship=[duncan,texas]")
     asked = chosen(*infrared, "classifier.name=[acn,correlation]")
     line = "classifier.name=correlation has nothing to do for sensor=infrared; ignored"
-    assert COMMAND.about(asked) == [line]
-    assert COMMAND.about(chosen("+experiment=scan")) == []  # it has acn by default
+    assert line in COMMAND.about(asked)
+    unasked = COMMAND.about(chosen("+experiment=scan"))  # it has acn by default
+    assert not [line for line in unasked if "ignored" in line]
 
 
 def test_sensitivity_is_one_parameter_at_a_time():
