@@ -9,7 +9,6 @@ import yaml
 from commands import chosen, prepared
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.experiment import EXPERIMENT
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.views import Grid
 
