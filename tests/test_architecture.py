@@ -1,4 +1,4 @@
-"""The layer rule of CONTRIBUTING.md, proven on the imports themselves."""
+"""Imports follow `rooms.yaml`."""
 
 import ast
 import re

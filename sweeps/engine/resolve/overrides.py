@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import hydra
-import yaml
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
@@ -209,8 +208,6 @@ def unknown(
     """Return the error of a key that its group, of the keys of `tree`, does not have."""
     last = key.rpartition(".")[2]
     wrong = f"{key} is not a key of the configuration"
-    if (now := _renamed(experiment).get(key)) is not None:
-        return ConfigurationError(f"{wrong}; it is now {now}")
     elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
     meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
     if not meant:
@@ -219,12 +216,6 @@ def unknown(
     if meant:
         return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
     return ConfigurationError(f"{wrong}; {group or 'it'} has {', '.join(tree) or 'no keys'}")
-
-
-def _renamed(experiment: Experiment) -> Mapping[str, str]:
-    """Return the names that keys of earlier versions have now, listed beside the configuration."""
-    path = experiment.conf and experiment.conf / "renamed.yaml"
-    return yaml.safe_load(path.read_text(encoding="utf-8")) if path and path.is_file() else {}
 
 
 # settings that run together -----------------------------------------------------------------------
