@@ -131,7 +131,10 @@ def _cells(report: Report) -> Iterator[list[str]]:
 
 
 def _wrapped(note: str) -> str:
-    return textwrap.fill(note, WIDTH, break_long_words=False, break_on_hyphens=False)
+    """Return a note in lines of a page, none of which begins with %, a comment's mark in MyST."""
+    glued = note.replace(" %", "\N{NO-BREAK SPACE}%")
+    lines = textwrap.fill(glued, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return lines.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _text(value: Any, spec: str) -> str:

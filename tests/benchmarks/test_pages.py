@@ -10,6 +10,7 @@ from benchmarks import fits, pages
 from benchmarks.reports import Column, Report, Sample, to_markdown
 
 LONGEST = 12  # rows of a table on a page; longer ones are CSV files
+SHORT = ("results", "reproduction", "operate", "benchmark")
 TABLES = sorted((pages.ROOT / "docs" / "tables").glob("*.csv"))
 REPORT = Report(
     "title",
@@ -48,14 +49,23 @@ def test_a_csv_file_that_exists_has_the_cells_of_the_page(tmp_path):
     assert not other.exists()
 
 
-def test_notes_are_wrapped_between_words():
-    note = " ".join(["`ncti-sweep store=a-b.zarr`"] * 20)
-    *_, table, empty, first, second, third, fourth, fifth = to_markdown(
-        Report("", (Column("a", "A"),), [{"a": "x"}], [note])
-    ).splitlines()
-    assert (table, empty) == ("| x |", "")
-    lines = [first, second, third, fourth, fifth]
-    assert " ".join(lines) == note and max(map(len, lines)) <= 120
+def test_notes_are_wrapped_between_words_and_never_before_a_percent_sign():
+    """A line that begins with the sign is a comment of MyST."""
+    for shift in range(8):
+        note = "a" * shift + " `ncti-sweep store=a-b.zarr` 95 %" * 20
+        report = Report("", (Column("a", "A"),), [{"a": "x"}], [note.strip()])
+        *_, empty, first, second, third, fourth, fifth, sixth = to_markdown(report).splitlines()
+        lines = [first, second, third, fourth, fifth, sixth]
+        assert empty == "" and " ".join(lines) == note.strip()
+        assert max(map(len, lines)) <= 120 and not any(line.startswith("%") for line in lines)
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_page_of_results_is_short_and_no_line_of_it_a_comment(name):
+    text = (pages.ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= 1500
+    lines = [line for line in text.splitlines() if not line.startswith("|")]
+    assert max(map(len, lines)) <= 120 and not any(line.startswith("%") for line in lines)
 
 
 @pytest.mark.parametrize("page", list(pages.pages()), ids=lambda page: page.stem)
