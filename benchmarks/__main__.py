@@ -157,9 +157,9 @@ MEANINGS = {
     "near_stern": "Figure 16: effects of the models, and of the flight",
     "figures": "the article's statements on its figures, measured on ours",
     "design": "the article's statements on the design of its sensors",
-    "fits": "the eight of docs/reproduction.md together",
+    "fits": "the eight of docs/reproduction.md and docs/article_figures.md together",
     "operate": "what sensor suffices: shortcuts, what is left open, and Sobol indices",
-    "results": "every figure of README.md and docs/results.md, as means over --seeds",
+    "results": "every table of README.md and docs/results.md, as means over --seeds",
     "coverage": "coverage of the intervals of these means, by repeats of the procedure",
     "benchmark": "classifiers on splits, as means over ten seeds, and the ranking by three others",
     "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
@@ -187,8 +187,7 @@ def main(arguments: list[str] | None = None) -> None:
     console = Console()
     here = machine()
     console.print(", ".join(f"{key} {value}" for key, value in here.items()), highlight=False)
-    reports: dict[str, Report] = {}
-    placed: dict[str, Report] = {}
+    reports: dict[tuple[str, str], Report] = {}
     for name, run in REPORTS.items():
         if name not in SETS.get(asked.report, (asked.report,)):
             continue
@@ -200,12 +199,12 @@ def main(arguments: list[str] | None = None) -> None:
         tables = {"": made} if isinstance(made, Report) else made
         for table, report in tables.items():
             show(report, console)
-            reports[f"{name}_{table}" if table else name] = report
-            placed[pages.begin(name, table)] = report
+            reports[name, table] = report
     if asked.write:
-        pages.write(placed)
+        pages.write(reports)
     if asked.json:
-        write_json(asked.json, here, reports)
+        named = {pages.csv_file(*name).stem: report for name, report in reports.items()}
+        write_json(asked.json, here, named)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -250,7 +249,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--write",
         action="store_true",
-        help="write tables into the pages that have them too",
+        help="write tables into the pages and CSV files in docs that have them, too",
     )
     return parser
 

@@ -199,9 +199,9 @@ def matching(tests: int = 400, draws: int = 12) -> Report:
         Column("known", "gain and floor"),
         Column("exact", "own covariances, sampled frames [%]", ".1f"),
         Column("one", "one covariance, same averages [%]", ".1f"),
-        Column("apart", "difference"),
+        Column("apart", "one less own covariances"),
         Column("drawn", "one covariance, Gaussian noise [%]", ".1f"),
-        Column("noise", "difference"),
+        Column("noise", "Gaussian less sampled"),
     )
     note = (
         f"{tests} views of four ships, 150 urad, of which all but the exact likelihood, and its "
@@ -232,9 +232,10 @@ def left_open(shares: xr.Dataset) -> Report:
     columns.append(Column("floor", "floor"))
     for km in (50, 100):
         for channel in ("profile", "both"):
-            columns.append(Column(f"{channel}_{km}", f"{km} km, {channel} [%]", ".0f"))
-            columns.append(Column(f"frames_{channel}_{km}", "frames for 95 % of 4"))
-    notes = ["32 dB, 30 ns, 150 urad. Percent of six ships with 16 frames; frames for four ships."]
+            seen = f"{km} km, {channel}"
+            columns.append(Column(f"{channel}_{km}", f"{seen}: 6 ships, 16 frames [%]", ".0f"))
+            columns.append(Column(f"frames_{channel}_{km}", f"{seen}: frames for 95 % of 4 ships"))
+    notes = ["32 dB, 30 ns, 150 urad."]
     return Report("What the article leaves open", tuple(columns), rows, notes)
 
 

@@ -28,6 +28,7 @@ GROUPS = sorted(
     for path in conf_folder().glob("*/*.yaml")
     if path.parent.name != "experiment"
 )
+DOCS = conf_folder().parent / "docs"
 EXPERIMENTS = sorted(
     path.stem
     for folder in (conf_folder(), *EXPERIMENT.added_conf)
@@ -107,20 +108,29 @@ def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
 
 def draw_gallery(experiment, monkeypatch):
     """Run the gallery's scripts for an experiment on its store."""
-    mpl.use("Agg")
     for script, *more in GALLERY.get(experiment, ()):
-        path = conf_folder().parent / "docs" / "gallery" / f"{script}.py"
-        monkeypatch.setattr("sys.argv", [str(path), "s.zarr", *more, "picture.png"])
-        runpy.run_path(str(path), run_name="__main__")
-        picture = imread("picture.png")
-        assert min(picture.shape[:2]) > 200 and picture.std() > 0.05, script
-        plt.close("all")
+        draw(script, "s.zarr", *more, monkeypatch=monkeypatch)
+
+
+def draw(script, *arguments, monkeypatch):
+    """Run a script of the gallery, which draws something."""
+    mpl.use("Agg")
+    path = DOCS / "gallery" / f"{script}.py"
+    monkeypatch.setattr("sys.argv", [str(path), *arguments, "picture.png"])
+    runpy.run_path(str(path), run_name="__main__")
+    picture = imread("picture.png")
+    assert min(picture.shape[:2]) > 200 and picture.std() > 0.05, script
+    plt.close("all")
+
+
+def test_the_published_table_of_the_benchmark_is_drawn(folder, monkeypatch):
+    draw("benchmark", str(DOCS / "tables" / "benchmark_splits.csv"), monkeypatch=monkeypatch)
 
 
 def test_every_script_of_the_gallery_is_short_and_run():
-    folder = conf_folder().parent / "docs" / "gallery"
+    folder = DOCS / "gallery"
     run = {script for scripts in GALLERY.values() for script, *_ in scripts}
-    assert {path.stem for path in folder.glob("*.py")} == {*run, "ships"}
+    assert {path.stem for path in folder.glob("*.py")} == {*run, "benchmark", "ships"}
     assert all(len(path.read_text().splitlines()) <= 40 for path in folder.glob("*.py"))
 
 
