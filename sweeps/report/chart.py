@@ -19,7 +19,7 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     """Return the encoding of a figure, and the columns of its interval and its level of chance."""
     column = frame.columns[figure]
     beside = {role: next(iter(frame.of_role(role, figure)), "") for role in BESIDE}
-    y = {"field": figure, "type": "quantitative", "title": column.heading}
+    y: dict[str, Any] = {"field": figure, "type": "quantitative", "title": column.heading}
     values = frame.rows[figure].dropna().tolist()
     whole = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0
     if whole and not column.format.startswith("+"):  # a difference may be below 0

@@ -73,7 +73,7 @@ const charts = (() => {
   };
 
   // A figure along an axis: a curve a series, with intervals side by side.
-  const curves = ({ rows, x, figure, colours, tooltip, ...about }) => {
+  const chart = ({ rows, x, figure, colours, tooltip, ...about }) => {
     const { names } = about, { y, low, high, chance } = figure;
     const how = looks(names, colours), { shape, strokeDash, ...shared } = how;
     const joined = x.type !== "nominal", along = new Set(rows.map((row) => row[x.field])).size;
@@ -150,10 +150,12 @@ const charts = (() => {
     const { field, title, scale } = figure.y;
     const values = rows.map((row) => row[field]), known = scale.domain ?? [Math.min(...values), Math.max(...values)];
     const axis = (field, { title, sort }, more) => ({ field, title, type: "ordinal", sort, axis: { labelLimit: 110, ...more } });
-    const most = names.length ? 44 : 64, side = Math.max(16, Math.min(most, (Math.min(room, 560) - 190) / x.sort.length));
+    const narrow = room < 480, rest = Math.min(room, 560) - (narrow ? 100 : 190);
+    const side = Math.max(16, Math.min(names.length ? 44 : 64, rest / x.sort.length));
+    const legible = figure.format.endsWith("g") ? 36 : 24; // pixels across the longest value
     const strong = `datum[${JSON.stringify(field)}] > ${(known[0] + known[1]) / 2}`;
     const range = [colour("--panel"), colour("--s1")];
-    const legend = names.length ? null : { title, orient: "right", gradientLength: 90, ...figure.y.axis };
+    const legend = names.length ? null : { title, orient: narrow ? "bottom" : "right", gradientLength: 90, ...figure.y.axis };
     const cell = { mark: { type: "rect", stroke: colour("--paper") }, encoding: { color: { field, type: "quantitative", scale: { domain: known, range }, legend } } };
     const value = {
       mark: { type: "text", fontSize: 11 },
@@ -165,12 +167,12 @@ const charts = (() => {
     const spec = {
       width: { step: side }, height: { step: Math.min(side, 40) },
       encoding: { x: axis("across", x, { labelAngle: side < 60 ? -40 : 0 }), y: axis("down", y), tooltip },
-      layer: side < 24 ? [cell] : [cell, value],
+      layer: side < legible ? [cell] : [cell, value],
     };
     if (names.length < 2) return { data: { values: rows }, ...spec };
     const columns = Math.max(1, Math.floor((room - 80) / (side * x.sort.length + 14)));
     const header = { title: null, labelFontSize: 10, labelColor: colour("--ink"), labelExpr: "split(datum.label, ', ')" };
     return { data: { values: rows }, facet: { field: "series", type: "nominal", sort: names, header }, columns, spacing: 14, spec };
   };
-  return { colour, theme, sequence, curves, aspect, heat };
+  return { colour, theme, sequence, chart, aspect, heat };
 })();

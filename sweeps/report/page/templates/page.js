@@ -132,16 +132,17 @@
     tip.style.top = event.pageY + 12 + "px";
     if (item.datum.k !== undefined) reproduce(section, item.datum.k, figureOf(section));
   };
-  const show = async (section, kind, rows, specify) => {
-    const figure = section.querySelector(`figure.${kind}`);
-    figure.hidden = !rows.length;
+  // Draw rows as a chart of a kind, if there are any, in the figure of that class.
+  const show = async (section, kind, figure, rows, more) => {
+    const element = section.querySelector(`figure.${kind}`);
+    element.hidden = !rows.length;
     if (!rows.length) return;
-    const spec = { ...specify(figure.clientWidth), autosize: { type: "pad" } };
-    const made = await vegaEmbed(figure.querySelector(".draw"), spec, {
+    const spec = charts[kind]({ rows, figure: section.table.figures[figure], room: element.clientWidth, ...more });
+    const made = await vegaEmbed(element.querySelector(".draw"), spec, {
       ast: true, renderer: "svg", actions: false, defaultStyle: false, logLevel: 1, tooltip: hover(section), config: charts.theme(),
     });
-    views.get(figure)?.finalize();
-    views.set(figure, made);
+    views.get(element)?.finalize();
+    views.set(element, made);
   };
   // Rows of a chart: what it shows of each place, and the name of its curve.
   const rowsOf = (table, places, figure, names, more = []) => {
@@ -152,18 +153,20 @@
       ...Object.fromEntries(shown.map((name) => [name, table.rows[name][k]])),
     }));
   };
-  const tipsOf = (table, figure, axes) => {
+  const tipsOf = (table, figure, axes = []) => {
     const { low, high } = table.figures[figure];
-    const fields = [...axes, figure, low, high].filter(Boolean);
-    return fields.map((field) => ({ field, title: table.headings[field] ?? field }));
+    return [...axes, figure, low, high].filter(Boolean).map((field) => ({ field, title: table.headings[field] }));
   };
-  const headingOf = (table, names) => names.map((name) => table.headings[name]).join(", ");
-  // A classifier has one colour in every chart.
-  const hues = (table, places, names, series) => series.map((one, number) => {
-    const own = places.find((k) => nameOf(table, names, k) === one);
-    const place = data.colours.indexOf(own === undefined ? "" : wordsOf(table, table.colour, own));
-    return charts.colour(`--c${(place < 0 ? number : place) % 8}`);
-  });
+  // Names, colours and heading of the curves of some rows. A classifier has one colour everywhere.
+  const curvesIn = (table, rows, names, figure, axis) => {
+    const series = distinct(rows.map((row) => row.series)), title = names.map((name) => table.headings[name]).join(", ");
+    const hue = (one, number) => {
+      const place = data.colours.indexOf(wordsOf(table, table.colour, rows.find((row) => row.series === one).k));
+      return charts.colour(`--c${(place < 0 ? number : place) % 8}`);
+    };
+    const colours = numeric(table, names[0]) ? charts.sequence(series.length) : series.map(hue);
+    return { names: series, colours, title, tooltip: [{ field: "series", title: title || "curve" }, ...tipsOf(table, figure, [axis])] };
+  };
   // Keep the rows of one curve, which a section lets choose: at first the one with the best mean.
   const ofOne = (section, places, but, figure) => {
     const { table } = section, label = section.querySelector("label.of"), select = label.querySelector("select");
@@ -196,25 +199,16 @@
     const last = along.length - 1, joined = table.x[axis].type !== "nominal";
     const rows = rowsOf(table, places, figure, names, [axis]).flatMap((row) =>
       row[axis] !== null ? [row] : along.map((value, k) => ({ ...row, [axis]: value, bare: joined && k < last })));
-    const series = distinct(rows.map((row) => row.series));
-    const colours = tone && numeric(table, tone) ? charts.sequence(series.length) : hues(table, places, names, series);
-    return show(section, "chart", rows, (room) => charts.curves({
-      rows, x: table.x[axis], figure: table.figures[figure], names: series, colours, room,
-      title: headingOf(table, names), tooltip: tipsOf(table, figure, ["series", axis]),
-    }));
+    return show(section, "chart", figure, rows, { x: table.x[axis], ...curvesIn(table, rows, names, figure, axis) });
   };
   const drawAspect = (section, figure) => {
     const { table } = section, angle = table.across;
-    const ends = (text) => /^(\d+)(?:-(\d+))?$/.exec(text)?.slice(1).map((one, k, [low]) => Number(one ?? low));
+    const ends = (bin) => /^([\d.]+)(?:-([\d.]+))?$/.exec(bin)?.slice(1).map((end) => Number(end ?? bin));
     const places = placesOf(table, figure, [angle]).filter((k) => ends(table.rows[angle][k]));
     const names = curvesOf(table, places, []), rows = rowsOf(table, places, figure, names, [angle]);
     for (const row of rows) row.bin = ends(row[angle]);
     const bins = distinct(rows.map((row) => row[angle])).length;
-    const series = distinct(rows.map((row) => row.series));
-    return show(section, "aspect", bins > 1 ? rows : [], (room) => charts.aspect({
-      rows, figure: table.figures[figure], names: series, colours: hues(table, places, names, series), room,
-      title: headingOf(table, names), tooltip: tipsOf(table, figure, ["series", angle]),
-    }));
+    return show(section, "aspect", figure, bins > 1 ? rows : [], curvesIn(table, rows, names, figure, angle));
   };
   const CELLS = 160; // of matrices that are shown side by side
   const drawHeat = (section, figure, across, down) => {
@@ -229,12 +223,12 @@
     const words = (name, values) => values.map((value) => table.words[name]?.[value] ?? String(value));
     const rows = rowsOf(table, places, figure, names).map((row) => ({ ...row, across: wordsOf(table, across, row.k), down: wordsOf(table, down, row.k) }));
     const tooltip = [["across", across], ["down", down]].map(([field, name]) => ({ field, title: table.headings[name] }));
-    return show(section, "heat", enough ? rows : [], (room) => charts.heat({
-      rows, figure: table.figures[figure], names: beside ? distinct(rows.map((row) => row.series)) : [], room,
+    return show(section, "heat", figure, enough ? rows : [], {
+      names: beside ? distinct(rows.map((row) => row.series)) : [],
       x: { title: table.headings[across], sort: words(across, x) },
       y: { title: table.headings[down], sort: words(down, numeric(table, down) ? y.reverse() : y) },
-      tooltip: [...tooltip, ...tipsOf(table, figure, [])],
-    }));
+      tooltip: [...tooltip, ...tipsOf(table, figure)],
+    });
   };
   const draw = async (section) => {
     const { table } = section;
@@ -244,22 +238,21 @@
     if (options.some((one) => one.selected && one.hidden)) (options.find((one) => !one.hidden) ?? options[0]).selected = true;
     const figure = figureOf(section), axis = axisOf(table, figure), tone = colourOf(table, axis);
     if (!axis && !table.matrix.length) section.querySelector("details.rows").open = true;
-    const has = (kind) => section.querySelector(`figure.${kind}`);
-    if (has("chart")) {
-      const note = has("chart").querySelector(".same");
+    const [chart, aspect, heat] = ["chart", "aspect", "heat"].map((kind) => section.querySelector(`figure.${kind}`));
+    if (chart) {
+      const note = chart.querySelector(".same");
       note.hidden = axis !== "" || !(by() in table.x);
-      if (!note.hidden) note.textContent = `${table.headings[figure]} does not depend on ${table.headings[by()]}.`;
-      has("chart").hidden = false;
-      for (const part of all(".draw, .svg", has("chart"))) part.hidden = !axis;
+      if (!note.hidden) note.textContent = `${table.headings[figure]} is the same at every ${table.headings[by()]}.`;
+      for (const part of all(".draw, .svg", chart)) part.hidden = !axis;
+      chart.hidden = false;
       if (axis) await drawCurves(section, figure, axis, tone);
       section.dataset.axis = axis;
     }
-    if (has("aspect")) await drawAspect(section, figure);
+    if (aspect) await drawAspect(section, figure);
     const [across, down] = table.matrix.length ? table.matrix : [axis, colourBy() || data.second];
-    if (has("heat")) {
-      if (across !== down && (table.matrix.length || (across in table.x && down in table.x))) await drawHeat(section, figure, across, down);
-      else has("heat").hidden = true;
-    }
+    const crossed = across !== down && [across, down].every((name) => table.axes.includes(name));
+    if (heat && crossed) await drawHeat(section, figure, across, down);
+    else if (heat) heat.hidden = true;
   };
   const save = (name, text, type) => {
     const link = document.createElement("a");
