@@ -193,13 +193,31 @@ def test_shares_have_a_linear_scale_up_to_the_whole(format, unit, whole):
     assert scale["domain"] == [0, whole] and "type" not in scale
 
 
-def test_the_axis_of_most_values_is_along_the_chart_first(tmp_path):
-    attributes = {"configuration": {}, "title": "T", "swept": ["range", "cnr"]}
-    table = shown(scores(range=[25.0, 50.0, 100.0], cnr=[5.0, 10.0, 20.0, 30.0]))
+ISING = xr.Dataset(
+    {"magnetisation": (("size", "temperature"), np.arange(6.0).reshape(2, 3))},
+    {"size": [8, 16], "temperature": [1.5, 2.3, 3.0]},
+)
+
+
+@pytest.mark.parametrize(
+    ("table", "along", "colour"),
+    [
+        (shown(scores(range=[25.0, 50.0], cnr=[5.0, 10.0, 20.0])), "cnr_db", "range_km"),
+        (ISING, "temperature", "size"),
+    ],
+)
+def test_the_axis_of_most_values_is_along_the_chart_and_the_next_colours(
+    table, along, colour, tmp_path
+):
+    attributes = {
+        "configuration": {},
+        "title": "T",
+        "swept": ["size", "temperature", "range", "cnr"],
+    }
     page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__acn=table)))
-    for name, first in (("against", "cnr_dB"), ("colour", "range_km")):
+    for name, first in (("against", along), ("colour", colour)):
         (chosen,) = page.root.one("select", id=name).all("option", selected="")
-        assert chosen.attrs["value"].lower() == first.lower()
+        assert chosen.attrs["value"] == first
 
 
 @pytest.mark.parametrize(

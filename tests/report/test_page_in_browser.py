@@ -225,6 +225,12 @@ def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
     assert len(flat) == 1 and flat[0].count("L") == 3
 
 
+def test_a_name_in_the_legend_shows_its_curve_alone(both):
+    marks(both, "chart", "text").nth(1).click()
+    faint = [one.get_attribute("opacity") for one in marks(both, "chart", "line").all()]
+    assert [float(one or 1) < 0.5 for one in faint] == [True, False, True]
+
+
 def test_a_figure_that_depends_on_no_axis_is_a_table_without_a_chart(both):
     section = both.locator("#table-constant")
     assert section.locator("details.rows").get_attribute("open") is not None
