@@ -248,6 +248,14 @@ def test_cells_say_how_to_reproduce_them_by_keyboard(seen, smoke_store, monkeypa
     assert seen.locator("#where button").is_visible()
 
 
+def test_markers_say_their_values_and_how_to_reproduce_them(both, two_axes, monkeypatch):
+    monkeypatch.chdir(two_axes.parent)
+    for kind, mark in (("chart", "symbol"), ("aspect", "symbol"), ("heat", "rect")):
+        marks(both, kind, mark).nth(2).hover(force=True)
+        value = eval(both.locator("#where code").inner_text(), {"xr": xr})
+        assert f"percent correct [%]: {value:.4g}" in both.locator("#tip").inner_text()
+
+
 CUT = """[...document.querySelectorAll("body *")].filter((one) => {
   const style = getComputedStyle(one);
   return one.scrollWidth > one.clientWidth + 1 && one.clientWidth && style.overflowX !== "visible"

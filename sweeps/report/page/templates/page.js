@@ -155,7 +155,9 @@
   };
   const tipsOf = (table, figure, axes = []) => {
     const { low, high } = table.figures[figure];
-    return [...axes, figure, low, high].filter(Boolean).map((field) => ({ field, title: table.headings[field] }));
+    const titled = (field) => ({ field, title: table.headings[field] });
+    const figures = [figure, low, high].filter(Boolean).map((field) => ({ ...titled(field), type: "quantitative", format: ".4~g" }));
+    return [...axes.map(titled), ...figures];
   };
   // Names, colours and heading of the curves of some rows. A classifier has one colour everywhere.
   const curvesIn = (table, rows, names, figure, axis) => {
