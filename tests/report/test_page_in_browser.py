@@ -206,6 +206,7 @@ def test_curves_are_coloured_by_a_second_axis_with_a_titled_legend(both):
 
 def test_a_heat_map_has_the_values_of_both_axes(both, two_axes):
     both.locator("#table-scores label.of select").select_option(label="MNN")
+    both.reload()  # the address has it
     both.locator("#table-scores .whose", has_text="MNN").wait_for()
     rows = read_frames(two_axes)["scores"].rows
     rows = rows[(rows.classifier == "mnn") & (rows.aspect_bin_deg == "overall")]

@@ -18,10 +18,13 @@
     if (across && !selects.some((one) => one.dataset.axis === across)) table.series.push(across);
   }
 
-  // The selection is kept in the address: #range_km=100&by=cnr_db&colour=range_km.
+  // The selection is kept in the address: #range_km=100&by=cnr_db&colour=range_km&of=ACN. The curve
+  // that the first table is of is chosen among those at the selection.
+  const ofSelect = document.querySelector("label.of select");
   const named = [["by", axisSelect], ["colour", colourSelect], ...selects.map((one) => [one.dataset.axis, one])].filter(([, one]) => one);
   const read = () => {
     for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
+      if (name === "of" && ofSelect) ofSelect.dataset.chosen = text;
       const select = named.find(([one]) => one === name)?.[1];
       const option = select && [...select.options].find((one) => one.value === text || one.text === text);
       if (option) select.value = option.value;
@@ -33,6 +36,7 @@
       const option = select.selectedOptions[0];
       if (!option.defaultSelected) changed.set(name, select.dataset.axis ? option.text : option.value);
     }
+    if (ofSelect?.dataset.chosen) changed.set("of", ofSelect.dataset.chosen);
     const text = changed.toString();
     history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
   };
@@ -181,8 +185,8 @@
       const own = places.filter((k) => nameOf(table, names, k) === one).map((k) => table.rows[figure][k]);
       return own.reduce((sum, value) => sum + value, 0) / own.length;
     };
-    const chosen = select.dataset.chosen ?? found.reduce((best, one) => (mean(one) > mean(best) ? one : best));
-    select.replaceChildren(...found.map((one) => new Option(one, one, false, one === chosen)));
+    const { chosen } = select.dataset, best = found.includes(chosen) ? chosen : found.reduce((most, one) => (mean(one) > mean(most) ? one : most));
+    select.replaceChildren(...found.map((one) => new Option(one, one, false, one === best)));
     return places.filter((k) => nameOf(table, names, k) === select.value);
   };
 
@@ -328,7 +332,7 @@
     });
     const name = section.dataset.table, of = section.querySelector("label.of select");
     section.querySelector("select.figure")?.addEventListener("change", () => { fill(section); draw(section); });
-    of?.addEventListener("change", () => { of.dataset.chosen = of.value; draw(section); });
+    of?.addEventListener("change", () => { of.dataset.chosen = of.value; write(); draw(section); });
     for (const button of all("button.svg", section)) {
       const figure = button.closest("figure");
       button.addEventListener("click", async () => save(`${name}-${figure.className}.svg`, await views.get(figure).view.toSVG(), "image/svg+xml"));
