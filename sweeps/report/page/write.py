@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -122,10 +121,9 @@ def page_of(
     )
     style, *scripts = (
         (TEMPLATES / name).read_text(encoding="utf-8")
-        for name in ("page.css", "vega.js", "page.js")
+        for name in ("page.css", "vega.js", "charts.js", "page.js")
     )
     content = content_of(path, frames, _pictures(before))
-    content["data"]["chart"] = json.loads((TEMPLATES / "chart.json").read_text(encoding="utf-8"))
     return environment.get_template("page.html").render(
         content | ({"headline": headline} if headline else {}),
         stamp=_stamp(path),
