@@ -84,6 +84,11 @@ def documented_units() -> Iterator[tuple[str, str]]:
         found = re.search(r"\[([a-z][^\]]*)\]", meaning, re.IGNORECASE)
         units = found[1].split(", ") if found else [""]
         yield from zip(listed, units if len(units) > 1 else units * len(listed), strict=False)
+    # In prose an entry has a shape, a unit or both: `ifov` [rad], `aspect` (view,) [deg].
+    shape = r" \((?:\.\.\.|[\w+. ]*,[\w+., ]*)?\)"
+    prose = rf"(`\w+`(?:(?:,| and) `\w+`)*)(?:{shape}(?: \[([^\]]*)\])?| \[([^\]]*)\])"
+    for names, *unit in re.findall(prose, " ".join(text.split())):
+        yield from ((name, "".join(unit).strip("1")) for name in re.findall(r"`(\w+)`", names))
 
 
 def test_messages_have_the_units_of_the_docstrings():

@@ -25,30 +25,10 @@ VARIANTS = 8
 
 @dataclass(frozen=True)
 class Interval:
-    """Numbers that are equally probable, or those whose logarithm is.
+    """Prior of a number between `low` and `high`: uniform, or uniform in its logarithm.
 
-    Attributes
-    ----------
-    low, high : float
-        Ends.
-    label : str
-        Meaning and unit.
-    group : str
-        Part of the simulation that it belongs to.
-    logarithmic : bool
-        Equal probability of equal ratios of value + `shift`.
-    shift : float
-        Keeps the logarithm finite where `low` is 0.
-
-    See Also
-    --------
-    Choice : Words or numbers of a list.
-
-    Examples
-    --------
-    >>> from studies.reproduction import Interval
-    >>> round(Interval(1.0, 100.0, "", "laser radar", logarithmic=True).at(0.5), 6)
-    10.0
+    `label` states meaning and unit, `group` the part of the simulation; a logarithmic prior is
+    uniform in log(value + `shift`), finite where `low` is 0.
     """
 
     low: float
@@ -86,25 +66,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Choice:
-    """Words or numbers of a list, equally probable.
-
-    Attributes
-    ----------
-    values : tuple
-        The list.
-    label, group : str
-        As of `Interval`.
-
-    See Also
-    --------
-    Interval : Any number between two.
-
-    Examples
-    --------
-    >>> from studies.reproduction import Choice
-    >>> Choice(("edges", "known"), "", "laser radar").at(0.7)
-    'known'
-    """
+    """Prior of equally probable words or numbers of a list."""
 
     values: tuple[Any, ...]
     label: str
@@ -167,46 +129,10 @@ PRIORS: Mapping[str, Interval | Choice] = MappingProxyType(
 
 
 def assumed(number: int, *, seed: int = 0) -> dict[str, Any]:
-    """Return the values of all parameters that the source leaves open, in one of many settings.
+    """Return a value for every name of `PRIORS`, in one of many settings.
 
-    Parameters
-    ----------
-    number : int
-        Number of the setting, from 0.
-    seed : int
-        Seed of the series.
-
-    Returns
-    -------
-    dict
-        A value for every name in `PRIORS`.
-
-    Raises
-    ------
-    ValueError
-        If a number is negative, or not whole.
-
-    See Also
-    --------
-    reproduce : Tables simulated with these values.
-
-    Notes
-    -----
-    Points of a scrambled Sobol sequence [1]_, which fills the space of all parameters more evenly
-    than independent ones. A setting depends on its number and the seed alone, so that a longer
-    series continues a shorter one.
-
-    References
-    ----------
-    .. [1] A. B. Owen, "Scrambling Sobol' and Niederreiter-Xing points", Journal of Complexity 14,
-       466-489 (1998), doi:10.1006/jcom.1998.0487.
-
-    Examples
-    --------
-    >>> from studies.reproduction import assumed
-    >>> first = assumed(0)
-    >>> 0 <= first["target_free_ifovs"] <= 20_000, first["floor"] in ("edges", "median", "known")
-    (True, True)
+    Settings are points of a scrambled Sobol sequence (Owen, Journal of Complexity 14, 466 (1998)),
+    so a longer series continues a shorter one: a setting depends on its number and the seed alone.
     """
     require("number", number, whole=True, minimum=0, below=2**30)
     require("seed", seed, whole=True, minimum=0)

@@ -43,43 +43,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Compare simulated figures of many settings with those of the article [1]_.
+    """Simulated figures of many settings, compared with those of the article's Tables 2 to 5.
 
-    Attributes
-    ----------
-    figures : tuple of Figure
-        The article's figures.
-    mean : (setting, figure) float64 ndarray
-        Simulated figures, means over draws.
-    spread : (setting, figure) float64 ndarray
-        Standard deviations of a single draw.
-    value : (setting, parameter) float64 ndarray
-        Numbers of the values in `PRIORS`.
-    draws : int
-        Draws of which a figure is the mean.
-
-    See Also
-    --------
-    reproduce : The figures of a setting.
-    ncti.evaluate.posterior_weights : Weights of settings.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, Tables 2 to 5.
-
-    Examples
-    --------
-    Two settings, of which one has the article's figures:
-
-    >>> import numpy as np
-    >>> from ncti.article import figures
-    >>> from studies.reproduction import PRIORS, Agreement
-    >>> article = np.array([figure.value for figure in figures()])
-    >>> mean, value = np.array([article, 0.8 * article]), np.zeros((2, len(PRIORS)))
-    >>> agreement = Agreement(figures(), mean, np.zeros_like(mean), value, draws=4)
-    >>> agreement.distance((2, 3)).round(0).tolist()
-    [0.0, 80.0]
+    `mean` and `spread` (setting, figure) are the mean over `draws` and the standard deviation of
+    one draw; `value` (setting, parameter) holds the numbers that stand for the values of `PRIORS`.
     """
 
     figures: tuple[Figure, ...]
@@ -110,11 +77,10 @@ class Agreement:
     def correlation(self) -> Floats:
         """Correlation of figures, (figure, figure), of averages that share their first frames.
 
-        Averages over n and N of the same frames have covariance var / N, so correlation
-        sqrt(n / N), and their signs 2 asin(sqrt(n / N)) / pi. Figures of several ships and
-        thresholds have some 0.75 of that: 0.38, 0.25 and 0.17 where N is 2, 4 and 8 times n. Of 60
-        draws of each of six settings of `PRIORS` both networks had 0.35 to 0.41, 0.22 to 0.24, and
-        0.15 to 0.20.
+        Averages over n and N of the same frames correlate by sqrt(n / N), and their signs by 2
+        asin(sqrt(n / N)) / pi. Figures of several ships and thresholds have some 0.75 of that,
+        0.38, 0.25 and 0.17 for N / n = 2, 4 and 8; 60 draws of six settings gave 0.35 to 0.41, 0.22
+        to 0.24 and 0.15 to 0.20 with both networks.
         """
         frames = np.array([figure.frames for figure in self.figures])
         columns = [(figure.table, figure.name.rpartition(", ")[2]) for figure in self.figures]
