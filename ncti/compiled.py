@@ -23,13 +23,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """Return a function that numba compiles on its first call, or loads from the user's cache.
 
-    See Also
-    --------
-    inlined : For small functions called inside loops.
-    keep : Compile loops ahead of their first use.
-
-    Notes
-    -----
     If the folder is full, not writable, or writable by another user, the code is compiled in each
     process. Division by zero gives infinity, as with arrays, and the function releases the
     interpreter's lock.

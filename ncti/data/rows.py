@@ -361,21 +361,10 @@ def parameters(
     cnr: Any = OF_RADAR["cnr"],
     **given: Any,
 ) -> Arrays:
-    """Return what is drawn for rows of a data set, without simulating them.
+    """Return the parameters (row,) drawn for the rows of a data set, without simulating them.
 
-    Parameters
-    ----------
-    numbers : (row,) int64 ndarray
-        Numbers of the rows.
-    ships : int
-        Number of ships.
-    seed, rows_per_view, bin_width, cnr, **given
-        As of `dataset`; all that may be drawn.
-
-    Returns
-    -------
-    dict of (row,) ndarray
-        All parameters by name, `row` and `view` among them; `ship` is a number.
+    `numbers` (row,) are those of the rows; `row` and `view` are among the parameters, and `ship` is
+    a number. Other arguments are those of `dataset`.
     """
     if isinstance(given["aspect"], str) and given["aspect"] == ANYWHERE:
         given["aspect"] = (0.0, 360.0)

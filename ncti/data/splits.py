@@ -184,22 +184,7 @@ def split(
 def rows_of(
     name: str, part: str, *, seed: int, ships: Sequence[str], count: int, workers: int = 1
 ) -> xr.Dataset:
-    """Return the rows of one part of a split.
-
-    Parameters
-    ----------
-    name, seed, ships, workers
-        As of `split`.
-    part : {"train", "test", "unknown"}
-        Part.
-    count : int
-        Number of rows.
-
-    Returns
-    -------
-    xarray.Dataset
-        See `Split`.
-    """
+    """Return the rows of one part, "train", "test" or "unknown", of a split; see `Split`."""
     names, given = recipe(name, part, seed=seed, ships=ships)
     rows = dataset(names, count, workers=workers, expected=part == TRAIN, **given)
     base = np.array([ship.partition("@")[0] for ship in rows.ship.values.tolist()])
@@ -210,25 +195,7 @@ def rows_of(
 
 
 def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[list[str], Rows]:
-    """Return what the rows of one part of a split are drawn from.
-
-    Parameters
-    ----------
-    name, part, seed, ships
-        As of `rows_of`.
-
-    Returns
-    -------
-    ships : list of str
-        Names of the ships that are drawn.
-    given : dict
-        Arguments of `ncti.dataset`: the seed, the rows of a view, and all that is drawn.
-
-    Raises
-    ------
-    ValueError
-        As of `split`.
-    """
+    """Return the ships of one part of a split, and arguments of `ncti.dataset` for its rows."""
     require_word("name", name, SPLITS)
     require_word("part", part, PER_VIEW)
     require("seed", seed, minimum=0, maximum=2**63 - 1, whole=True)
@@ -243,24 +210,7 @@ def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[li
 
 
 def trained_as(name: str) -> str:
-    """Return the first split with the same training as another.
-
-    Parameters
-    ----------
-    name : str
-        One of `SPLITS`.
-
-    Returns
-    -------
-    str
-        One of `SPLITS`.
-
-    Examples
-    --------
-    >>> from ncti.data.splits import trained_as
-    >>> trained_as("few-frames"), trained_as("variant")
-    ('aspect-random', 'variant')
-    """
+    """Return the first split with the same training as another."""
     return name if name in ("aspect-gap", "range-shift", "variant") else "aspect-random"
 
 
@@ -268,24 +218,7 @@ OUTSIDERS = {"unknown-near": SISTER, "unknown-far": STRANGER}
 
 
 def gap(seed: int) -> tuple[float, float]:
-    """Return the sector [deg] that `aspect-gap` leaves out for a seed.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the split.
-
-    Returns
-    -------
-    low, high : float
-        Ends, the first of which is in it.
-
-    Examples
-    --------
-    >>> from ncti.data.splits import gap
-    >>> gap(7)
-    (30.0, 60.0)
-    """
+    """Return the sector [deg] that `aspect-gap` leaves out for a seed; its first end is in it."""
     low = SECTOR * (seed % round(SIDE[1] / SECTOR))
     return low, low + SECTOR
 

@@ -174,17 +174,8 @@ def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Data
 def interval(values: Floats, minimum: float, maximum: float) -> tuple[float, float, float]:
     """Return the mean of independent values, and the ends of its 95 % interval by Student's t.
 
-    Parameters
-    ----------
-    values : (seed,) float64 ndarray
-        Values; those that are NaN do not count.
-    minimum, maximum : float
-        Bounds of the mean, where the interval ends at the latest.
-
-    Returns
-    -------
-    mean, low, high : float
-        The ends are NaN of fewer than two values.
+    `values` (seed,) count unless NaN; the interval ends within `minimum` and `maximum`, and is NaN
+    for fewer than two values.
     """
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import stdtrit

@@ -421,13 +421,7 @@ def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: f
 
 
 def bins_of(window: float, bin_width: float) -> tuple[float, int]:
-    """Return half the length of the range window [m] and its number of bins.
-
-    Raises
-    ------
-    ValueError
-        If there would be too many.
-    """
+    """Return half the length of the range window [m] and its number of bins."""
     require("window", window, positive=True)
     require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
     bin_count = max(1, round(window / bin_width))

@@ -44,23 +44,10 @@ class Diagnosis:
 def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
     """Return signs that a mesh is not in the ship frame.
 
-    Parameters
-    ----------
-    vertices : (vertex, 3) float64 ndarray
-        Corners [m], those below the waterline among them.
-    faces : (facet, 3) integer ndarray
-        Corners of each facet of a closed mesh, counter-clockwise from outside.
-
-    Returns
-    -------
-    Diagnosis
-        Nothing for a mesh that may be in the ship frame.
-
-    Notes
-    -----
-    The vertical axis is the one along which areas of sections are least symmetric; its upper end is
-    the one with short sections. Of the two others the longer is the length, and the bow its finer
-    end, which is a guess. A box is as symmetric along all of its axes, and only its extents count.
+    `vertices` (vertex, 3) [m] include those below the waterline; `faces` (facet, 3) are of a closed
+    mesh. The vertical axis is the one along which areas of sections are least symmetric; its upper
+    end has short sections. The longer of the two others is the length, and the bow its finer end,
+    which is a guess. A box is as symmetric along all of its axes, and only its extents count.
 
     Not found: a bow that points aft, a mirror image, a ship on its side that is as symmetric that
     way, and a flat-bottomed hull that stands on its keel.
@@ -202,30 +189,14 @@ def section_areas(
     *,
     places: Floats | None = None,
 ) -> Floats:
-    """Return areas of sections of a closed mesh across one of its axes.
+    """Return the areas (section,) of sections of a closed mesh across one of its axes [m2].
 
-    Parameters
-    ----------
-    vertices : (vertex, 3) float64 ndarray
-        Corners [m].
-    faces : (facet, 3) integer ndarray
-        Corners of each facet, counter-clockwise from outside.
-    axis : int
-        0, 1 or 2.
-    places : (section,) float64 ndarray, optional
-        Where sections are, as a share of the extent; `SECTIONS` evenly spaced ones by default.
-
-    Returns
-    -------
-    (section,) float64 ndarray
-        Areas [m2], 0 or more.
-
-    Notes
-    -----
-    The part of the surface beyond a section and the section itself are closed, so the area is the
-    sum of normal components along the axis over all facets beyond it. A facet that the section
-    cuts counts by the share of its extent that is beyond it: exact for a facet along the axis or
-    across it, and for the mean over all sections that cut it to the order of its size.
+    `vertices` (vertex, 3) [m], `faces` (facet, 3); `places` (section,) are shares of the extent,
+    `SECTIONS` evenly spaced ones by default. The surface beyond a section and the section itself
+    are closed, so the area is the sum of normal components along the axis over all facets beyond
+    it. A facet that the section cuts counts by the share of its extent beyond: exact for a facet
+    along the axis or across it, and for the mean over all sections that cut it to the order of its
+    size.
     """
     if places is None:
         places = (np.arange(SECTIONS) + 0.5) / SECTIONS

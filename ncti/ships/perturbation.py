@@ -103,16 +103,10 @@ class Variant:
 
 @dataclass(frozen=True, eq=False)
 class Carriage:
-    """What carries what: a tree over the components of a sheet, whose root is the hull.
+    """Tree over the components of a sheet by which each carries others; the hull is its root.
 
-    Attributes
-    ----------
-    order : tuple of int
-        Numbers of all components, each after its carrier.
-    carrier : tuple of int
-        Number of the carrier of each component; -1 is the hull.
-    contact : tuple of float64 ndarray
-        Volume that each copy of a component shares with the carrier [m^3].
+    `order` has the numbers of all components, each after its carrier; `carrier` the number of each
+    one's, -1 for the hull; `contact` the volume that each copy shares with it [m^3].
     """
 
     order: tuple[int, ...]
@@ -357,35 +351,13 @@ def _own_size(component: Component, factor: float, beam: float) -> Component:
 
 
 def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale: float) -> Sheet:
-    """Return a sheet with places and sizes moved within their uncertainty.
+    """Return a sheet with places and sizes moved within their uncertainty, times `scale`.
 
-    Parameters
-    ----------
-    sheet : Sheet
-        The ship.
-    borne : Carriage
-        What carries what on it.
-    rng : numpy.random.Generator
-        Source of the draw; the same for any scale.
-    scale : float
-        Factor of all uncertainties.
-
-    Returns
-    -------
-    Sheet
-        Of the same hull length and beam, and the same components. It need not build: what hangs
-        together by little may be torn apart.
-
-    Raises
-    ------
-    ShipError
-        If the warp folds the hull.
-
-    Notes
-    -----
-    A component's own move is halved until each of its copies keeps half of its contact with its
-    carrier and none reaches farther out than the hull, or than it did; after some halvings there
-    is none.
+    Hull length, beam and components stay; the draw is the same for any scale. The sheet need not
+    build: thin contacts may be torn apart. A component's own move is halved until each of its
+    copies keeps half of its contact with its carrier and none reaches farther out than the hull, or
+    than it did; after some halvings there is none. Refuses (`ShipError`) a warp that folds the
+    hull.
     """
     common = scale * min((component.sigma for component in sheet.components), default=0.5)
     warp = _Warp.drawn(rng, sheet.hull, common, scale)

@@ -254,21 +254,11 @@ def _stations(where: str, given: Any) -> np.ndarray:
 
 
 def parse(text: str, templates: str, *, where: str) -> Sheet:
-    """Read a sheet.
+    """Return the sheet of a YAML text; `sheets/README.md` has its rules.
 
-    Parameters
-    ----------
-    text : str
-        YAML of the sheet; `sheets/README.md` has its rules.
-    templates : str
-        YAML of the equipment templates; the sheet's own `templates` come on top.
-    where : str
-        Name of the sheet in messages.
-
-    Raises
-    ------
-    ShipError
-        When a key is missing, unknown or given twice, or a value is not allowed.
+    `templates` is the YAML of equipment templates, which the sheet's own extend; `where` names it
+    in messages. Refuses (`ShipError`) a key that is missing, unknown or given twice, or a wrong
+    value.
     """
     sheet = _known(where, read(where, text), SHEET)
     known = _templates("templates", read("templates", templates))

@@ -109,9 +109,8 @@ def _around_solid(
 
     Going round a line, a facet whose edge runs backward opens a solid and one whose edge runs
     forward closes the one opened last, as brackets do. A patch of facets that are neighbours
-    elsewhere is matched by itself where as many of it open as close. Of facets that lie on each
-    other, those that close come first; of equal ones, copies of a body are matched in the order of
-    the file.
+    elsewhere is matched by itself if as many of it open as close. Of coincident facets, those that
+    close come first; of equal ones, copies of a body are matched in the order of the file.
     """
     start, end = faces.ravel()[edges], faces.ravel()[following(edges)]
     apex = faces.ravel()[before(edges)]
