@@ -48,7 +48,7 @@ def compiled(function: F) -> F:
 
 
 def _keep_if_possible(kept: Any) -> None:
-    """Let a cache of numba go without what it cannot read or write, as on a full disk."""
+    """Make a cache of numba tolerate files that it cannot read or write, as on a full disk."""
     load, save = kept.load_overload, kept.save_overload
 
     def load_overload(*given: Any) -> Any:
@@ -65,7 +65,7 @@ def _keep_if_possible(kept: Any) -> None:
 
 
 def _stamp(kept: Any, function: Callable[..., Any]) -> None:
-    """Let a cache of numba find only machine code with the same constants of other modules.
+    """Make a cache of numba reject machine code with other constants of other modules.
 
     Numba compiles them in, but compares the time of the function's own file alone.
     """

@@ -56,7 +56,7 @@ def _place(source: Path) -> Path:
 class Loops:
     """Loops that one call compiles; see `ncti.compiled.keep`.
 
-    `of` says what they compute, such as "sampled frames"; `names` within `ncti` are as
+    `of` names their results, such as "sampled frames"; `names` within `ncti` are as
     "render.line_sweep.sweep", of loops that only call one another the outer one; `call` runs them
     all on tiny arguments of the types that sweeps use.
     """

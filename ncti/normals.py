@@ -1,4 +1,4 @@
-"""Standard normals by their place in a stream: each is the same whatever is drawn beside it."""
+"""Counter-based standard normals: each depends on its stream and its number alone."""
 
 from __future__ import annotations
 
@@ -72,10 +72,11 @@ def draw_places(
 
 
 def _layers() -> tuple[Singles, NDArray[np.uint32], Singles]:
-    """Return the ziggurat: widths, what lies inside the next layer, and heights.
+    """Return the widths, thresholds and heights of the ziggurat.
 
     All 256 layers have the area of the lowest, tail included. Widths are per step of a 23-bit
-    mantissa, and what lies inside is in such steps; (512,) both, the second half negative.
+    mantissa; below its threshold, in such steps, a number lies within the next layer too; (512,)
+    both, the second half negative.
     """
     area = TAIL * math.exp(-(TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(TAIL / math.sqrt(2))
     edge = [TAIL]
@@ -136,7 +137,7 @@ def _normal(half: np.uint64) -> np.float32:
 
 @compiled
 def _further(half: np.uint64, state: np.uint64) -> np.float32:
-    """Return the normal of 32 bits, and of words of their own where these are not enough."""
+    """Return the normal of 32 bits, and of more words of its own stream if these do not suffice."""
     while True:
         layer, whole, x = np.int64(half & SIGNED_LAYER), half >> U9, _normal(half)
         # Inside the next layer, too: accepted without evaluating the density.

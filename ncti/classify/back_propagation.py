@@ -1,4 +1,4 @@
-"""Back-propagation through one growing hidden layer of nodes with gains of their own."""
+"""Back-propagation through one growing hidden layer of nodes with individual gains."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Blocks of rows, so that what compares all samples with all templates is never held whole."""
+"""Blocks of rows, so that no array compares all samples with all templates at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 ROWS = 192
-"""Rows of a block: with some hundred features, its cosines take what the templates do."""
+"""Rows of a block: with some hundred features, its cosines take as much as the templates."""
 HELD_ROWS = 8 * ROWS
 """Rows of a block that costs too much to begin, as where covariances are factored for each."""
 

@@ -150,7 +150,7 @@ def _likeliest(
     truth: NDArray[np.intp],
     weights: Floats,
 ) -> tuple[float, float]:
-    """Return `fit_temperature_and_outliers` of scores of which each piece makes some rows.
+    """Return `fit_temperature_and_outliers` of scores that are made piece by piece.
 
     Labels and truth are numbers, all of which are labels of templates.
     """

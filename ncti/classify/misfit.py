@@ -1,4 +1,4 @@
-"""Goodness of fit: how probable it is that a sample of a template lies even farther from it."""
+"""Goodness of fit: the probability that a sample of a template lies even farther from it."""
 
 from __future__ import annotations
 

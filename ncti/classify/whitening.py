@@ -10,7 +10,7 @@ from ncti.compiled import compiled, inlined
 Floats = NDArray[np.float64]
 
 AT_ONCE = 64
-"""Vectors that are solved together: what a band spans of them stays in the nearest memory."""
+"""Vectors that are solved together: the elements that a band spans stay in L1."""
 
 
 @inlined

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 KNOWN = ("duncan", "horne", "spruance", "texas")
-"""Ships learned. Duncan is one of two sisters, the other ships are of classes of their own."""
+"""Ships learned. Duncan is one of two sisters, each of the others has its own class."""
 
 SISTER, STRANGER = "roberts", "connole"
 """Ships not learned: Roberts, of Duncan's class with a longer hull, and one of another class."""
@@ -71,12 +71,12 @@ NOMINAL: Rows = {
     "gain": 1.0,
     "floor": 0.0,
 }
-"""Parameters of all rows, but for what a split asks."""
+"""Parameters of all rows, unless a split changes them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Rows to learn from and rows to be tested with, which have nothing in common.
+    """Rows of training and test, which have nothing in common.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Split:
     seed : int
         Seed from which all of it follows.
     train, test : xarray.Dataset
-        Rows of `ncti.dataset`; `ship` is what is to be named, and `variant` the ship drawn. Those
+        Rows of `ncti.dataset`; `ship` is the right answer, and `variant` the ship drawn. Those
         of training have their expected profiles, too.
     unknown : xarray.Dataset or None
         Rows of a ship that is absent from training, to be rejected.
@@ -119,7 +119,7 @@ def split(
     test: int = TEST_ROWS,
     workers: int = 1,
 ) -> Split:
-    """Return the rows of a named split, of which none of a test has anything of training.
+    """Return the rows of a named split, whose test shares nothing with its training.
 
     Parameters
     ----------
@@ -156,8 +156,8 @@ def split(
     -----
     Aspects are of one side of a ship: its other side shows nearly the same, and would leak. All
     splits but `aspect-gap`, `range-shift` and `variant` have one training for a seed, and all tests
-    of aspects at random have the same views and noise for a seed, so that differences between
-    splits are those of what they ask. The sector of `aspect-gap` is the sixth of the side whose
+    of aspects at random have the same views and noise for a seed, so that splits differ by their
+    conditions alone. The sector of `aspect-gap` is the sixth of the side whose
     number is the seed modulo 6. The drift of `sensor-shift` is drawn for each row: gain and floor
     of normal distributions, the carrier-to-noise ratio 3 dB less.
 
@@ -224,9 +224,10 @@ def gap(seed: int) -> tuple[float, float]:
 
 
 def _drawn_by(name: str, part: str, seed: int) -> int:
-    """Return the seed of the rows of a part, which no other part of any split has for a seed.
+    """Return the seed of the rows of a part, unlike those of all other parts and splits of a seed.
 
-    Unless it is the same training, or the same views and noise under other conditions.
+    Parts share it only if they have the same training, or the same views and noise under other
+    conditions.
     """
     of_train = [*SPLITS].index(trained_as(name))
     key = {TRAIN: (0, of_train), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
@@ -247,7 +248,7 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
 
 
 def _given(name: str, part: str, seed: int) -> Rows:
-    """Return what a part has in the place of nominal parameters."""
+    """Return the parameters of a part that differ from the nominal ones."""
     # Imported where it is used: scipy.stats takes half a second.
     from scipy.stats import norm, rv_histogram
 

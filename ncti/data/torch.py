@@ -1,4 +1,4 @@
-"""Data sets for PyTorch of what a sweep has stored: by row, and as a stream of batches.
+"""PyTorch data sets of a sweep's store: by row, and as a stream of batches.
 
 They need the extra ``torch`` where `torch.utils.data.DataLoader` reads them, and nothing else: a
 row is a vector of numpy and the number of its ship.

@@ -41,7 +41,7 @@ OF_VIEWS, OF_ROWS, SPECKLE, IMAGE = range(4)
 """Streams of random numbers: parameters of a view, of a row, its speckle, and its image."""
 
 SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "infrared")}
-"""Sensors by what a data set calls them."""
+"""Sensors by their name in a data set."""
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
 def silhouettes(
     recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
 ) -> NDArray[np.uint8]:
-    """Return the log-polar maps of the rows of one view, each at a place on the pixels of its own.
+    """Return the log-polar maps of the rows of one view, each at its own place on the pixels.
 
     They are of the silhouettes that the matched segmentation returns.
     """

@@ -237,7 +237,7 @@ def paired_difference(
     draws: int = 1,
     answered: ArrayLike = True,
 ) -> AspectAccuracy:
-    """Return how much larger a second fraction of correct answers to the same views is.
+    """Return a second fraction of correct answers to the same views less the first.
 
     Parameters
     ----------

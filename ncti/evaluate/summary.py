@@ -103,7 +103,7 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
 
 
 def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
-    """Return how much more often a classifier is right than another one, by split.
+    """Return the difference in accuracy between two classifiers by split.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _scalar(figure: tuple[float, str]) -> tuple[Any, ...]:
 
 
 def _views(view: NDArray[Any], seeds: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return numbers of views that those of no other seed have."""
+    """Return numbers of views that no other seed has."""
     numbers: NDArray[np.int64] = seeds * (int(view.max(initial=0)) + 1) + view
     return numbers
 

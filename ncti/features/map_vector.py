@@ -33,7 +33,7 @@ def silhouette_map(
     Returns
     -------
     (..., angle, radius) uint8 ndarray
-        64 angles and 32 radii. Half a step is nothing beside what a pixel's noise does.
+        64 angles and 32 radii. Half a step is negligible beside the noise of a pixel.
 
     Raises
     ------

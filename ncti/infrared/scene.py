@@ -131,7 +131,7 @@ def _between(
 
 
 def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Node:
-    """Return a function that draws the normals of one count from a stream of its own."""
+    """Return a function that draws the normals of each count from its own stream."""
     family = _family(rng)
 
     def node(count: int) -> Field:

@@ -115,7 +115,7 @@ class Chain:
         return correct(scan, self.correction, overscanned=overscanned, **where)
 
     def tilt(self, scan: Scan, images: Any, truths: Any, estimate: Flight, window: Window) -> Tilt:
-        """Return the tilt of corrected images; without places as printed, which averages before."""
+        """Return the tilt of corrected images; only exact corrections give the places of looks."""
         if self.chain != EXACT:
             return tilts(images, truths)
         row, column, _ = places(scan, self.correction, estimate=estimate)

@@ -1,9 +1,9 @@
 """Displacements that take every sample of a scan to its place in the snapshot.
 
-Each function returns what to add to a sample's place or range. None of them resamples an image, so
-steps do not blur one another, and looks stay separate until they are averaged (`looks`). Rows and
-columns are counted in pixels (IFOVs of the snapshot) from the line of sight to the ship's origin,
-upwards and to the right.
+Each function returns displacements of a sample's place or range. None of them resamples an image,
+so steps do not blur one another, and looks stay separate until they are averaged (`looks`). Rows
+and columns are counted in pixels (IFOVs of the snapshot) from the line of sight to the ship's
+origin, upwards and to the right.
 """
 
 from __future__ import annotations

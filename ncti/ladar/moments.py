@@ -259,7 +259,7 @@ def floor_reach(*, pulse_width: float, bin_width: float) -> int:
 def _reached(
     live: NDArray[np.bool_], first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return lag, IFOV and bin n of all pairs of bins n, n + lag of which a target reaches one.
+    """Return lag, IFOV and bin n of all pairs of bins n, n + lag one of which a target reaches.
 
     Lags are from `first` to below `last`; pairs are sorted by lag, IFOV and bin.
     """

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 ON_EDGE = 1e-9
-"""Distance [m] from the edge of a bin up to which a corner lies on it: what lies on an edge is in
-the bin behind it, and rounding must not decide."""
+"""Distance [m] from the edge of a bin up to which a corner lies on it, and so in the bin
+behind, whatever the rounding."""
 
 MISPLACED = 1e-5
 """Share of the area that chords in place of bent lines of equal range may put into a wrong bin;
@@ -112,7 +112,7 @@ def _project(mesh: trimesh.Trimesh, aspect: float, depression: float, curvature:
 
 
 def _seen(points: Floats, curvature: float) -> Floats:
-    """Return where (..., 3) points are seen, (..., 2), at the range of the ship origin."""
+    """Return the projection (..., 2) of points (..., 3), at the range of the ship origin."""
     return points[..., :2] / (1.0 + curvature * points[..., 2:])
 
 

@@ -223,7 +223,7 @@ def _within(
     bin_width: float,
     spacing: float,
 ) -> tuple[LineImage, Binned]:
-    """Return lines that are as fine as a tolerance takes, and what they are binned to."""
+    """Return lines fine enough for a tolerance, and their binned extent."""
     require("tolerance", tolerance, positive=True)
     require("pulse_width", pulse_width, minimum=0.0)
     require("bin_width", bin_width, positive=True)

@@ -86,7 +86,7 @@ class _Facets(pyrender.Primitive):
         )
 
     def draw(self, facets: NDArray[np.int32]) -> None:
-        """Draw some of them, in the current context."""
+        """Draw some of the facets, in the current context."""
         self._bind()
         content = self._numbers.take(facets, axis=0)
         if len(content):  # PyOpenGL makes no buffer of nothing
@@ -158,7 +158,7 @@ class _FacetRenderer(pyrender.Renderer):
 
 
 def _make_context(platform: str) -> Any:
-    """Return a current context, of one pixel: images have framebuffers of their own."""
+    """Return a current context of one pixel: images have their own framebuffers."""
     context = OSMesaPlatform(1, 1) if platform == "osmesa" else _software_egl()
     context.init_context()
     context.make_current()

@@ -24,7 +24,7 @@ NEARER = 1e-9
 coincident surfaces must not."""
 
 CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "u4"), ("begins", "u4")])
-"""Where a line crosses an edge: the coordinate along the line, q there, and the surface that ends
+"""Crossing of a line and an edge: the coordinate along the line, q there, and the surface that ends
 and that begins there. One record, so that one place in memory is touched."""
 
 ONCE = 1 << 32
@@ -62,9 +62,9 @@ def project(
 
 @compiled
 def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Places:
-    """Return (surface + 1,) the number of each surface that faces the sensor, else that of none.
+    """Return the number (surface + 1,) of each surface, or that of none if it faces away.
 
-    None is the number of surfaces.
+    That of none is the number of surfaces.
     """
     none = len(area)
     seen = np.full(none + 1, none, np.uint32)
@@ -76,9 +76,9 @@ def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Pla
 
 @inlined
 def rank_of(number: Any, every: Any, kept: Any) -> Any:
-    """Return how many lines to be drawn have numbers from that of a line that is kept up to one.
+    """Return the rank of a line's number among lines to be drawn, relative to a kept line.
 
-    Every so many lines are kept, and not drawn; of 0, all are drawn.
+    Every `every`-th line is kept, and not drawn; if that is 0, all are drawn.
     """
     if every == 0:
         return number
@@ -88,7 +88,7 @@ def rank_of(number: Any, every: Any, kept: Any) -> Any:
 
 @inlined
 def number_of(rank: Any, every: Any, kept: Any) -> Any:
-    """Return the number of a line to be drawn, of which `rank_of` is the rank."""
+    """Return the number of the line to be drawn that has a rank of `rank_of`."""
     if every == 0:
         return rank
     turn, rest = divmod(rank, every - 1)
@@ -201,7 +201,7 @@ def cross(
 def sort(crossing: NDArray[np.void]) -> None:
     """Put the crossings of a line in order; those at one place stay in theirs.
 
-    They nearly are in order, so insertion is quick.
+    They are nearly sorted, so insertion is quick.
     """
     for m in range(1, len(crossing)):
         c = crossing[m]
@@ -303,10 +303,10 @@ def overtaking(
 def overtaking_matters(
     active: Active, slot: int, front: int, nearest: float, begins: float, now: float
 ) -> bool:
-    """Return whether it matters at a crossing which surface is in front.
+    """Return whether the order of surfaces in depth matters at a crossing.
 
-    Surfaces that run through one another change places between crossings. It matters where the
-    nearest ends, or seems to be hidden by one that begins, or what was hidden ends.
+    Surfaces that run through one another change places between crossings. It matters if the nearest
+    or a hidden one ends, or if one that begins seems to hide the nearest.
     """
     if slot == front or begins < nearest:
         return True
@@ -344,7 +344,7 @@ def nearest_of(active: Active, count: int, now: float) -> int:
 def write(
     pieces: Pieces, number: int, own: Any, began: Any, slope: float, since: float, until: float
 ) -> int:
-    """Write the piece of a line along which the surface is seen that began at a crossing.
+    """Write the piece from `since` to `until` of the surface that began at a crossing.
 
     Returns the number of pieces.
     """

@@ -17,8 +17,8 @@ NOTHING = 1e-8
 """Area, in squares of the spacing, below which a cell sees nothing."""
 
 ON_EDGE = 1e-9
-"""Distance [m] from the edge of a bin up to which a piece lies on it: what lies on an edge is in
-the bin behind it, and rounding must not decide."""
+"""Distance [m] from the edge of a bin up to which a piece lies on it, and so in the bin
+behind, whatever the rounding."""
 
 
 class Parts(NamedTuple):
@@ -104,7 +104,7 @@ def bounds_of(
     turn: tuple[float, float],
     shift: tuple[float, float],
 ) -> tuple[float, float, float, float]:
-    """Return the least and greatest column and row that pieces reach, in cells; `turn` is too.
+    """Return the least and greatest column and row that pieces reach; `turn` is per cell, too.
 
     Pieces of a line are in order: its first begin and its last end bound it.
     """
@@ -134,9 +134,10 @@ def cells_reached(
     origin: tuple[float, float],
     shape: tuple[int, int],
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
-    """Return numbers of the cells that pieces may reach, -1 of others, so that none has room.
+    """Return the numbers of the cells that pieces may reach, -1 for others, which get no memory.
 
-    Also the cells, by rows, in which each piece begins and ends, and how many cells there are.
+    Also returned are the cells, by rows, in which each piece begins and ends, and the number of
+    cells.
     """
     (cos, sin), (columns, rows) = turn, shape
     pieces = len(line)

@@ -104,7 +104,7 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
     Parameters
     ----------
     reach : float
-        Largest distance down-range from the ship origin of what is seen, either way [m].
+        Largest down-range distance of a visible point from the ship origin, either way [m].
     slant_range : float
         Distance from the sensor to the ship origin [m], at which the ship is not drawn.
     across : float
@@ -128,7 +128,7 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
 
     Notes
     -----
-    At a finite range, what lies at a distance r behind the ship origin shrinks to 1 / (1 + r/R) of
+    At a finite range, a part at a distance r behind the ship origin shrinks to 1 / (1 + r/R) of
     its width and height, and the direction of the line of sight changes over the ship, by s / R
     at a distance s across it: decks show more or less of themselves, and other parts obscure them.
     The error is 1.1 reach / range in the median. Abeam the parts across count more than those

@@ -1,4 +1,4 @@
-"""Closed bodies of a mesh: told apart where they touch, turned outward, small openings closed."""
+"""Closed bodies of a mesh: separated where they touch, turned outward, small openings closed."""
 
 from __future__ import annotations
 

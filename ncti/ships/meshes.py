@@ -138,7 +138,7 @@ def _above_water(
 
 
 def _check_size(extent: float, scale: float, where: str) -> None:
-    """Refuse what is no ship in metres, and name the units in which it would be one."""
+    """Refuse a mesh that is no ship in metres, and name the units in which it would be one."""
     if SMALLEST <= extent <= LARGEST:
         return
     guesses = ", ".join(

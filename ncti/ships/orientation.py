@@ -35,7 +35,7 @@ ENDS = 0.1  # of the length
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Signs that a mesh is not in the ship frame: verb phrases, and what would mend them all."""
+    """Signs that a mesh is not in the ship frame, as verb phrases, and a remedy for all."""
 
     findings: tuple[str, ...] = ()
     mend: Transform | None = None
@@ -64,7 +64,7 @@ def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
 
 
 def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list[str]]:
-    """Return the rotation to ship axes, and what is wrong with those of the mesh."""
+    """Return the rotation to ship axes, and the faults of the mesh's own axes."""
     extent = np.ptp(vertices, axis=0)
     areas = [section_areas(vertices, faces, axis) for axis in range(3)]
     vertical, along = _vertical_and_length(extent, [_asymmetry(area) for area in areas])
@@ -106,7 +106,7 @@ def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, i
 def _points_down(
     vertices: Floats, faces: NDArray[np.integer], vertical: int, along: int, areas: Floats
 ) -> bool:
-    """Return whether what is short and light is at the lower end of the vertical axis."""
+    """Return whether the short and light end of the vertical axis is the lower one."""
     middles = (np.arange(SECTIONS) + 0.5) / SECTIONS
     if float(middles @ areas) <= HEAVY * float(areas.sum()):
         return False

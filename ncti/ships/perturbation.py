@@ -1,7 +1,7 @@
-"""Variants of ships: sheets perturbed within what they say they may be off.
+"""Variants of ships: sheets perturbed within their stated uncertainty.
 
-What touches in a sheet has to touch in its variants. So the sheet's space is warped as a whole
-first, and components are moved on what carries them after that. A variant is built as any sheet.
+Components that touch in a sheet have to touch in its variants. So the sheet's space is warped as a
+whole first, and components are then moved on their carriers. A variant is built as any sheet.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Variant:
         return variant
 
     def stream(self, attempt: int) -> np.random.Generator:
-        """Return the random stream of a try, which scale and size have no part in."""
+        """Return the random stream of a try, the same for any scale and size."""
         ship = int.from_bytes(hashlib.sha256(self.base.encode()).digest()[:8])
         return np.random.default_rng([ship, self.seed, self.number, attempt])
 
@@ -151,10 +151,10 @@ def _bounds(solids: list[Manifold]) -> Floats:
 
 
 def carriage(sheet: Sheet) -> Carriage:
-    """Return what carries what on a ship: each component hangs on its strongest contacts.
+    """Return the carriers of a ship's components: each hangs on its strongest contacts.
 
     It is the spanning tree of most common volume, grown from the hull (Prim's algorithm). Cuts
-    carry nothing. A component that touches nothing is carried by the hull.
+    carry nothing. The hull carries a component that touches nothing.
     """
     count = len(sheet.components)
     solids = [_copies(sheet, component) for component in sheet.components]
@@ -242,7 +242,7 @@ class _Warp:
         return half * (1 + wave(x) * np.clip(1 - half / widest, 0, 1))
 
     def y(self, x: Any, y: Any) -> Floats:
-        """Move what lies between middle line and deck edge, and the edge as the hull's is."""
+        """Return y warped within the hull, and scaled with the deck edge."""
         edge, _ = self.hull.deck_edge(x)
         edge = np.maximum(edge, 0.5)
         share = np.abs(np.asarray(y, dtype=np.float64)) / edge
@@ -279,7 +279,7 @@ def _middle(component: Component) -> float:
 
 
 def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, float, float]:
-    """Return by how much the space about a component is stretched along x, y and z."""
+    """Return the stretch of the space about a component along x, y and z."""
     (x, y, z), sizes = component.at, component.sizes
     length, width, height = (sizes.get(key, 0.1) for key in ("length", "width", "height"))
     along = np.ptp(warp.x([x - length / 2, x + length / 2])) / length
@@ -291,8 +291,8 @@ def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, f
 def _warped(component: Component, warp: _Warp, column: float) -> Component:
     """Return a component where the warp puts it, and as the warp stretches it.
 
-    `column` is the place along the ship [m] of what carries it on the hull: heights and breadths
-    are moved as there, so that what stands on it goes on standing on it.
+    `column` is the place along the ship [m] of its carrier on the hull: heights and breadths move
+    as there, so that components on top of one another stay so.
     """
     (x, y, z), sizes = component.at, dict(component.sizes)
     at = (

@@ -1,4 +1,4 @@
-"""Surfaces: facets with their neighbours, which tell touching bodies apart, and openings."""
+"""Surfaces: facets with their neighbours, which separate touching bodies, and openings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Surface:
         return components(linked // 3, self.partners[linked] // 3, len(self.faces))
 
     def split(self) -> Surface:
-        """Return it with vertices of their own where facets meet that are no neighbours."""
+        """Return it with separate vertices where facets meet that are no neighbours."""
         linked = np.flatnonzero(self.partners >= 0)
         mine, theirs = linked, self.partners[linked]
         starts = np.concatenate([mine, following(mine)])
@@ -82,8 +82,7 @@ def neighbours(
 def _sorted_edges(
     count: int, faces: Faces
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the ends of all edges, an order in which those on one line follow each other,
-    and where in it each line begins and how many edges it has."""
+    """Return the ends of all edges, their order line by line, and start and length of each line."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     key = ends.min(axis=1) * count + ends.max(axis=1)
     order = np.argsort(key, kind="stable")

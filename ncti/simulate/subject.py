@@ -129,7 +129,7 @@ def generator(rng: int | np.random.Generator, *, aspect: float) -> np.random.Gen
 
 
 def seed_of(rng: int | np.random.Generator) -> dict[str, int]:
-    """Return the seed as an attribute; nothing of a generator, which has none to repeat."""
+    """Return the seed as an attribute; none for a generator."""
     return {} if isinstance(rng, np.random.Generator) else {"seed": int(rng)}
 
 
@@ -141,7 +141,7 @@ def attributes_of(
     frames: int,
     ifov: float,
 ) -> dict[str, Any]:
-    """Return what all simulated images and profiles say of their view, and their seed if any."""
+    """Return the attributes that all simulated images and profiles have: view, and seed if any."""
     return {
         "slant_range_km": slant_range / 1e3,
         "depression_deg": float(depression),

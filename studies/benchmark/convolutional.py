@@ -158,7 +158,7 @@ def _network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential
 
 @contextmanager
 def one_thread() -> Iterator[Any]:
-    """Yield torch, which computes by one thread meanwhile; `ImportError` where there is none."""
+    """Yield torch, limited to one thread meanwhile; `ImportError` if it is not installed."""
     try:
         import torch
     except ImportError as error:

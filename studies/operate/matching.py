@@ -1,4 +1,4 @@
-"""Evidence for templates and ships, of what is measured with Gaussian noise and unknown gain."""
+"""Evidence for templates and ships from measurements with Gaussian noise and unknown gain."""
 
 from __future__ import annotations
 

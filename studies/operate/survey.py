@@ -1,4 +1,4 @@
-"""Views of a ship that are learned and tested, and what the IFOVs see of it in all of them."""
+"""Learned and tested views of a ship, and their range extents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the article leaves open: parameters with the values that each may have."""
+"""The article's unstated parameters, with the values that each may have."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Interval:
     shift: float = 0.0
 
     def at(self, share: float) -> float:
-        """Return the value below which a share of the probability lies, in [0, 1)."""
+        """Return the quantile of a probability in [0, 1)."""
         require("share", share, minimum=0.0, below=1.0)
         if not self.logarithmic:
             return self.low + share * (self.high - self.low)
@@ -47,11 +47,11 @@ class Interval:
         return max(math.exp(first + share * (last - first)) - self.shift, self.low)
 
     def number(self, value: float) -> float:
-        """Return the number that stands for a value in tables, itself."""
+        """Return the number that tables have for a value: the value itself."""
         return float(value)
 
     def share(self, numbers: ArrayLike) -> NDArray[np.float64]:
-        """Return the share of the probability that lies below each number."""
+        """Return the cumulative probability of each number."""
         values = np.asarray(numbers, dtype=np.float64)
         if not self.logarithmic:
             return (values - self.low) / (self.high - self.low)
@@ -60,7 +60,7 @@ class Interval:
         return share
 
     def classes(self, numbers: ArrayLike) -> NDArray[np.intp]:
-        """Return the class of each number, of `CLASSES` that are equally probable."""
+        """Return the class of each number, of `CLASSES` equally probable ones."""
         return np.minimum(CLASSES * self.share(numbers), CLASSES - 1).astype(np.intp)
 
 
@@ -73,16 +73,16 @@ class Choice:
     group: str
 
     def at(self, share: float) -> Any:
-        """Return the value below which a share of the probability lies, in [0, 1)."""
+        """Return the quantile of a probability in [0, 1)."""
         require("share", share, minimum=0.0, below=1.0)
         return self.values[int(share * len(self.values))]
 
     def number(self, value: Any) -> float:
-        """Return the number that stands for a value in tables, its place in the list."""
+        """Return the number that tables have for a value: its place in the list."""
         return float(self.values.index(value))
 
     def classes(self, numbers: ArrayLike) -> NDArray[np.intp]:
-        """Return the class of each number, itself."""
+        """Return the class of each number: the number itself."""
         return np.asarray(numbers).astype(np.intp)
 
 

@@ -62,10 +62,11 @@ class Agreement:
 
     @cached_property
     def variance(self) -> Floats:
-        """Variances of the article's figures about each setting's, (setting, figure).
+        """Variances (setting, figure) of the article's figures about each setting's.
 
-        Of percentages the binomial variance of as many views as the article's, of numbers of
-        categories that over orders of presentation and that of one category; and that of our mean.
+        Percentages have the binomial variance of as many views as the article's, numbers of
+        categories that over orders of presentation and that of one category; to both is added that
+        of our mean.
         """
         trials = np.array([figure.trials for figure in self.figures])
         share = trials > 0
@@ -93,7 +94,7 @@ class Agreement:
         return correlation
 
     def of(self, tables: Sequence[int]) -> NDArray[np.bool_]:
-        """Return the (figure,) mask of figures of some tables."""
+        """Return the mask (figure,) of some tables' figures."""
         return np.isin([figure.table for figure in self.figures], tables)
 
     def distance(self, tables: Sequence[int]) -> Floats:
@@ -115,15 +116,14 @@ class Agreement:
 
     @cached_property
     def reach(self) -> Reach:
-        """Which figures some setting agrees with."""
+        """Range of each figure, and the share of settings that agree with the article's."""
         return reached(self.mean, self.article, self.variance)
 
     def information(self, posterior: Posterior) -> Floats:
-        """Return how much a posterior says of each (parameter,) [bit].
+        """Return the information (parameter,) of a posterior on each parameter [bit].
 
-        Its relative entropy to the settings that were drawn, over words, or equally probable
-        classes of numbers. One that says nothing has, by chance, (classes - 1) / (2 n ln 2) for n
-        effective settings.
+        It is the relative entropy to the settings that were drawn, over words, or equally probable
+        classes of numbers. By chance it is (classes - 1) / (2 n ln 2) for n effective settings.
         """
         bits = []
         for prior, column in zip(PRIORS.values(), self.value.T, strict=True):

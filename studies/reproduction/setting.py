@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ALTITUDE = 6705.6  # m, 22,000 ft
 SPACING = 1.0  # m between lines
 ELSEWHERE = (0.7548776662466927, 0.5698402909980532)  # a place that is far from (0, 0) [pixel]
-"""Where a ship that moved is in its pixel, relative to the place of the training [pixel]."""
+"""Place of a ship that moved in its pixel, relative to that of the training [pixel]."""
 
 
 def reproduce(

@@ -34,7 +34,7 @@ class Box(NamedTuple):
         return Box(self.left - column, self.bottom - row, self.right - column, self.top - row)
 
     def holds(self, cells: Pixels) -> NDArray[np.bool_]:
-        """Return (cell,) bool: True for those of (cell, 2) columns and rows that are inside."""
+        """Return the mask (cell,) of columns and rows (cell, 2) inside."""
         return np.all((cells >= self[:2]) & (cells < self[2:]), axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""The imager of a search: where targets lie in the field, and what is detected of them."""
+"""The imager of a search: places of targets in the field, and their detection."""
 
 from __future__ import annotations
 

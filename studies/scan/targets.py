@@ -33,11 +33,11 @@ class Target:
     extent: RangeExtent
 
     def shown(self, rule: float) -> NDArray[np.int64]:
-        """Return (pixel, 2) pixels of which it fills at least a share, counted from its origin."""
+        """Return the pixels (pixel, 2) filled to at least a share, counted from its origin."""
         return self.extent.cell[self.extent.fraction.sum(axis=1) >= rule]
 
     def inside(self, box: Box) -> RangeExtent:
-        """Return what the IFOVs of a box see of it; the box counts from its origin."""
+        """Return its range extent in the IFOVs of a box, both counted from its origin."""
         held = box.holds(self.extent.cell)
         parts = {"fraction": self.extent.fraction[held], "cell": self.extent.cell[held]}
         return RangeExtent(**{**vars(self.extent), **parts})
@@ -79,7 +79,7 @@ class Survey:
     def target(
         self, mesh: trimesh.Trimesh, aspects: tuple[float, ...], rng: np.random.Generator
     ) -> Target:
-        """Return a ship at a random place, its aspect within the range of some [deg]."""
+        """Return a ship at a random place, at an aspect between the extremes of some [deg]."""
         aspect = float(rng.uniform(min(aspects), max(aspects)))
         offset, deep = rng.uniform(-1, 1, 2).tolist()
         far = self.slant_range * (1 + self.depth * deep)

@@ -57,7 +57,7 @@ class Laser:
     ) -> Floats:
         """Return (frame_count, bin) averages of frames of some IFOVs, those of an extent included.
 
-        At the target's own range.
+        The extent is at its own range.
         """
         cnr = carrier_to_noise(
             extent.slant_range,
@@ -95,7 +95,7 @@ class VisitTemplates:
 
     @cached_property
     def fitted(self) -> Callable[[int], GaussianTemplates]:
-        """Classifier of frames of so many IFOVs, the ship's among them; some are kept."""
+        """Cached function of a number of IFOVs, the ship's included, that returns a classifier."""
         return lru_cache(maxsize=FITTED)(self._fit)
 
     def _fit(self, ifovs: int) -> GaussianTemplates:
@@ -115,8 +115,8 @@ class VisitTemplates:
         """Return the most probable ships of (visit, bin) averages, and their similarity.
 
         Similarity is the largest cosine of a profile vector with those of that ship's templates.
-        Visits have many numbers of IFOVs: the classifier is that of a number near theirs, whose
-        floor their averages are given.
+        Few numbers of IFOVs have their own classifier: averages are shifted to the floor of the
+        nearest one.
         """
         near = round(STEP ** round(math.log(ifovs, STEP)))
         raised = averages + (near - ifovs) * self.noise[0]
@@ -136,10 +136,10 @@ def visit_templates(
     diagonal_loading: float,
     gain_sigma: float,
 ) -> VisitTemplates:
-    """Return the templates of all existing views of a range.
+    """Return the templates of all valid views at one range.
 
-    `moments` are mean, band and ifovs, each with leading axes (ship, aspect), of which `valid` are
-    there; bands, and that of the noise, are filled up to as many lags. Other arguments are as of
+    `moments` are mean, band and ifovs, each with leading axes (ship, aspect), of which `valid`
+    exist; bands, and that of the noise, are filled up to as many lags. Other arguments are those of
     `VisitTemplates` and `Laser`, the carrier-to-noise ratio as a power ratio.
     """
     mean, noise = banded_frame_moments(
@@ -173,8 +173,8 @@ def identify_visits(
 ) -> dict[str, NDArray[Any]]:
     """Return the (frame_count, detection) most probable ships of visits, and their similarity.
 
-    `named` and `similarity`, of detections as of `observe`. A visit looks at the detected target
-    through its range gate, and at the sea around it. Each has a stream of its own, so that its
+    They are `named` and `similarity`, of detections of `observe`. A visit looks at the detected
+    target through its range gate, and at the sea around it. Each has its own stream, so that its
     noise does not depend on the others.
     """
     origins = np.stack([detected["column"], detected["row"]], axis=1)
@@ -213,7 +213,7 @@ def known_similarity(
 ) -> Floats:
     """Return the (frame_count, view) similarity of visits to a known ship to its best template.
 
-    Of visits cued by a single pixel, which are the largest, at aspects that no template has.
+    Visits are cued by a single pixel, which makes them largest, at aspects between templates.
     """
     columns, rows = cue(Box(0, 0, 1, 1), reach=survey.reach, detector=detector).size
     averages = [
@@ -319,7 +319,7 @@ class Rates:
     slew_time: float
 
     def schedule(self, field: Field, visits: Sequence[Box], frame_count: int) -> Schedule:
-        """Return the times of a search with some visits of so many frames."""
+        """Return the times of a search with given visits and frames at each position."""
         sizes = [visit.size for visit in visits]
         return schedule(
             [columns * rows // self.detector**2 for columns, rows in sizes],
