@@ -228,10 +228,10 @@ def outline(
 
     `crossing` (crossing,) are those of the line, in order. Written are `slope`, `stop` (crossing,)
     of the surface that begins at each, and `opened` (crossing,), where the one that ends at it
-    began; their number if none ends. `begun` (surface + 1,) counts beginnings less ends, over the
-    crossing of the first. An outline is closed, so that a surface ends as often as it begins, and
-    leaves no mark. Seams within a merged surface may end and begin it again: only its first and
-    last crossing count.
+    began; their number if none ends. `begun` (surface + 1,) counts beginnings less ends, in the
+    bits above the crossing of the first. An outline is closed, so that a surface ends as often as
+    it begins, and leaves no mark. Seams within a merged surface may end and begin it again: only
+    its first and last crossing count.
     """
     for m in range(len(crossing)):
         c = crossing[m]

@@ -65,8 +65,8 @@ class SilhouetteMatch:
 
     The mean square difference between nearest templates of a ship, spread over its pixels, adds to
     the noise. As pixels along an edge err together, `fit_inverse_temperature` scales all log
-    densities, by range and frame count, on the views left out; at least as if all pixels of a ship
-    erred together.
+    densities to fit the views left out, for each range and frame count, but no less than if all
+    pixels of a ship erred together.
     """
 
     def __init__(

@@ -115,8 +115,8 @@ class VisitTemplates:
         """Return the most probable ships of (visit, bin) averages, and their similarity.
 
         Similarity is the largest cosine of a profile vector with those of that ship's templates.
-        Few numbers of IFOVs have their own classifier: averages are shifted to the floor of the
-        nearest one.
+        The classifier is that of a power of `STEP` IFOVs near the visit's number, to whose floor
+        averages are shifted.
         """
         near = round(STEP ** round(math.log(ifovs, STEP)))
         raised = averages + (near - ifovs) * self.noise[0]
