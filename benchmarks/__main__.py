@@ -41,10 +41,10 @@ from benchmarks import (
     scale,
     skips,
     splits,
-    startup,
     synthesis,
     tolerances,
     views,
+    waiting,
     workers,
 )
 from benchmarks.reports import Report, machine, show, write_json
@@ -82,7 +82,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "cells": lambda asked: engine.measure_cells(),
     "memory": lambda asked: memory.measure(repeats=asked.repeats),
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
-    "startup": lambda asked: startup.measure(repeats=asked.repeats),
+    "waiting": lambda asked: waiting.measure(repeats=asked.repeats, against=asked.against),
     "growth": lambda asked: growth.measure(repeats=asked.repeats),
     "scale": lambda asked: scale.measure(most=asked.most),
     "workers": lambda asked: workers.measure(),
@@ -142,7 +142,7 @@ MEANINGS = {
     "engine": "the last two together",
     "memory": "memory of a sweep, driver and workers, by number of aspects",
     "paper": "the whole experiment: cold, again, and with one more value on an axis",
-    "startup": "time of --help, of a sweep with nothing to do, and until the first output",
+    "waiting": "what a user waits for, step by step, beside another checkout if --against",
     "growth": "time of a sweep by number of cells, and its slope",
     "scale": "time, memory, files and bytes of a sweep by number of views, up to --most",
     "workers": "tasks a second, time and memory of the command with up to 1,000 dask workers",
@@ -244,6 +244,9 @@ def _parser() -> argparse.ArgumentParser:
         default=scale.MOST,
         metavar="N",
         help=f"scale: largest number of views ({scale.MOST})",
+    )
+    parser.add_argument(
+        "--against", type=Path, metavar="PATH", help="waiting: another checkout, in turn"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument(
