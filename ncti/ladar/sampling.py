@@ -31,26 +31,23 @@ def sampling_error(
     """Return a bound on the error sum |p - q| / sum q of lines, after a pulse's power response.
 
     `strands` (16, bin) are the extents p by every sixteenth line, strand k by the lines k, k + 16
-    ...; q is exact; `pulse_width` is at 1/e^2 [s], 0 for none. NaN if nothing is visible.
+    ...; q is exact; `pulse_width` [s] is at 1/e^2, 0 for none. NaN if nothing is visible.
 
-    Lines at the spacing d sample the extent as a function f(y) of the place across the lines. By
-    Poisson's summation formula, their sum errs by the components of f at the frequencies 1/d, 2/d
+    Lines at the spacing d sample the extent as a function f(y) of the place across the lines, and
+    by Poisson's summation formula their sum errs by the components of f at the frequencies 1/d, 2/d
     ... A Fourier sum over the strands measures those below 1/2d: A(j) is the sum over bins of its
-    magnitude at j/16d, over the sum of the extent. With a the mean of A at 6, 7 and 8 (8 is the
-    difference of odd and even lines), the bound for n lines is
+    magnitude at j/16d, over the sum of the extent. With a the mean of A at 6, 7 and 8, the bound
+    for n lines is
 
         0.95 (1 + (34/n)^2) a (a n^1.6)^-0.148.
 
-    The last factor draws a towards that of a typical ship, whose a falls as n^-1.6, and the first
-    allows for few lines that agree by chance. Range along a line is exact.
-
-    Quantile regressions on true errors gave the constants: of lines 1 m to 1/32 m apart, in random
-    views and nearly end-on and abeam, with and without a pulse (`python -m benchmarks
-    calibration`), and of extents within tolerances, since adding lines until a bound is small
-    enough favours bounds that are too small. `python -m benchmarks tolerances` judges it by others.
-    The logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after long
-    pulses, where few range bins share it: the phase of the harmonics at 1/d depends on where the
-    lines lie.
+    The last factor draws a towards that of a typical ship, which falls as n^-1.6, and the first
+    allows for few lines that agree by chance. Quantile regressions on true errors gave the
+    constants (`python -m benchmarks calibration`), also on errors of extents within tolerances,
+    since adding lines until a bound is small enough favours bounds that are too small; `python -m
+    benchmarks tolerances` judges them in other views. The logarithm of the error scatters about any
+    such estimate by 0.25 to 0.45, most after long pulses: the phase of the harmonics at 1/d depends
+    on where the lines lie.
     """
     if line_count < 1:
         return math.nan
