@@ -100,7 +100,7 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     if finished.written or not is_current(store):
         with _said():  # the tables are complete without it
             kept += written_page(store, frames)
-    kept += summarize(store, frames, finished.axes, screen())
+    kept += summarize(store, frames, screen())
     if looks("irar")(choices) and choices.one(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 

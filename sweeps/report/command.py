@@ -59,6 +59,15 @@ def _reported(arguments: argparse.Namespace) -> int:
     return 1 if kept else 0
 
 
+def answer(store: Any) -> list[str]:
+    """Return the headline of a store, for the end of a sweep of any experiment."""
+    from sweeps.report.frames import read_frames
+    from sweeps.report.headline import headline
+    from sweeps.report.stores import attributes, opened
+
+    return headline(read_frames(store), attributes(opened(store)))
+
+
 def _place(given: str) -> Any:
     """Return a store's URL, or its absolute path; refuse other URLs."""
     from sweeps.engine.declare.places import path_or_url

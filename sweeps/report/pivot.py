@@ -114,7 +114,9 @@ def _head(column: Column, value: Any) -> str:
     text = column.text(value)
     if text[:1].isdigit():
         text += column.unit if column.unit == "°" else f" {column.unit}".rstrip()
-    return text if column.axis in ("aspect_bin", *WORDED) else f"{column.words} {text}"
+    if column.axis == "aspect_bin":
+        return f"aspect {text}" if text[:1].isdigit() else text
+    return text if column.axis in WORDED else f"{column.words} {text}"
 
 
 def _joined(line: Line, columns: Sequence[Column], first: int) -> Line:

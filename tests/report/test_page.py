@@ -73,11 +73,11 @@ def test_the_head_says_what_was_found_before_anything_else(smoke):
 @pytest.mark.parametrize(
     ("given", "word", "said"),
     [
-        ((1, 1, 1), "complete", "3 of 3 cells done"),
-        ((1, 1, 0), "partial", "2 of 3 cells done, 1 failed"),
-        ((1, -1, 0), "partial", "1 of 3 cells done, 1 failed, 1 missing"),
-        ((0, 0, 0), "failed", "0 of 3 cells done, 3 failed"),
-        ((-1, -1, -1), "partial", "0 of 3 cells done, 3 missing"),
+        ((1, 1, 1), "complete", "3 of 3 results done"),
+        ((1, 1, 0), "partial", "2 of 3 results done, 1 failed"),
+        ((1, -1, 0), "partial", "1 of 3 results done, 1 failed, 1 missing"),
+        ((0, 0, 0), "failed", "0 of 3 results done, 3 failed"),
+        ((-1, -1, -1), "partial", "0 of 3 results done, 3 missing"),
     ],
 )
 def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path):

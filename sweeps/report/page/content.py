@@ -11,8 +11,9 @@ from sweeps.engine.declare.places import PathOrUrl, path_beside
 from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
+from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.headline import accuracy, headline, main_axis
+from sweeps.report.headline import accuracy, headline
 from sweeps.report.page.provenance import flat, status_of, swept, written
 from sweeps.report.pictures import Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
@@ -48,7 +49,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "about": about,
         "headline": sentences,
         "accuracy": accuracy(store),
-        "status": status_of(store),
+        "status": status_of(store, work),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
         "against": against,
