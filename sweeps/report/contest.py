@@ -14,6 +14,7 @@ from sweeps.report.pivot import at_main, in_words
 from sweeps.report.words import SIMPLEST, missing, preferred
 
 SCORES, SHIP = "scores", "ship"
+UNTESTED = ("training", "learned")  # kinds of scores that are none of tests
 FALLBACK = "frame_count"  # the axis of scores where nothing was swept
 
 
@@ -51,7 +52,7 @@ def main_frame(frames: Mapping[str, Frame]) -> Frame:
     if SCORES not in frames:
         return next(iter(frames.values()))
     scores = frames[SCORES]
-    return scores.where(~scores.rows.kind.isin(["training", "learned"]))
+    return scores.where(~scores.rows.kind.isin(UNTESTED))
 
 
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:

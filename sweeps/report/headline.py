@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sweeps.report.contest import SCORES, Rival, contest, main_axis, main_frame
+from sweeps.report.contest import SCORES, UNTESTED, Rival, contest, main_axis, main_frame
 from sweeps.report.frames import Column, Frame
 from sweeps.report.pivot import FEW, constants, entry
 from sweeps.report.stores import ERRORS
-from sweeps.report.words import missing
+from sweeps.report.words import MAIN, SIMPLEST, missing
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame count", "aspects")
@@ -50,19 +50,46 @@ def accuracy(store: Any) -> list[str]:
     return [f"Profiles are within {most} % of the exact ones ({100 * COVERED:.0f} % of views)."]
 
 
-def settings_of(whole: Frame, rival: Rival) -> list[str]:
-    """Return in words the setting of a rival, besides its axis: what differs, and `NAMED` axes."""
-    frame, given = rival.frame, constants(rival.frame)
-    several = [frame.columns[name].words for name in whole.several if name not in whole.down]
-    shown = dict.fromkeys([*(words for words in NAMED if words in given), *several])
-    left_out = {
-        frame.columns[name].words
-        for name in (rival.axis, whole.across, "kind", *rival.of)
-        if name in frame.columns
+def headline_for_script(
+    frames: Mapping[str, Frame], attributes: Mapping[str, Any], most: int
+) -> dict[str, Any] | None:
+    """Return what the page's script makes the headline of another selection from.
+
+    None of a store without scores, or with more rows than the page has.
+    """
+    if SCORES not in frames or len(frames[SCORES].rows) > most:
+        return None
+    frame = main_frame(frames)
+    figure, axes = frame.figures[0], frame.of_role("axis")
+    one = {role: next(iter(frame.of_role(role, figure)), "") for role in ("low", "high", "chance")}
+    return one | {
+        "table": SCORES,
+        "figure": figure,
+        "ships": ships_in_words(attributes),
+        "by": BY,
+        "axes": {name: (frame.columns[name].words, frame.columns[name].unit) for name in axes},
+        "settings": _setting_columns(frame),
+        "simplest": SIMPLEST,
+        "untested": UNTESTED,
+        "overall": MAIN["aspect_bin"],
+        "few": FEW,
     }
-    return [
-        f"{words} {given[words]}" for words in shown if words in given and words not in left_out
-    ]
+
+
+def settings_of(whole: Frame, rival: Rival) -> list[str]:
+    """Return in words the setting of a rival, besides its axis."""
+    columns, given = rival.frame.columns, constants(rival.frame)
+    names = [n for n in _setting_columns(whole) if n not in (rival.axis, *rival.of)]
+    words = [columns[name].words for name in names]
+    return [f"{one} {given[one]}" for one in words if one in given]
+
+
+def _setting_columns(whole: Frame) -> list[str]:
+    """Return the columns of `NAMED` axes, and those along which rows differ."""
+    by_words = {whole.columns[name].words: name for name in whole.of_role("axis")}
+    named = [by_words[words] for words in NAMED if words in by_words]
+    left_out = (*whole.down, whole.across, "kind")
+    return list(dict.fromkeys([*named, *(n for n in whole.several if n not in left_out)]))
 
 
 def _of_scores(whole: Frame, rivals: Sequence[Rival], ships: str) -> str:

@@ -13,7 +13,7 @@ from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
 from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.headline import accuracy, headline
+from sweeps.report.headline import accuracy, headline, headline_for_script
 from sweeps.report.page.provenance import flat, status_of, swept, written
 from sweeps.report.pictures import Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
@@ -60,6 +60,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "work": None if work is None else laid_out(work),
         "data": {
             "store": path_beside(path).name,
+            "headline": headline_for_script(tables, about, CHARTED),
             "tables": {name: data_of(table) for name, table in tables.items()},
             # Their places give classifiers a colour, the same in every chart.
             "colours": list(

@@ -122,9 +122,11 @@ def page_of(
     )
     style, *scripts = (
         (TEMPLATES / name).read_text(encoding="utf-8")
-        for name in ("page.css", "vega.js", "page.js")
+        for name in ("page.css", "vega.js", "headline.js", "page.js")
     )
     content = content_of(path, frames, _pictures(before))
+    if headline:
+        content["data"]["headline"] = None
     content["data"]["chart"] = json.loads((TEMPLATES / "chart.json").read_text(encoding="utf-8"))
     return environment.get_template("page.html").render(
         content | ({"headline": headline} if headline else {}),

@@ -235,8 +235,14 @@
     setTimeout(() => { copy.textContent = "Copy"; }, 1500);
   });
 
+  const said = document.querySelector(".headline");
   const update = () => {
     for (const select of selects) state[select.dataset.axis] = JSON.parse(select.value);
+    if (data.headline) {
+      const about = data.headline, table = data.tables[about.table];
+      const bin = state[table.across] ?? about.overall, kept = selected(table, [by(), table.across]);
+      said.textContent = headlineOf(about, table, kept, by(), bin);
+    }
     for (const section of all("section.table")) {
       fill(section);
       draw(section);
