@@ -76,6 +76,15 @@ def _place(given: str) -> Any:
     return place.absolute() if isinstance(place, Path) else place
 
 
+class _Explain(argparse.Action):
+    """Prints the meaning of a word instead of tables, and exits."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: Any, words: Any, *__: Any) -> None:
+        from sweeps.report.explain import said
+
+        parser.exit(said(NAME, " ".join(words)))
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
@@ -99,6 +108,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--html", action="store_true", help="also write the report page beside the store"
+    )
+    parser.add_argument(
+        "--explain",
+        metavar="WORD",
+        nargs="*",
+        action=_Explain,
+        help="print what a word of the tables means, such as ACN; without one, all words",
     )
     parser.add_argument("--version", action="version", version=f"{NAME} {version(DISTRIBUTION)}")
     return parser
