@@ -9,7 +9,7 @@ from typing import Any
 from sweeps.report.contest import Rival, contest, main_axis
 from sweeps.report.frames import Frame, values_of
 from sweeps.report.headline import settings_of
-from sweeps.report.pivot import Entry, Line, Table, at_main, chance_in_words, entry, laid_out
+from sweeps.report.pivot import Entry, Line, Table, at_main, entry, laid_out
 from sweeps.report.terminal import fitting
 from sweeps.report.words import MAIN
 
@@ -36,10 +36,20 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
         table, lines=tuple(thinned(table.lines, MOST_ROWS) if axis else table.lines[:MOST_ROWS])
     )
     table, left_out = _narrowed(table, width)
-    settings = ", ".join(settings_of(frame, rivals[0])) if rivals else ""
-    compared = frame.where([label for rival in rivals for label in rival.frame.rows.index])
-    said = (*notes, left_out, chance_in_words(compared), f"At {settings}." if settings else "")
+    # The headline has the level of chance, and the setting of the first.
+    said = (*notes, left_out, _other_settings(frame, rivals))
     return replace(table, notes=tuple(text for text in said if text))
+
+
+def _other_settings(frame: Frame, rivals: Sequence[Rival]) -> str:
+    """Return a sentence on the settings of the others that are not those of the first."""
+    first, others = settings_of(frame, rivals[0]) if rivals else {}, dict[str, list[str]]()
+    for rival in rivals[1:]:
+        for words, value in settings_of(frame, rival).items():
+            if first.get(words) != value and value not in others.setdefault(words, []):
+                others[words].append(value)
+    listed = [f"{words} {' or '.join(values)}" for words, values in others.items() if values]
+    return f"The others at {', '.join(listed)}, where it applies." if listed else ""
 
 
 def thinned(lines: Sequence[Line], most: int) -> list[Line]:

@@ -88,7 +88,7 @@ class _Explain(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
-        description="Print the tables of a sweep beside the article's, and write them as CSV.",
+        description="Print the answer of a sweep, and write its tables as CSV.",
     )
     parser.add_argument("store", help="store of a sweep, such as sweep.zarr")
     parser.add_argument(

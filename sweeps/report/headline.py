@@ -76,12 +76,12 @@ def headline_for_script(
     }
 
 
-def settings_of(whole: Frame, rival: Rival) -> list[str]:
-    """Return in words the setting of a rival, besides its axis."""
+def settings_of(whole: Frame, rival: Rival) -> dict[str, str]:
+    """Return the setting of a rival, besides its axis: values by the words of their axes."""
     columns, given = rival.frame.columns, constants(rival.frame)
     names = [n for n in _setting_columns(whole) if n not in (rival.axis, *rival.of)]
     words = [columns[name].words for name in names]
-    return [f"{one} {given[one]}" for one in words if one in given]
+    return {one: given[one] for one in words if one in given}
 
 
 def _setting_columns(whole: Frame) -> list[str]:
@@ -104,8 +104,8 @@ def _of_scores(whole: Frame, rivals: Sequence[Rival], ships: str) -> str:
     at, *then = (_at(best, label, whole_words=not k) for k, label in enumerate(_ends(best)))
     ends = f"{first[0]} of {ships}{at}{first[1]}"
     for (words, chance), there in zip(last, then, strict=True):
-        ends += f" and {words}{there}{chance}"
-    where = ", ".join(settings_of(whole, best))
+        ends += f"{',' * bool(first[1])} and {words}{there}{chance}"
+    where = ", ".join(f"{words} {value}" for words, value in settings_of(whole, best).items())
     sentence = f"{start} identifies {ends}{f' ({where})' if where else ''}"
     levels = frame.of_role("chance", figure)
     sentence += f"; chance {row[levels[0]]:.0f} %." if levels else "."

@@ -61,7 +61,7 @@ def test_the_best_on_average_is_named_and_of_equals_the_simplest(likelihood, bes
 def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
     table = shown(shares(0.3, 0.6, cnr=[23.0, 32.0]))
     said = sentence(tmp_path, {"swept": ["cnr"]}, tables__acn=table)
-    assert "30 % [20–40] of ships at CNR 23 dB, no better than chance and 60 % [50–70]" in said
+    assert "30 % [20–40] of ships at CNR 23 dB, no better than chance, and 60 % [50–70]" in said
     assert said.count("no better than chance") == 1
 
 

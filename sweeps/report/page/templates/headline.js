@@ -42,6 +42,6 @@ const headlineOf = (about, table, kept, axis, bin) => {
   const start = rivals.size > 1 ? `Best of ${rivals.size}: ${name}` : name[0].toUpperCase() + name.slice(1);
   const level = chance && rows[chance][first] !== null ? `; chance ${whole(rows[chance][first])} %.` : ".";
   const least = rows.n ? Math.min(...best.own.map((k) => rows.n[k])) : about.few;
-  return `${start} identifies ${score.join(" and ")}${where.length ? ` (${where.join(", ")})` : ""}${level}`
+  return `${start} identifies ${score.join(score[0].endsWith("chance") ? ", and " : " and ")}${where.length ? ` (${where.join(", ")})` : ""}${level}`
     + (least < about.few ? ` Few answers (n = ${whole(least)}) make the interval wide.` : "");
 };
