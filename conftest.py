@@ -8,7 +8,7 @@ from typing import Any
 
 from _pytest.doctest import DoctestModule
 
-LIBRARY = Path(__file__).parent / "ncti"
+LIBRARY = tuple(Path(__file__).parent / name for name in ("ncti", "studies"))
 
 # Ships and compiled loops are kept from run to run, and never in the cache of whoever runs tests.
 os.environ["XDG_CACHE_HOME"] = str(Path(__file__).parent / ".pytest_cache" / "home")
@@ -27,7 +27,7 @@ def pytest_collect_file(file_path: Path, parent: Any) -> DoctestModule | None:
     examples, and `ncti.render.gl`, which binds OpenGL to a platform. Modules without an example
     are therefore never imported here.
     """
-    if file_path.suffix != ".py" or LIBRARY not in file_path.parents:
+    if file_path.suffix != ".py" or not {*LIBRARY} & {*file_path.parents}:
         return None
     if parent.config.option.doctestmodules or ">>>" not in file_path.read_text(encoding="utf-8"):
         return None

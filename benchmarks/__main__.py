@@ -41,10 +41,10 @@ from benchmarks import (
     scale,
     skips,
     splits,
-    startup,
     synthesis,
     tolerances,
     views,
+    waiting,
     workers,
 )
 from benchmarks.reports import Report, machine, show, write_json
@@ -82,7 +82,7 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Report | Mapping[str, Report]]
     "cells": lambda asked: engine.measure_cells(),
     "memory": lambda asked: memory.measure(repeats=asked.repeats),
     "paper": lambda asked: paper.measure(repeats=asked.repeats),
-    "startup": lambda asked: startup.measure(repeats=asked.repeats),
+    "waiting": lambda asked: waiting.measure(repeats=asked.repeats, against=asked.against),
     "growth": lambda asked: growth.measure(repeats=asked.repeats),
     "scale": lambda asked: scale.measure(most=asked.most),
     "workers": lambda asked: workers.measure(),
@@ -142,7 +142,7 @@ MEANINGS = {
     "engine": "the last two together",
     "memory": "memory of a sweep, driver and workers, by number of aspects",
     "paper": "the whole experiment: cold, again, and with one more value on an axis",
-    "startup": "time of --help, of a sweep with nothing to do, and until the first output",
+    "waiting": "what a user waits for, step by step, beside another checkout if --against",
     "growth": "time of a sweep by number of cells, and its slope",
     "scale": "time, memory, files and bytes of a sweep by number of views, up to --most",
     "workers": "tasks a second, time and memory of the command with up to 1,000 dask workers",
@@ -157,9 +157,9 @@ MEANINGS = {
     "near_stern": "Figure 16: effects of the models, and of the flight",
     "figures": "the article's statements on its figures, measured on ours",
     "design": "the article's statements on the design of its sensors",
-    "fits": "the eight of docs/reproduction.md together",
+    "fits": "the eight of docs/reproduction.md and docs/article_figures.md together",
     "operate": "what sensor suffices: shortcuts, what is left open, and Sobol indices",
-    "results": "every figure of README.md and docs/results.md, as means over --seeds",
+    "results": "every table of README.md and docs/results.md, as means over --seeds",
     "coverage": "coverage of the intervals of these means, by repeats of the procedure",
     "benchmark": "classifiers on splits, as means over ten seeds, and the ranking by three others",
     "history": "error and time of fixed views, appended to benchmarks/history.csv and drawn",
@@ -187,8 +187,7 @@ def main(arguments: list[str] | None = None) -> None:
     console = Console()
     here = machine()
     console.print(", ".join(f"{key} {value}" for key, value in here.items()), highlight=False)
-    reports: dict[str, Report] = {}
-    placed: dict[str, Report] = {}
+    reports: dict[tuple[str, str], Report] = {}
     for name, run in REPORTS.items():
         if name not in SETS.get(asked.report, (asked.report,)):
             continue
@@ -200,12 +199,12 @@ def main(arguments: list[str] | None = None) -> None:
         tables = {"": made} if isinstance(made, Report) else made
         for table, report in tables.items():
             show(report, console)
-            reports[f"{name}_{table}" if table else name] = report
-            placed[pages.begin(name, table)] = report
+            reports[name, table] = report
     if asked.write:
-        pages.write(placed)
+        pages.write(reports)
     if asked.json:
-        write_json(asked.json, here, reports)
+        named = {pages.csv_file(*name).stem: report for name, report in reports.items()}
+        write_json(asked.json, here, named)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -246,11 +245,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help=f"scale: largest number of views ({scale.MOST})",
     )
+    parser.add_argument(
+        "--against", type=Path, metavar="PATH", help="waiting: another checkout, in turn"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument(
         "--write",
         action="store_true",
-        help="write tables into the pages that have them too",
+        help="write tables into the pages and CSV files in docs that have them, too",
     )
     return parser
 

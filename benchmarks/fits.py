@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from benchmarks.phases import timed
 from benchmarks.reports import Column, Report
 from benchmarks.sweeping import CORES, choices_of
+from ncti.article import article_figures
 from ncti.classify import Similarities, cluster
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
-from ncti.reproduction import article_figures
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.store.sweeping import RunOptions
 from sweeps.experiment import EXPERIMENT

@@ -19,7 +19,8 @@ from benchmarks.sweeping import choices_of
 from ncti.classify.likelihood import GaussianTemplates
 from ncti.evaluate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_extent, sample_frames
-from ncti.operate import (
+from ncti.render import LineImage
+from studies.operate import (
     ProfileMatch,
     Seen,
     draw_views,
@@ -29,12 +30,11 @@ from ncti.operate import (
     ship_evidence,
     signatures,
 )
-from ncti.operate.identify import LEFT_OUT
-from ncti.operate.survey import DRAWN_FOR
-from ncti.operate.tables import LEVEL, frames_needed
-from ncti.render import LineImage
+from studies.operate.identify import LEFT_OUT
+from studies.operate.stages import Operate
+from studies.operate.survey import DRAWN_FOR
+from studies.operate.tables import LEVEL, frames_needed
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.operate import Operate
 from sweeps.stages.views import Grid
 
 Floats = NDArray[np.float64]
@@ -199,9 +199,9 @@ def matching(tests: int = 400, draws: int = 12) -> Report:
         Column("known", "gain and floor"),
         Column("exact", "own covariances, sampled frames [%]", ".1f"),
         Column("one", "one covariance, same averages [%]", ".1f"),
-        Column("apart", "difference"),
+        Column("apart", "one less own covariances"),
         Column("drawn", "one covariance, Gaussian noise [%]", ".1f"),
-        Column("noise", "difference"),
+        Column("noise", "Gaussian less sampled"),
     )
     note = (
         f"{tests} views of four ships, 150 urad, of which all but the exact likelihood, and its "
@@ -232,9 +232,10 @@ def left_open(shares: xr.Dataset) -> Report:
     columns.append(Column("floor", "floor"))
     for km in (50, 100):
         for channel in ("profile", "both"):
-            columns.append(Column(f"{channel}_{km}", f"{km} km, {channel} [%]", ".0f"))
-            columns.append(Column(f"frames_{channel}_{km}", "frames for 95 % of 4"))
-    notes = ["32 dB, 30 ns, 150 urad. Percent of six ships with 16 frames; frames for four ships."]
+            seen = f"{km} km, {channel}"
+            columns.append(Column(f"{channel}_{km}", f"{seen}: 6 ships, 16 frames [%]", ".0f"))
+            columns.append(Column(f"frames_{channel}_{km}", f"{seen}: frames for 95 % of 4 ships"))
+    notes = ["32 dB, 30 ns, 150 urad."]
     return Report("What the article leaves open", tuple(columns), rows, notes)
 
 

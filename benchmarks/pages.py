@@ -1,11 +1,15 @@
-"""Tables of the pages, each between two marker lines that name its command."""
+"""Tables of the pages: between two marker lines that name their command, or CSV files.
+
+The CSV files are in docs/tables, named after command and table: `results_new.csv`. An empty file of
+such a name is filled by the command's next `--write`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from benchmarks.reports import Report, to_markdown
+from benchmarks.reports import Report, to_csv, to_markdown
 
 ROOT = Path(__file__).resolve().parent.parent
 END = "<!-- end -->"
@@ -16,19 +20,37 @@ def begin(command: str, table: str = "") -> str:
     return f"<!-- begin: python -m benchmarks {command} --write{f' ({table})' * bool(table)} -->"
 
 
+def csv_file(command: str, table: str = "", root: Path = ROOT) -> Path:
+    """Return the CSV file of a report, or of one table of several."""
+    return root / "docs" / "tables" / f"{'_'.join(filter(None, (command, table)))}.csv"
+
+
 def pages(root: Path = ROOT) -> Iterator[Path]:
     """Yield the pages that may have tables."""
     yield root / "README.md"
     yield from sorted(root.glob("docs/*.md"))
 
 
-def write(reports: Mapping[str, Report], root: Path = ROOT) -> None:
-    """Write reports, by the lines after which they stand, into the pages that have such lines."""
+def write(reports: Mapping[tuple[str, str], Report], root: Path = ROOT) -> None:
+    """Write reports into the pages with their marker lines, and into CSV files that exist.
+
+    Parameters
+    ----------
+    reports : mapping of (str, str) to Report
+        Tables by command and, where it has several, the table's name.
+    root : Path
+        Folder of the repository.
+    """
     for page in pages(root):
         text = page.read_text(encoding="utf-8")
-        for line, report in reports.items():
+        for name, report in reports.items():
+            line = begin(*name)
             if line in text:
                 before, rest = text.split(line)
                 _, after = rest.split(END, 1)
                 text = f"{before}{line}\n\n{to_markdown(report)}\n{END}{after}"
         page.write_text(text, encoding="utf-8")
+    for name, report in reports.items():
+        path = csv_file(*name, root=root)
+        if path.is_file():
+            path.write_text(to_csv(report), encoding="utf-8")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 import platform
 import statistics
-from collections.abc import Iterable, Mapping
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +18,9 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+
+WIDTH = 120
+"""Columns of a line of prose in a page."""
 
 
 @dataclass(frozen=True)
@@ -98,19 +104,37 @@ def to_markdown(report: Report) -> str:
     def line(cells: Iterable[str]) -> str:
         return "| " + " | ".join(cells) + " |\n"
 
-    heads = line(column.heading for column in report.columns)
+    heads, *rows = map(line, _cells(report))
     rules = line("---" if column.spec == "s" else "--:" for column in report.columns)
-    rows = (
-        line(_text(row.get(column.key), column.spec) for column in report.columns)
-        for row in report.rows
-    )
-    return heads + rules + "".join(rows) + "".join(f"\n{note}\n" for note in report.notes)
+    notes = (f"\n{_wrapped(note)}\n" for note in report.notes)
+    return heads + rules + "".join(rows) + "".join(notes)
+
+
+def to_csv(report: Report) -> str:
+    """Return the table of a report as CSV, with the same text in its cells and without notes."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(_cells(report))
+    return text.getvalue()
 
 
 def write_json(path: Path, where: Mapping[str, str], reports: Mapping[str, Report]) -> None:
     """Write reports with the machine that they are from."""
     content = {"machine": dict(where)} | {name: asdict(report) for name, report in reports.items()}
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _cells(report: Report) -> Iterator[list[str]]:
+    """Yield the headings, then the text of each row."""
+    yield [column.heading for column in report.columns]
+    for row in report.rows:
+        yield [_text(row.get(column.key), column.spec) for column in report.columns]
+
+
+def _wrapped(note: str) -> str:
+    """Return a note in lines of a page, none of which begins with %, a comment's mark in MyST."""
+    glued = note.replace(" %", "\N{NO-BREAK SPACE}%")
+    lines = textwrap.fill(glued, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return lines.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _text(value: Any, spec: str) -> str:

@@ -12,8 +12,8 @@ from benchmarks.fits import swept
 from benchmarks.proof import Alone, proven
 from benchmarks.reports import Column, Report
 from benchmarks.sweeping import choices_of
-from ncti.reproduction import FITS, PRIORS, Choice
-from sweeps.stages.reproduce import Reproduce
+from studies.reproduction import FITS, PRIORS, Choice
+from studies.reproduction.stages import Reproduce
 
 EXPERIMENT = ("+experiment=reproduce",)
 PART = (*EXPERIMENT, "reproduce.setting=256")

@@ -12,9 +12,9 @@ import xarray as xr
 import ncti.ships
 from benchmarks.fits import INFRARED, Floats, mean_and_error, overall, percent, swept, with_errors
 from benchmarks.reports import Column, Report
+from ncti.article import article_figures
 from ncti.features import profile_vector
 from ncti.irar import profile_correlation
-from ncti.reproduction import article_figures
 
 CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")
 FLOWN = (

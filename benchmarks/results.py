@@ -46,7 +46,7 @@ from benchmarks.result_tables import (
     unknown,
     with_known,
 )
-from ncti.operate.fleets import ARTICLE
+from studies.operate.fleets import ARTICLE
 from sweeps.engine.run.cluster import ClusterChoice
 
 SEEDS, LEAST_SEEDS = 20, 2

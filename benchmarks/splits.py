@@ -14,9 +14,8 @@ from benchmarks.repeated import Interval, swept
 from benchmarks.reports import Column, Report
 from ncti.data.splits import OUTSIDERS, SPLITS
 from ncti.evaluate import tabulate_differences, tabulate_rows
+from studies.benchmark.stages import ENTRIES, REFERENCE, SENSOR, TESTS
 from sweeps.report.words import WORDS, shown
-from sweeps.stages.benchmark import ENTRIES, REFERENCE, TESTS
-from sweeps.stages.views import BENCHMARK
 
 HELD_OUT = 3  # seeds, for the ranking
 TITLES = {name: WORDS.get(name, shown(name)) for name in ENTRIES}
@@ -40,9 +39,9 @@ def measure(more: Sequence[str] = (), held_out: int = HELD_OUT) -> Reports:
     held_out : int
         Number of seeds by which the ranking of the others is checked.
     """
-    groups = [TESTS.path, *(f"{BENCHMARK}/{name}" for name in ENTRIES)]
+    groups = [TESTS.path, *(f"{SENSOR}/{name}" for name in ENTRIES)]
     entered = f"benchmark.classifier=[{','.join(ENTRIES)}]"  # those of extras, too
-    overrides = [f"+experiment={BENCHMARK}", entered, *more]
+    overrides = [f"+experiment={SENSOR}", entered, *more]
     return tables_of(swept(overrides, groups, label="the benchmark"), held_out)
 
 
@@ -59,9 +58,9 @@ def tables_of(groups: Mapping[str, xr.Dataset], held_out: int) -> Reports:
     tests = groups[TESTS.path]
     seeds = tests.sizes["seed"]
     tables = {
-        name: tabulate_rows(groups[f"{BENCHMARK}/{name}"], tests)
+        name: tabulate_rows(groups[f"{SENSOR}/{name}"], tests)
         for name in TITLES
-        if f"{BENCHMARK}/{name}" in groups
+        if f"{SENSOR}/{name}" in groups
     }
     splits = [str(one) for one in tests.split.values]
     title = f"percent correct, mean of {seeds} seeds [95 % interval]"
@@ -150,12 +149,12 @@ def _probabilities(tables: Mapping[str, xr.Dataset], seeds: int) -> Report:
 
 def _differences(groups: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
     """Return by how much each classifier is better than the reference, and whether it is so."""
-    tests, reference = groups[TESTS.path], groups[f"{BENCHMARK}/{REFERENCE}"]
+    tests, reference = groups[TESTS.path], groups[f"{SENSOR}/{REFERENCE}"]
     rows = []
     for name in TITLES:
-        if name == REFERENCE or f"{BENCHMARK}/{name}" not in groups:
+        if name == REFERENCE or f"{SENSOR}/{name}" not in groups:
             continue
-        table = tabulate_differences(groups[f"{BENCHMARK}/{name}"], reference, tests)
+        table = tabulate_differences(groups[f"{SENSOR}/{name}"], reference, tests)
         row = {"what": TITLES[name]}
         for one in splits:
             figures = table.sel(split=one)
@@ -172,9 +171,9 @@ def _differences(groups: Mapping[str, xr.Dataset], splits: Sequence[str], seeds:
 def _ranking(groups: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
     """Return whether seeds held out rank classifiers as those published, split by split."""
     tests = groups[TESTS.path].sel(split=list(splits))
-    names = [name for name in TITLES if f"{BENCHMARK}/{name}" in groups]
+    names = [name for name in TITLES if f"{SENSOR}/{name}" in groups]
     percent = np.stack(
-        [correct_of(groups[f"{BENCHMARK}/{n}"].sel(split=list(splits)), tests) for n in names]
+        [correct_of(groups[f"{SENSOR}/{n}"].sel(split=list(splits)), tests) for n in names]
     )
     rows = []
     for k, split in enumerate([*splits, "mean of splits"]):

@@ -7,12 +7,9 @@ Packages, in the order of the data flow, each imported when it is first used:
 - `ladar`: range profiles of the laser radar, with speckle and noise
 - `infrared`: silhouettes and thermal images, their contrast and noise
 - `irar`: flights of the infrared airborne radar, and corrections of their scans
-- `search`: detection in a field of regard, and the duration of a search
 - `features`: profile vectors, segmented silhouettes and log-polar maps
 - `classify`: classifiers of such vectors, as scikit-learn estimators
 - `evaluate`: accuracy with confidence intervals
-- `reproduction`: the article's Tables 2 to 5 over what it leaves open
-
 - `data`: labelled data sets of many rows, for training and comparing classifiers
 
 `simulate` joins the first of them: one call returns a range profile, an infrared image or a flight
@@ -50,8 +47,6 @@ if TYPE_CHECKING:
         irar,
         ladar,
         render,
-        reproduction,
-        search,
         ships,
         simulate,
     )
@@ -68,8 +63,6 @@ __all__ = [
     "irar",
     "ladar",
     "render",
-    "reproduction",
-    "search",
     "ships",
     "simulate",
 ]

@@ -45,6 +45,8 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         from sweeps.report.explain import said
 
         sys.exit(said(NAME, " ".join(word for word in given if word != EXPLAIN)))
+    from sweeps.engine.declare.errors import DeclarationError
+
     with ExitStack() as signals:
         signals.enter_context(stopping())
         try:
@@ -54,6 +56,9 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         except Stopped as stopped:
             _say(stopped.words)
             status = stopped.status
+        except DeclarationError as error:
+            _say(str(error))
+            status = 2
         if arguments is None:  # this process ends, and a signal that comes too late is only noted
             _until_exit.append(signals.pop_all())
     sys.exit(status)

@@ -1,46 +1,48 @@
-"""The experiment, assembled from the declarations of the modules of `sweeps.stages`.
+"""The experiment, assembled from modules that each declare a sensor, a classifier or a study.
 
-A module declares groups of settings, stages, by themselves or in tuples, and perhaps TABLES;
-SENSOR or NAME, if it is a sensor or a classifier; `check`, which refuses inconsistent choices,
-`check_first`, which does so, or completes them, before any ship is built, and `about`, which
-returns lines on them. To add one, pass it to `assemble` with `MODULES`.
+Modules are those of `sweeps.stages`, and those that installed packages name as entry points of the
+group `sweeps.modules`. A module declares groups of settings, and of the following what it has:
+
+- `STAGES` and `TABLES`: its stages, by themselves or in tuples, and its tables; the stages of a
+  script need no list
+- `SENSOR` or `NAME`: its name, if it is a sensor or a classifier
+- `CONF`: a folder of configuration files, such as `experiment/mine.yaml`
+- `WORDS`: by setting, the attribute in which modules list words that the setting may have
+- `check_first` and `check`: refuse inconsistent choices or complete them, the first before any ship
+  is built
+- `loops`: returns the compiled loops that its stages run
+- `about`: returns lines on what is swept
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from ncti.classify.loops import DENSITIES
-from ncti.infrared.loops import IMAGES
-from ncti.irar.loops import TILTS
-from ncti.ladar.loops import BOXES, FRAMES
-from ncti.render.choice import choose_engine
-from ncti.render.loops import LINES, MASK, of_engine
+from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import Kind, SetOf, Word
-from sweeps.engine.declare.settings import Choices, Settings
+from sweeps.engine.declare.settings import Choices, Setting, Settings
 from sweeps.engine.declare.stage import Experiment, Stage
 from sweeps.engine.run.process import environment
 from sweeps.stages import views
-from sweeps.stages.benchmark import Benchmark
 from sweeps.stages.classifier import Classifier
-from sweeps.stages.dataset import SENSOR as DATASET
-from sweeps.stages.infrared import silhouette_engine
-from sweeps.stages.ladar import stores_moments
-from sweeps.stages.reproduce import SENSOR as REPRODUCE
-from sweeps.stages.views import Grid, Render, Sweep, looks
+from sweeps.stages.views import Grid, Render, Sweep
 
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
+PACKAGES = ("ncti", "sweeps")  # whose code counts in the keys of results
+ENTRY_POINTS = "sweeps.modules"
 
-MODULES = tuple(
+CORE = tuple(
     import_module(f"sweeps.stages.{name}")
     for name in (
         *("views", "portraits", "ladar", "infrared", "irar", "flights"),
         *("classifier", "acn", "mnn", "correlation", "likelihood", "fusion", "measured"),
-        *("run_time", "scan", "dataset", "reproduce", "operate", "benchmark"),
+        "dataset",
     )
 )
 
@@ -52,6 +54,24 @@ def conf_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "conf"
 
 
+def installed() -> tuple[ModuleType, ...]:
+    """Return the modules that installed packages declare, by name; DeclarationError if one fails.
+
+    Studies join in this way, as sensors and classifiers of other packages do.
+    """
+    modules = []
+    for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda entry: entry.name):
+        try:
+            modules.append(entry.load())
+        except Exception as error:
+            package = entry.dist.name if entry.dist else "a package"
+            raise DeclarationError(
+                f"{package} has the entry point {entry.name} of {ENTRY_POINTS}, but {entry.value} "
+                f"cannot be imported: {error}"
+            ) from error
+    return tuple(modules)
+
+
 def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     """Return the experiment assembled from the declarations of some modules or similar objects.
 
@@ -61,17 +81,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     def declared(name: str) -> tuple[Any, ...]:
         return tuple(value for module in modules for value in getattr(module, name, ()))
 
-    def named(name: str) -> Word:
-        return Word(tuple(getattr(module, name) for module in modules if hasattr(module, name)))
-
-    sensors, entries = Sweep.sensor.kind, Benchmark.classifier.kind
-    assert isinstance(sensors, SetOf)
-    assert isinstance(entries, SetOf)
-    kinds: dict[str, Kind] = {
-        Sweep.sensor.key: replace(sensors, kind=named("SENSOR")),
-        Classifier.name.key: named("NAME"),
-        Benchmark.classifier.key: replace(entries, kind=Word(declared("ENTRIES"))),
-    }
+    kinds = _kinds(modules)
     settings = tuple(
         replace(setting, kind=kinds[setting.key]) if setting.key in kinds else setting
         for module in modules
@@ -94,6 +104,15 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         given = {label: words for label, words in transforms.items() if words}
         return {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
 
+    def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
+        needed = (module.loops(choices) for module in modules if hasattr(module, "loops"))
+        for loops in dict.fromkeys(one for several in needed for one in several):
+            if loops.are_missing():
+                say(f"compiling the loops of {loops.of} (once, a few seconds)")
+                from ncti.compiled import keep  # numba takes long to import
+
+                keep(loops)
+
     return Experiment(
         "ncti-sweep",
         TITLE,
@@ -102,49 +121,33 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         prepare=compile_loops,
         attributes=attributes,
         conf=conf_folder(),
-        code=("ncti", "sweeps", *code),
+        added_conf=tuple(module.CONF for module in modules if hasattr(module, "CONF")),
+        code=(*PACKAGES, *code),
     )
+
+
+def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
+    """Return the kinds of settings, by key, whose words are what the modules declare."""
+    kinds: dict[str, Kind] = {}
+    for module in modules:
+        words: Mapping[Setting, str] = getattr(module, "WORDS", {})
+        for setting, attribute in words.items():
+            listed = [getattr(one, attribute) for one in modules if hasattr(one, attribute)]
+            several = [(one,) if isinstance(one, str) else one for one in listed]
+            word = Word(tuple(name for names in several for name in names))
+            kind = setting.kind
+            kinds[setting.key] = replace(kind, kind=word) if isinstance(kind, SetOf) else word
+    return kinds
 
 
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return lines on what is swept, of some modules and of classifiers without any use."""
-    # Flights, run times, scans, settings and the benchmark have classifiers of their own, and data
-    # sets have none.
-    own = {views.IRAR, views.RUN_TIME, views.SCAN, views.OPERATE, views.BENCHMARK}
-    alone = (own | {DATASET, REPRODUCE}) & set(choices.one(Sweep.sensor))
+    asked = {Classifier.name.key, Classifier.key} & set(choices.given)
+    sensors = ",".join(choices.one(Sweep.sensor))
     return [
-        f"classifier.name has {name}, which identifies nothing with these sensors and ranges"
-        for name in (() if alone else idle(stages_of(modules), choices))
+        f"classifier.name={name} has nothing to do for sensor={sensors}; ignored"
+        for name in (idle(stages_of(modules), choices) if asked else ())
     ] + [line for module in modules if hasattr(module, "about") for line in module.about(choices)]
-
-
-def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
-    """Compile the loops that the sensors of a sweep run, except those already compiled.
-
-    One process does so before others run them.
-    """
-    engines = {*choices[Render.engine]}
-    needed = [*map(of_engine, sorted(engines)), *[BOXES] * (engines != {LINES})]
-    if any(looks(sensor)(choices) for sensor in (views.RANGE, DATASET, views.BENCHMARK)):
-        needed.append(FRAMES)
-    if looks(DATASET)(choices):
-        needed += [of_engine(LINES), IMAGES]
-    if looks(views.BENCHMARK)(choices):
-        needed.append(of_engine(LINES))
-    if stores_moments(choices):
-        needed.append(DENSITIES)
-    if looks(views.INFRARED)(choices):
-        needed.append(IMAGES)
-        needed += [of_engine(MASK)] if MASK in map(silhouette_engine.function, engines) else []
-    if looks(views.IRAR)(choices):
-        needed.append(TILTS)
-        needed += [of_engine(choose_engine("auto"))] if LINES in engines else []  # it needs pixels
-    for loops in needed:
-        if loops.are_missing():
-            say(f"compiling the loops of {loops.of} (once, a few seconds)")
-            from ncti.compiled import keep  # numba takes long to import
-
-            keep(loops)
 
 
 def groups_of(module: Any) -> tuple[type[Settings], ...]:
@@ -155,8 +158,9 @@ def groups_of(module: Any) -> tuple[type[Settings], ...]:
 
 
 def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
-    """Return the stages that some modules declare, in the order in which they do."""
-    values = [value for module in modules for value in vars(module).values()]
+    """Return the stages that some modules list as STAGES; those of a script need no list."""
+    listed = (getattr(module, "STAGES", vars(module).values()) for module in modules)
+    values = (value for several in listed for value in several)
     several = (value if isinstance(value, tuple) else (value,) for value in values)
     return tuple(dict.fromkeys(s for stages in several for s in stages if isinstance(s, Stage)))
 
@@ -172,4 +176,8 @@ def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
     return [name for name in names if all(group.when(without(name)) for group in asked)]
 
 
-EXPERIMENT = assemble(*MODULES)
+INSTALLED = installed()
+MODULES = (*CORE, *INSTALLED)
+EXPERIMENT = assemble(
+    *MODULES, code=tuple(dict.fromkeys(one.__name__.partition(".")[0] for one in INSTALLED))
+)

@@ -18,7 +18,8 @@ ARTICLE = (
     "Journal"
 )
 OF_A_SOURCE = r"\barticle\b|\b(Equation|Table|Figure|Appendix) [A-Z0-9]"
-LIBRARY = sorted(Path(ncti.__file__).parent.rglob("*.py"))
+ROOT = Path(ncti.__file__).parent.parent
+LIBRARY = sorted(path for name in ("ncti", "studies") for path in (ROOT / name).rglob("*.py"))
 NO_SUMMARY = r"(What|Where|When|How|Whether|That|Who|Whose|Which|Why)\b"
 
 

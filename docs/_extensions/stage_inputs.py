@@ -32,8 +32,8 @@ OBJECTS = {  # what holds several arrays: these, their shapes, and their units
 
 
 def rows() -> Iterator[tuple[str, str, str, str]]:
-    """Yield name, type with shape, unit and meaning of each input."""
-    for group in (views.Grid, views.Scene, views.Render):
+    """Yield name, type with shape, unit and meaning of each input but settings of rendering."""
+    for group in (views.Grid, views.Scene):
         for setting in group.declared:
             yield of_setting(group.__name__, setting)
     yield "`rng`", "`numpy.random.Generator`", "", "the stage's own draws; see `stream=`"

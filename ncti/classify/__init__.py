@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
     from ncti.classify.bands import lower_band
     from ncti.classify.baselines import CorrelationNeighbour
-    from ncti.classify.convolutional import ConvolutionalNetwork
     from ncti.classify.fusion import fuse, label_posterior
     from ncti.classify.gain_annealed import GainAnnealedNetwork
     from ncti.classify.likelihood import GaussianTemplates
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = [
     "AdaptiveClusteringNetwork",
     "Clustering",
-    "ConvolutionalNetwork",
     "CorrelationNeighbour",
     "GainAnnealedNetwork",
     "GaussianTemplates",
@@ -34,7 +32,6 @@ __all__ = [
 _DEFINED_IN = {
     "AdaptiveClusteringNetwork": "adaptive_clustering",
     "Clustering": "vigilance_sweep",
-    "ConvolutionalNetwork": "convolutional",
     "CorrelationNeighbour": "baselines",
     "GainAnnealedNetwork": "gain_annealed",
     "GaussianTemplates": "likelihood",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from ncti.ladar.budget import carrier_to_noise
 from ncti.render.flight import DEPRESSION
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 KNOWN = ("duncan", "horne", "spruance", "texas")
@@ -26,6 +28,7 @@ SISTER, STRANGER = "roberts", "connole"
 
 TRAIN, TEST, UNKNOWN = "train", "test", "unknown"
 TRAINING_ROWS, TEST_ROWS = 1600, 800
+LONG = 400  # rows, which take seconds
 PER_VIEW = {TRAIN: 8, TEST: 2, UNKNOWN: 2}
 """Rows of a view. What is tested varies more between views than between draws of one."""
 
@@ -109,6 +112,26 @@ class Split:
     test: xr.Dataset
     unknown: xr.Dataset | None
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Return rows, views, ships and the aspects [deg] of each part, one row a part."""
+        import pandas as pd
+
+        parts = {TRAIN: self.train, TEST: self.test, UNKNOWN: self.unknown}
+        about = {
+            name: {
+                "rows": part.sizes["row"],
+                "views": len(np.unique(part.view)),
+                "ships": ", ".join(np.unique(part.ship)),
+                "aspects": f"{float(part.aspect.min()):.0f}-{float(part.aspect.max()):.0f}",
+            }
+            for name, part in parts.items()
+            if part is not None
+        }
+        return pd.DataFrame.from_dict(about, orient="index")
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.name}, seed {self.seed}: {self.question}</p>{self.to_pandas().to_html()}"
+
 
 def split(
     name: str,
@@ -173,6 +196,9 @@ def split(
     for part, count in ((TRAIN, train), (TEST, test)):
         require(part, count, **vars(NUMBERS["count"]))
     counts = {TRAIN: train, TEST: test, UNKNOWN: max(test // 2, 1)}
+    if train + test > LONG:
+        said = "simulating %d rows to learn and %d to test; this takes some seconds"
+        logging.getLogger("ncti").warning(said, train, test)
     found = {
         part: rows_of(name, part, seed=seed, ships=ships, count=count, workers=workers)
         for part, count in counts.items()

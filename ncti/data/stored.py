@@ -19,6 +19,7 @@ ROWS = ("dataset", "dataset_infrared")
 
 AT_ONCE = 20_000  # rows of a store that are read at once, so that a million need little more memory
 PREFIX = "row_"  # of parameters of rows in a store
+DRAWS = ("replicate", "phase")  # dimensions whose values are draws of one and the same
 OF_ROWS = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
 """Types of numbers, which a store may keep in others."""
 
@@ -64,9 +65,10 @@ def load_xy(
         views; `test`: measured ones at all other aspects of known ships; `unknown`: measured ones
         of ships absent from training.
     **where
-        Values of dimensions, in the store's units, as ``pulse_width=30, frame_count=16``. Of other
-        dimensions all values are taken, one after the other. One that a split lacks is ignored:
-        what is learned has no number of frames.
+        Values of dimensions, in the store's units, as ``pulse_width=30, frame_count=[16, 32]``. All
+        draws of the noise are taken, one after the other; any other dimension with several values
+        must be given. One that a split lacks is ignored: expected profiles have no number of
+        frames.
 
     Returns
     -------
@@ -81,7 +83,8 @@ def load_xy(
     Raises
     ------
     ValueError
-        If there is no such store, group or value, or the split has no views.
+        If there is no such store, group or value, a dimension is to be given, or the split has no
+        views.
 
     See Also
     --------
@@ -128,6 +131,13 @@ def load_xy(
     name = of_sensor.learned if split == "train" else of_sensor.measured
     signatures = views[name].isel(ship=np.flatnonzero(ships), aspect=np.flatnonzero(aspects))
     axes = of_sensor.axes
+    for dim in signatures.dims:
+        if dim not in ("ship", "aspect", *axes, *DRAWS, *where) and signatures.sizes[dim] > 1:
+            listed = ", ".join(map(str, signatures[dim].values[:20]))
+            raise ValueError(
+                f"{dim} is not given, but must be one of {listed}, or a list of these: what "
+                "vectors mean depends on it"
+            )
     rows = signatures.stack(row=[d for d in signatures.dims if d not in axes], create_index=False)
     rows = rows.transpose("row", *axes)
     values = rows.values

@@ -194,7 +194,14 @@ def range_profile(
         **_achieved(extents, pulse_width, accuracy),
     }
     profiles = (extents[0].down_range, averaged, expected)
-    return _labelled(profiles, coordinates(mesh, aspect=aspect), attributes)
+    coords = coordinates(
+        mesh,
+        aspect=aspect,
+        range=slant_range,
+        frame_count=frames,
+        pulse_width=pulse_width,
+    )
+    return _labelled(profiles, coords, attributes)
 
 
 def _above_floor(

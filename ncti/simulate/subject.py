@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.checks import require
+from ncti.labels import labelled
 from ncti.render.view import ROLL
 from ncti.ships import digest, load
 
@@ -95,17 +96,28 @@ def _loaded(ship: str | Path, digest: str) -> trimesh.Trimesh:
     return mesh
 
 
-def coordinates(mesh: trimesh.Trimesh, *, aspect: Any) -> dict[str, Any]:
-    """Return coordinates of a result: the ship, and the aspect [deg].
+SINGLE = {
+    "range": (1e-3, "km", "slant range"),
+    "frame_count": (1, "1", "frames averaged"),
+    "pulse_width": (1e9, "ns", "pulse width, full width at 1/e^2"),
+}
+"""Factor from SI, unit and label of coordinates that have one value, by their names in stores."""
+
+
+def coordinates(mesh: trimesh.Trimesh, *, aspect: Any, **single: float) -> dict[str, Any]:
+    """Return coordinates of a result: the ship, the aspect [deg], and some of `SINGLE` in SI.
 
     xarray makes the title of a plot from those that are single values, in at most 50 characters.
     """
     dims = ("aspect",) if np.ndim(aspect) else ()
-    degrees = {"units": "degree", "long_name": "aspect"}
-    return {
+    found = {
         "ship": ((), mesh.metadata.get("name", "mesh"), {"long_name": "ship"}),
-        "aspect": (dims, np.asarray(aspect, dtype=np.float64), degrees),
+        "aspect": labelled(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
     }
+    for name, value in single.items():
+        factor, unit, label = SINGLE[name]
+        found[name] = labelled((), round(value * factor, 9), unit, label)
+    return found
 
 
 def roll_at(aspect: float) -> float:

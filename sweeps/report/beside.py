@@ -13,8 +13,8 @@ import pandas as pd
 import yaml
 
 from ncti import ships
+from ncti.article import article_figures
 from ncti.evaluate.scores import BIN_WIDTH
-from ncti.reproduction import article_figures
 from sweeps.engine.declare.kinds import Draws
 from sweeps.engine.declare.settings import Settings, flatten
 from sweeps.report.words import missing

@@ -131,10 +131,10 @@ def _of_any(whole: Frame, rival: Rival) -> str:
     if len(ends) == 2 and numeric:
         said = f"{name} {_course(rival, column)}"
     else:
-        words, chance = _percent(frame, ends[0])
-        said = f"{name} is {words}{_at(rival, ends[0])}{chance}"
-    chance = frame.of_role("chance", column.name)
-    level = f"; chance {row[chance[0]]:.0f} %" if chance else ""
+        words, no_better = _percent(frame, ends[0])
+        said = f"{name} is {words}{_at(rival, ends[0])}{no_better}"
+    levels = frame.of_role("chance", column.name)
+    level = f"; chance {row[levels[0]]:.0f} %" if levels else ""
     return f"{', '.join([said, *settings])}{level}."
 
 

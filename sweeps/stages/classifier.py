@@ -101,7 +101,7 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
 
 
 class Classifier(Settings, key="classifier"):
-    """The classifier and its training set; the experiment gives `name` its words."""
+    """The classifier and its training set."""
 
     name = word("acn", (), label="classifier", dimension="classifier", single="dimension")
     unknown = set_of(ships(None, label="unknown ships: tested but absent from training"))
@@ -493,3 +493,13 @@ def of_profiles(name: str, *own: str) -> ClassifierGroup:
 
 
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))
+
+WORDS = {Classifier.name: "NAME"}
+
+
+STAGES = (
+    test_aspects,
+    training_views,
+    PROFILE_MARKS,
+    IMAGE_MARKS,
+)

@@ -18,6 +18,10 @@ from ncti.data.rows import ONLY_RADAR, ROWS, VARIABLES
 from ncti.data.views import SENSORS
 from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
+from ncti.infrared.loops import IMAGES
+from ncti.ladar.loops import FRAMES
+from ncti.machine_code import Loops
+from ncti.render.loops import LINES, of_engine
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import (
     Choices,
@@ -211,6 +215,17 @@ def tabulate(made_rows: xr.Dataset, choices: Choices) -> xr.Dataset:
     return rows.to_dataset().assign_attrs(title="Rows of each ship")
 
 
+def loops(choices: Choices) -> list[Loops]:
+    """Return the loops that rows of both sensors take."""
+    return [FRAMES, of_engine(LINES), IMAGES] if looks(SENSOR)(choices) else []
+
+
+STAGES = (
+    profile_rows,
+    silhouette_rows,
+    row_bins,
+    row_cells,
+)
 TABLES = tuple(
     group.table(
         group.path,

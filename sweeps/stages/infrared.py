@@ -20,10 +20,12 @@ from ncti.features.map_vector import map_cells as cells
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
 from ncti.infrared.detector_view import MOST_OFFSETS
+from ncti.infrared.loops import IMAGES
 from ncti.labels import data_set
 from ncti.ladar import spread_place
+from ncti.machine_code import Loops
 from ncti.render import LineImage, RangeImage
-from ncti.render.loops import MASK
+from ncti.render.loops import MASK, of_engine
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import (
     Choices,
@@ -48,7 +50,7 @@ from sweeps.engine.declare.stage import (
 )
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import views
-from sweeps.stages.views import Arrays, Grid, looks, quantity
+from sweeps.stages.views import Arrays, Grid, Render, looks, quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -479,6 +481,32 @@ def _table(name: str, tabulate: Any, title: str, figures: tuple[Figure, ...], **
     return OF_VIEWS.table(name, tabulate, display)
 
 
+def loops(choices: Choices) -> list[Loops]:
+    """Return the loops that images and silhouettes take."""
+    if not looks(views.INFRARED)(choices):
+        return []
+    masked = MASK in map(silhouette_engine.function, choices[Render.engine])
+    return [IMAGES] + [of_engine(MASK)] * masked
+
+
+STAGES = (
+    silhouette_engine,
+    infrared_images,
+    training_images,
+    hits,
+    training_hits,
+    imager,
+    detector_view,
+    infrared_window,
+    thermal_image,
+    image_window,
+    detection_probability,
+    reconstruction_error,
+    map_cells,
+    silhouettes,
+    log_polar,
+    template_log_polar,
+)
 TABLES = (
     _table(
         "sensor",

@@ -13,12 +13,17 @@ from numpy.typing import NDArray
 from ncti.irar import Flight, Pass, Scan, fly, reflectivity, ship_heading
 from ncti.irar.chain import MIRROR_METHODS, RANGE_FILTERS
 from ncti.irar.corrected import EXACT, NO_ERROR, RATES
+from ncti.irar.loops import TILTS
 from ncti.irar.registration import MOTION_METHODS
 from ncti.ladar.budget import power_ratio
+from ncti.machine_code import Loops
+from ncti.render.choice import choose_engine
+from ncti.render.loops import LINES, of_engine
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import Kind, Number, Value
 from sweeps.engine.declare.settings import (
     NO_RESULT,
+    Choices,
     Setting,
     Settings,
     count,
@@ -363,3 +368,10 @@ def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **pla
     course, receivers = ({name: values[name] for name in own} for own in names)
     draw = {"replicate": receivers["replicate"], "reflectance": reflectance}
     return recorded(fly_past(mesh, course, **draw, **place), course, receivers, **place)
+
+
+def loops(choices: Choices) -> list[Loops]:
+    """Return the loops that flights take, and those of the pixels that they need beside lines."""
+    if not looks(IRAR)(choices):
+        return []
+    return [TILTS] + [of_engine(choose_engine("auto"))] * (LINES in choices[Render.engine])

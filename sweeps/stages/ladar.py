@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti import ladar as library
+from ncti.classify.loops import DENSITIES
 from ncti.features.profile import estimated_floor
 from ncti.ladar import RangeExtent
 from ncti.ladar.budget import faintest
+from ncti.ladar.loops import FRAMES
 from ncti.ladar.places import Place
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.ladar.window import longer_window
+from ncti.machine_code import Loops
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, count, number, word
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
@@ -364,3 +367,28 @@ def _check_cnr(choices: Choices) -> None:
                     f"{ship} at {farthest / 1e3:g} km over the floor of {most} target-free IFOVs"
                 )
                 views.refuse(Ladar.cnr, cnr, allowed)
+
+
+def loops(choices: Choices) -> list[Loops]:
+    """Return the loops that frames and their densities take."""
+    return [FRAMES] * looks(RANGE)(choices) + [DENSITIES] * stores_moments(choices)
+
+
+STAGES = (
+    shift,
+    cnr_at_range,
+    seen_shift,
+    extent,
+    ifovs,
+    seen_extent,
+    seen_ifovs,
+    fineness,
+    profile_error,
+    within_tolerance,
+    expected,
+    above_floor,
+    averaged,
+    covariance,
+    profile_bins,
+    lags,
+)

@@ -128,3 +128,6 @@ def about(choices: Choices) -> list[str]:
         if about.findings
     ]
     return [printable(line) for line in lines]
+
+
+STAGES = (portrait,)

@@ -17,11 +17,13 @@ from platformdirs import user_cache_path
 import ncti.render
 import ncti.ships
 from ncti.ladar import lines_within
+from ncti.ladar.loops import BOXES
+from ncti.machine_code import Loops
 from ncti.render import EngineError, LineImage, RangeImage, Sampling
 from ncti.render.choice import choose_engine, engines
 from ncti.render.far_field import reach_of, sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
-from ncti.render.loops import LINES
+from ncti.render.loops import LINES, of_engine
 from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.declare.errors import ConfigurationError
@@ -47,8 +49,7 @@ if TYPE_CHECKING:
     from ncti.render.mask import Mask
 
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
-RANGE, INFRARED, IRAR, RUN_TIME, SCAN = "range", "infrared", "irar", "run_time", "scan"
-OPERATE, BENCHMARK = "operate", "benchmark"
+RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MOST_FRAMES = 10_000
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
 SHAPES = "it shapes arrays"  # why a setting takes one value only
@@ -443,3 +444,25 @@ def _quoted(value: Any) -> Any:
 
 
 STATUS = Status("status:view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))
+
+
+def loops(choices: Choices) -> list[Loops]:
+    """Return the loops that engines draw by, and that bin their pixels."""
+    used = {*choices[Render.engine]}
+    return [*map(of_engine, sorted(used)), *([BOXES] if used != {LINES} else [])]
+
+
+WORDS = {Sweep.sensor: "SENSOR"}
+
+
+STAGES = (
+    hull,
+    hulls,
+    drawing_engine,
+    depression,
+    mesh,
+    drawn_aspect,
+    drawn_range,
+    sampling,
+    image,
+)

@@ -5,7 +5,8 @@ import pytest
 import xarray as xr
 
 from benchmarks import reproduced
-from ncti.reproduction import FITS, PRIORS, assumed, figures
+from ncti.article import figures
+from studies.reproduction import FITS, PRIORS, assumed
 
 NAMES = [f"Table {figure.table}, {figure.name}" for figure in figures()]
 SETTINGS = 16

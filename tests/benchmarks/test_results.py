@@ -1,5 +1,6 @@
 """Published figures: their intervals, the sweeps behind them, and the pages that have them."""
 
+import csv
 import re
 
 import numpy as np
@@ -72,13 +73,22 @@ def test_sweeps_have_what_the_tables_show():
 
 
 def tables_of(page):
-    """Names of the tables of a page, and the headings of each behind the first."""
+    """Headings and number of rows of the tables of a page, by name."""
     text = page.read_text(encoding="utf-8")
     found = {}
     for name in re.findall(r"benchmarks results --write \((\w+)\) -->", text):
         line = pages.begin("results", name)
         table = text.split(line)[1].split(pages.END)[0].strip().splitlines()
         found[name] = [cell.strip() for cell in table[0].strip("|").split("|")], len(table) - 2
+    return found
+
+
+def csv_tables():
+    """Headings and number of rows of the tables in CSV files, by name."""
+    found = {}
+    for path in (pages.ROOT / "docs" / "tables").glob("results_*.csv"):
+        headings, *rows = csv.reader(path.open(encoding="utf-8"))
+        found[path.stem.removeprefix("results_")] = headings, len(rows)
     return found
 
 
@@ -90,7 +100,9 @@ def counted(heading):
 
 def test_the_command_writes_the_tables_of_the_pages(made):
     """Tables, their columns and rows are those that the command makes, of ten seeds at least."""
-    found = tables_of(pages.ROOT / "README.md") | tables_of(pages.ROOT / "docs" / "results.md")
+    printed = tables_of(pages.ROOT / "README.md") | tables_of(pages.ROOT / "docs" / "results.md")
+    assert not set(printed) & set(csv_tables())
+    found = printed | csv_tables()
     assert set(made) < set(found)
     for name, (headings, rows) in found.items():
         words, counts = counted(headings[0])

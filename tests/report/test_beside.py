@@ -7,7 +7,7 @@ import pytest
 from made import SOURCE, categories, scores, shown
 from pages import stored
 
-from ncti.reproduction import article_figures
+from ncti.article import article_figures
 from sweeps.report.frames import read_frames
 
 AXES = {"pulse_width": [10.0, 30.0], "range": 100.0, "vigilance": [0.9, 0.95]}

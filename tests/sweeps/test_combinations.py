@@ -9,7 +9,6 @@ import yaml
 from commands import chosen, prepared
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.experiment import EXPERIMENT, conf_folder
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.views import Grid
 
@@ -61,10 +60,3 @@ def test_a_box_that_floats_is_a_ship(folder):
     box.apply_translation((0, 0, 4))
     box.export(folder / "barge.stl")
     assert chosen("grid.ship=[barge.stl,duncan]")[Grid.ship] == ("barge", "duncan")
-
-
-def test_keys_of_earlier_versions_are_gone_and_those_in_their_place_exist():
-    renamed = yaml.safe_load((conf_folder() / "renamed.yaml").read_text())
-    keys = {setting.key for setting in EXPERIMENT.declared}
-    assert not keys & set(renamed)
-    assert keys >= set(renamed.values())

@@ -28,7 +28,12 @@ GROUPS = sorted(
     for path in conf_folder().glob("*/*.yaml")
     if path.parent.name != "experiment"
 )
-EXPERIMENTS = sorted(path.stem for path in conf_folder().glob("experiment/*.yaml"))
+DOCS = conf_folder().parent / "docs"
+EXPERIMENTS = sorted(
+    path.stem
+    for folder in (conf_folder(), *EXPERIMENT.added_conf)
+    for path in folder.glob("experiment/*.yaml")
+)
 
 ROWS = yaml.safe_load(Path(__file__).with_name("experiments.yaml").read_text())
 TINY, GALLERY = ROWS["small"], ROWS["pictures"]
@@ -63,6 +68,15 @@ def test_what_the_command_line_sweeps_comes_before_the_axes_of_an_experiment():
     assert swept[0] == "cnr" and "pulse_width" in swept
 
 
+def test_a_classifier_without_use_is_named_where_it_was_asked_for():
+    infrared = ("sensor=infrared", "grid.ship=[duncan,texas]")
+    asked = chosen(*infrared, "classifier.name=[acn,correlation]")
+    line = "classifier.name=correlation has nothing to do for sensor=infrared; ignored"
+    assert line in COMMAND.about(asked)
+    unasked = COMMAND.about(chosen("+experiment=scan"))  # it has acn by default
+    assert not [line for line in unasked if "ignored" in line]
+
+
 def test_sensitivity_is_one_parameter_at_a_time():
     errors = chosen("+experiment=sensitivity")[Irar.errors]
     assert len(errors) == 1 + 8 + 4 + 6 + 4 + 4 and errors[0] == ("none", 0.0)
@@ -94,20 +108,29 @@ def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
 
 def draw_gallery(experiment, monkeypatch):
     """Run the gallery's scripts for an experiment on its store."""
-    mpl.use("Agg")
     for script, *more in GALLERY.get(experiment, ()):
-        path = conf_folder().parent / "docs" / "gallery" / f"{script}.py"
-        monkeypatch.setattr("sys.argv", [str(path), "s.zarr", *more, "picture.png"])
-        runpy.run_path(str(path), run_name="__main__")
-        picture = imread("picture.png")
-        assert min(picture.shape[:2]) > 200 and picture.std() > 0.05, script
-        plt.close("all")
+        draw(script, "s.zarr", *more, monkeypatch=monkeypatch)
+
+
+def draw(script, *arguments, monkeypatch):
+    """Run a script of the gallery, which draws something."""
+    mpl.use("Agg")
+    path = DOCS / "gallery" / f"{script}.py"
+    monkeypatch.setattr("sys.argv", [str(path), *arguments, "picture.png"])
+    runpy.run_path(str(path), run_name="__main__")
+    picture = imread("picture.png")
+    assert min(picture.shape[:2]) > 200 and picture.std() > 0.05, script
+    plt.close("all")
+
+
+def test_the_published_table_of_the_benchmark_is_drawn(folder, monkeypatch):
+    draw("benchmark", str(DOCS / "tables" / "benchmark_splits.csv"), monkeypatch=monkeypatch)
 
 
 def test_every_script_of_the_gallery_is_short_and_run():
-    folder = conf_folder().parent / "docs" / "gallery"
+    folder = DOCS / "gallery"
     run = {script for scripts in GALLERY.values() for script, *_ in scripts}
-    assert {path.stem for path in folder.glob("*.py")} == {*run, "ships"}
+    assert {path.stem for path in folder.glob("*.py")} == {*run, "benchmark", "ships"}
     assert all(len(path.read_text().splitlines()) <= 40 for path in folder.glob("*.py"))
 
 

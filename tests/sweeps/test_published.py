@@ -9,8 +9,8 @@ import pytest
 from commands import chosen
 
 from ncti import infrared, ladar
+from ncti.article import article_figures
 from ncti.classify import AdaptiveClusteringNetwork, GainAnnealedNetwork
-from ncti.reproduction import article_figures
 from sweeps.experiment import EXPERIMENT
 
 SOURCE = article_figures()

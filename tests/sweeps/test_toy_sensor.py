@@ -117,7 +117,7 @@ def test_it_stands_beside_the_others(folder, results, capsys):
     both = (*SWEEP, "sensor=[range,toy]", "classifier.name=[acn,toy]", "render.pixel=1")
     assert ran(*both, "grid.frame_count=2", f"cache={results}", modules=MODULES) == 0
     assert {"range_profile", "toy"} <= {path.name for path in (folder / "s.zarr").iterdir()}
-    assert "identifies nothing" not in capsys.readouterr().err
+    assert "nothing to do" not in capsys.readouterr().err
 
 
 def test_it_is_described_and_checked_like_the_others(capsys):

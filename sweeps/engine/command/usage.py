@@ -48,6 +48,9 @@ def usage(experiment: Experiment) -> str:
     }
     sections: dict[str, Iterable[tuple[str, str]]] = {
         "Experiments (+experiment=NAME):": descriptions(conf, "experiment"),
+        "Studies (+experiment=NAME):": [
+            one for folder in experiment.added_conf for one in descriptions(folder, "experiment")
+        ],
         f"Main keys ({several}):": [
             (setting.key, _about(setting)) for setting in main_settings(experiment)
         ],

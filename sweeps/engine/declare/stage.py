@@ -334,6 +334,8 @@ class Experiment:
     # that one process does for all.
     prepare: Callable[[Choices, Say], None] = lambda choices, say: None
     conf: Path | None = None  # folder of its Hydra configuration
+    # Folders of other packages with more files of its groups, such as `experiment/mine.yaml`.
+    added_conf: tuple[Path, ...] = ()
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
 
     def __post_init__(self) -> None:

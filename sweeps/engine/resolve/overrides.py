@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import hydra
-import yaml
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
@@ -54,6 +53,7 @@ from sweeps.engine.declare.settings import (
 from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
+PACKAGE = re.compile(r"# @package (\S+)")  # a file's first line, as Hydra reads it
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
 ALIKE = 0.66  # least similarity of a key that may have been meant
 
@@ -72,6 +72,11 @@ def register(experiment: Experiment) -> None:
     known.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
     for kind in CLUSTERS:
         known.store(group="cluster", name=kind, node={"kind": kind})
+    for folder in experiment.added_conf:
+        for path in sorted(folder.glob("*/*.yaml")):
+            named = PACKAGE.match(path.read_text(encoding="utf-8"))
+            package, group = named and named[1], path.parent.name
+            known.store(path.stem, OmegaConf.load(path), group=group, package=package)
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_"]
         node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}
@@ -203,8 +208,6 @@ def unknown(
     """Return the error of a key that its group, of the keys of `tree`, does not have."""
     last = key.rpartition(".")[2]
     wrong = f"{key} is not a key of the configuration"
-    if (now := _renamed(experiment).get(key)) is not None:
-        return ConfigurationError(f"{wrong}; it is now {now}")
     elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
     meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
     if not meant:
@@ -213,12 +216,6 @@ def unknown(
     if meant:
         return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
     return ConfigurationError(f"{wrong}; {group or 'it'} has {', '.join(tree) or 'no keys'}")
-
-
-def _renamed(experiment: Experiment) -> Mapping[str, str]:
-    """Return the names that keys of earlier versions have now, listed beside the configuration."""
-    path = experiment.conf and experiment.conf / "renamed.yaml"
-    return yaml.safe_load(path.read_text(encoding="utf-8")) if path and path.is_file() else {}
 
 
 # settings that run together -----------------------------------------------------------------------

@@ -1,0 +1,1 @@
+"""The benchmark: classifiers on splits that cannot leak."""

@@ -1,0 +1,127 @@
+"""Tables of shares identified: the frames that suffice, and the cheapest setting that does."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncti.evaluate.sufficiency import TAILS, cheapest, crossing
+from ncti.labels import data_set
+from studies.operate.costs import CNR, IFOV, relative_cost
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LEVEL = 0.95  # share of views identified that suffices
+OVER = ("ifov", "cnr", "pulse_width")  # axes of a setting of the laser radar
+UNITS = ("urad", "dB", "ns")
+ARTICLE = {"ifov": IFOV * 1e6, "cnr": CNR, "pulse_width": 30.0}
+ENDS = ("low end of its 95 % interval", "high end of its 95 % interval")
+
+
+def frames_needed(operated: xr.Dataset) -> xr.DataArray:
+    """Return the fewest frames by which `LEVEL` of the views are identified.
+
+    Parameters
+    ----------
+    operated : xarray.Dataset
+        `share`, over `frame_count` and others, and `resampled`, over `resample`, too.
+
+    Returns
+    -------
+    xarray.DataArray
+        Frames over the other axes and `resample`, of which the first is that of all views;
+        infinite where the most frames do not suffice.
+
+    See Also
+    --------
+    ncti.evaluate.crossing : Where a level is reached.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from studies.operate import frames_needed
+    >>> share = xr.DataArray([0.9, 1.0], {"frame_count": [4, 16]}, ("frame_count",))
+    >>> shares = xr.Dataset({"share": share, "resampled": share.expand_dims(resample=2)})
+    >>> frames_needed(shares).round(1).values.tolist()
+    [8.0, 8.0, 8.0]
+    """
+    import xarray as xr
+
+    shares = xr.concat([operated.share.expand_dims("resample"), operated.resampled], "resample")
+    reach = partial(crossing, places=operated.frame_count.values, level=LEVEL)
+    return xr.apply_ufunc(reach, shares, input_core_dims=[["frame_count"]])
+
+
+def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
+    """Return the frames that suffice at about the article's setting of the laser radar.
+
+    Parameters
+    ----------
+    operated : xarray.Dataset
+        As of `frames_needed`, over the axes of `OVER`, too.
+
+    Returns
+    -------
+    xarray.Dataset
+        `frames`, with `frames_low` and `frames_high`, ends of 95 % intervals over resamples. Its
+        attribute `infinite` says in words what infinity means.
+
+    See Also
+    --------
+    frames_needed : The frames of every setting.
+    """
+    needed = frames_needed(operated.sel(ARTICLE, method="nearest"))
+    columns = {"frames": (needed.isel(resample=0), f"frames by which {LEVEL:.0%} are identified")}
+    again = needed.isel(resample=slice(1, None))
+    for name, q, words in zip(("low", "high"), TAILS, ENDS, strict=True):
+        end = partial(np.quantile, q=q, method="inverted_cdf")
+        columns[f"frames_{name}"] = again.reduce(end, "resample"), words
+    table = data_set(columns)
+    table.frames.attrs["infinite"] = f"more than {operated.frame_count.values.max():g}"
+    return table
+
+
+def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
+    """Return the cheapest setting of the laser radar that suffices, alone and with the imager.
+
+    Parameters
+    ----------
+    operated : xarray.Dataset
+        As of `tabulate_frames`, with `channel`.
+
+    Returns
+    -------
+    xarray.Dataset
+        `cost` with its interval, `frames`, `chosen`, and `best_` with the name of each of `OVER`;
+        see `ncti.evaluate.cheapest` and `relative_cost`.
+
+    See Also
+    --------
+    relative_cost : The cost.
+    """
+    import xarray as xr
+
+    def cost(frames: Any, cnr: Any, ifov: Any) -> xr.DataArray:
+        return xr.apply_ufunc(relative_cost, frames, cnr, ifov * 1e-6)
+
+    needed = frames_needed(operated.sel(channel=["profile", "both"]))
+    least = cheapest(cost(needed, needed.cnr, needed.ifov), OVER)
+    # Where no setting suffices, infinitely many of any.
+    frames = least.cost / cost(1, least.cnr.fillna(CNR), least.ifov.fillna(1.0))
+    columns: dict[str, tuple[Any, ...]] = {
+        "cost": (least.cost, "energy times aperture area, over the article's sensor"),
+        "cost_low": (least.cost_low, ENDS[0]),
+        "cost_high": (least.cost_high, ENDS[1]),
+        "frames": (frames, "frames of the cheapest setting"),
+        "chosen": (least.chosen, "share of resamples in which the setting is the cheapest"),
+    }
+    for name, unit in zip(OVER, UNITS, strict=True):
+        words = f"{name.replace('_', ' ')} of the cheapest setting"
+        columns[f"best_{name}"] = least[name], words, unit
+    table = data_set(columns)
+    for name in ("cost", "frames"):
+        table[name].attrs["infinite"] = "beyond the grid"
+    return table

@@ -1,0 +1,103 @@
+"""Categories of the Adaptive Clustering Network in several orders of presentation, and scores."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.classify import Similarities, cluster
+from studies.reproduction.simulated import Simulated, percent_by_bin
+
+PASSES = 100  # presentations, after which categories that still change are taken as they are
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def presentation_orders(
+    order: str, ship: Indices, aspect: Floats, draws: int, rng: np.random.Generator
+) -> list[Indices]:
+    """Return (view,) orders of presentation, one for each draw if they are random, else one.
+
+    `ships` presents all views of a ship, then those of the next; `aspects` all ships at an aspect.
+    """
+    if order == "random":
+        return [rng.permutation(len(ship)) for _ in range(draws)]
+    keys = (aspect, ship) if order == "ships" else (ship, aspect)
+    return [np.lexsort(keys)]
+
+
+def category_counts(vectors: Floats, orders: Sequence[Indices], **how: Any) -> Indices:
+    """Return the (order,) numbers of categories of (view, feature) vectors; `how` of `cluster`."""
+    alike = Similarities.of(vectors)
+    counts = [
+        len(cluster(alike, order=order, max_passes=PASSES, **how).weights) for order in orders
+    ]
+    return np.array(counts if len(counts) > 1 else 2 * counts)
+
+
+def acn_scores(
+    templates: Floats,
+    tests: Floats,
+    orders: Sequence[Indices],
+    *,
+    ship: Indices,
+    aspect: Floats,
+    label_rule: str,
+    learn_in_test: bool,
+    **how: Any,
+) -> Simulated:
+    """Return percent correct by (row, bin), the first row of the training, others of tests.
+
+    Parameters
+    ----------
+    templates : (view, feature) float64 ndarray
+        Training vectors.
+    tests : (draw, test, view, feature) float64 ndarray
+        Test vectors, those of a draw presented in its order.
+    orders : sequence of (view,) intp ndarray
+        Orders of presentation: one for each draw, or one for all.
+    ship, aspect
+        (view,) numbers of ships, and aspects [deg].
+    label_rule : str
+        Ship that names a category: that of the `majority` of its members, or of the `first`.
+    learn_in_test : bool
+        Whether tests move categories.
+    **how
+        Vigilance and learning rate.
+
+    Returns
+    -------
+    Simulated
+        A vector without a category, such as the map of an empty silhouette, counts as wrong.
+    """
+    # Imported here because scikit-learn takes a second.
+    from sklearn.exceptions import ConvergenceWarning
+
+    from ncti.classify import AdaptiveClusteringNetwork
+
+    trained = []
+    for order in orders:
+        network = AdaptiveClusteringNetwork(max_passes=PASSES, **how)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # as it is after all passes
+            network.fit(templates[order], ship[order])
+        names = network.category_labels_
+        if label_rule == "first":
+            _, first = np.unique(network.labels_, return_index=True)
+            names = ship[order][first]
+        learned = np.empty(len(order), dtype=bool)
+        learned[order] = names[network.labels_] == ship[order]
+        trained.append((network, order, names, learned))
+    right = np.empty((len(tests), 1 + tests.shape[1], len(ship)), dtype=bool)
+    for draw, several in enumerate(tests):
+        network, order, names, learned = trained[draw % len(trained)]
+        right[draw, 0] = learned
+        for row, vectors in enumerate(several, start=1):
+            category, _ = network.match(vectors[order], learning=learn_in_test)
+            right[draw, row, order] = (category >= 0) & (names[category] == ship[order])
+    return Simulated.of(percent_by_bin(right, aspect))

@@ -1,0 +1,264 @@
+"""The article's Tables 2, 3 and 4: categories and scores of range profiles."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti.checks import require, require_generator
+from ncti.evaluate import aspect_bins
+from ncti.features import profile_vector
+from ncti.ladar import (
+    RangeExtent,
+    banded_frame_moments,
+    expected_profile,
+    noise_floor,
+    power_ratio,
+    range_extent,
+)
+from studies.reproduction.categories import acn_scores, category_counts, presentation_orders
+from studies.reproduction.simulated import Simulated, percent_by_bin
+
+if TYPE_CHECKING:
+    from ncti.render import LineImage
+
+SLANT_RANGE = 100e3
+PULSE_WIDTH = 30e-9
+PULSE_WIDTHS = (10e-9, 30e-9, 50e-9)  # of Table 3
+FRAMES = (32, 16, 8, 4)  # rows of Tables 2 and 4 below the training
+VIGILANCE = 0.95
+LOADING = (
+    1e-6  # of the variance of a bin: noise is band-limited, so covariances are nearly singular
+)
+
+Floats = NDArray[np.float64]
+
+
+def profile_tables(
+    images: Sequence[LineImage],
+    assumed: Mapping[str, Any],
+    *,
+    places: Sequence[tuple[float, float]],
+    ship: NDArray[np.intp],
+    aspect: Floats,
+    draws: int,
+    rng: np.random.Generator,
+) -> dict[str, Simulated]:
+    """Return Tables 2, 3 and 4 of views of ships.
+
+    Parameters
+    ----------
+    images : sequence of LineImage
+        Far-field views, ship by ship.
+    assumed : mapping
+        Values of `PRIORS`.
+    places : sequence of two (float, float)
+        Places of the ship origin in an IFOV, in the training and in the test [IFOV].
+    ship : (view,) intp ndarray
+        Numbers of the ships.
+    aspect : (view,) float64 ndarray
+        Aspects [deg].
+    draws : int
+        Draws of the noise, at least two; with random orders of presentation also of these.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    dict of str to Simulated
+        `table2`, `table4`: percent correct by (row, bin), the first row of the training, others by
+        `FRAMES`; `table3`: numbers of categories by pulse width.
+    """
+    optics: dict[str, Any] = {"ifov": 1e-6 * assumed["ifov"], "reflectance": assumed["reflectance"]}
+    extents = {
+        place: [
+            range_extent(image, slant_range=SLANT_RANGE, shift=place, **optics) for image in images
+        ]
+        for place in {*places}
+    }
+    learned, tested = (extents[place] for place in places)
+    cnr, free = power_ratio(assumed["cnr"]), round(assumed["target_free_ifovs"])
+    signal: dict[str, Any] = {"cnr": cnr, "target_free_ifovs": free}
+
+    def vectors(profiles: Floats, extents: Sequence[RangeExtent]) -> Floats:
+        known = np.array([len(extent.fraction) + free for extent in extents]) * noise_floor()
+        return _vectors(profiles, known, assumed["floor"], assumed["normalisation"])
+
+    templates = {
+        width: vectors(
+            np.array([expected_profile(one, pulse_width=width, **signal) for one in learned]),
+            learned,
+        )
+        for width in PULSE_WIDTHS
+    }
+    averages = np.stack(
+        [
+            averaged_profiles(
+                one, pulse_width=PULSE_WIDTH, frames=FRAMES, draws=draws, rng=rng, **signal
+            )
+            for one in tested
+        ],
+        axis=2,
+    )
+    tests = vectors(averages, tested)
+    orders = presentation_orders(assumed["order"], ship, aspect, draws, rng)
+    how = {"vigilance": VIGILANCE, "learning_rate": assumed["learning_rate"]}
+    counts = [category_counts(templates[width], orders, **how) for width in PULSE_WIDTHS]
+    table4 = acn_scores(
+        templates[PULSE_WIDTH],
+        tests,
+        orders,
+        ship=ship,
+        aspect=aspect,
+        label_rule=assumed["label_rule"],
+        learn_in_test=assumed["learn_in_test"],
+        **how,
+    )
+    table2 = mnn_scores(templates[PULSE_WIDTH], tests, assumed, ship=ship, aspect=aspect, rng=rng)
+    return {"table2": table2, "table3": Simulated.of(np.transpose(counts)), "table4": table4}
+
+
+def averaged_profiles(
+    extent: RangeExtent,
+    *,
+    pulse_width: float,
+    cnr: float,
+    target_free_ifovs: int,
+    frames: Sequence[int],
+    draws: int,
+    rng: np.random.Generator,
+) -> Floats:
+    """Draw averages over the first frames of several runs, as Gaussian processes.
+
+    Parameters
+    ----------
+    extent, pulse_width, cnr, target_free_ifovs
+        As of `ncti.ladar.frame_moments`.
+    frames : (frame_count,) sequence of int
+        Frames averaged, in falling order; averages of a draw share their first frames.
+    draws : int
+        Independent runs of frames.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    (draw, frame_count, bin) float64 ndarray
+        Averages, noise floor included.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of frames do not fall, or a parameter is out of range.
+
+    See Also
+    --------
+    ncti.ladar.sample_frames : The frames one by one.
+
+    Notes
+    -----
+    Averages have the exact mean and covariance of `ncti.ladar.frame_moments`. A frame is a sum over
+    dozens of IFOVs of magnitudes, and an average one over frames, too, so it is taken for normally
+    distributed, at a tenth of the time that drawing each IFOV takes. The skewness that is left out
+    is largest in averages of few frames without target-free IFOVs, which are named correctly as
+    often (`tests/reproduction`).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.ladar import no_return
+    >>> from studies.reproduction.profiles import averaged_profiles
+    >>> noise = averaged_profiles(
+    ...     no_return(250.0, 1.0), pulse_width=30e-9, cnr=10**3.2, target_free_ifovs=100,
+    ...     frames=(16, 4), draws=50, rng=np.random.default_rng(0))
+    >>> noise.shape, noise.std(axis=(0, 2)).round(1)
+    ((50, 2, 250), array([1.3, 2.6]))
+    """
+    require("draws", draws, whole=True, minimum=1)
+    require_generator("rng", rng)
+    longest = np.array(frames)
+    steps = -np.diff([*longest, 0])  # frames that each average has more than the next
+    if not len(longest) or (steps < 1).any():
+        raise ValueError(
+            f"frames is {frames!r}, but must be whole numbers that fall, to at least 1"
+        )
+    # Imported here because scipy takes a tenth of a second.
+    from scipy.linalg import cholesky_banded
+
+    mean, band = banded_frame_moments(
+        extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=target_free_ifovs
+    )
+    band[0] *= 1.0 + LOADING
+    factor = cholesky_banded(band, lower=True)
+    normals = rng.standard_normal((draws, len(longest), mean.size))
+    noise = factor[0] * normals
+    for lag in range(1, len(factor)):
+        noise[..., lag:] += (factor[lag] * normals)[..., :-lag]
+    sums = np.cumsum((noise * np.sqrt(steps)[:, None])[:, ::-1], axis=1)[:, ::-1]
+    return mean + sums / longest[:, None]
+
+
+def _vectors(profiles: Floats, known: Floats, floor: str, normalisation: str) -> Floats:
+    """Return (..., view, bin) vectors of profiles, by estimate of the floor and normalisation."""
+    levels = {
+        "edges": lambda: None,
+        "median": lambda: np.median(profiles, axis=-1),
+        "known": lambda: np.broadcast_to(known, profiles.shape[:-1]),
+    }
+    vectors = profile_vector(profiles, floor=levels[floor]())
+    if normalisation == "energy":
+        norms = np.linalg.norm(vectors, axis=-1, keepdims=True)
+        return vectors / np.where(norms == 0.0, 1.0, norms)
+    return vectors
+
+
+def mnn_scores(
+    templates: Floats,
+    tests: Floats,
+    assumed: Mapping[str, Any],
+    *,
+    ship: NDArray[np.intp],
+    aspect: Floats,
+    rng: np.random.Generator,
+) -> Simulated:
+    """Return percent correct of the multilayered network, (row, bin), the first of its training.
+
+    Parameters
+    ----------
+    templates : (view, bin) float64 ndarray
+        Training vectors.
+    tests : (draw, frame_count, view, bin) float64 ndarray
+        Test vectors.
+    assumed, ship, aspect, rng
+        As of `profile_tables`.
+
+    Returns
+    -------
+    Simulated
+        An answer is right when ship and aspect bin are.
+    """
+    # Imported here because scikit-learn takes a second.
+    from sklearn.exceptions import ConvergenceWarning
+
+    from ncti.classify import GainAnnealedNetwork
+
+    labels, group = aspect_bins(aspect)
+    truth = ship * len(labels) + group
+    network = GainAnnealedNetwork(
+        tolerance=assumed["mnn_tolerance"],
+        epochs=round(assumed["mnn_epochs"]),
+        learning_rate=assumed["mnn_learning_rate"],
+        annealing=assumed["mnn_annealing"],
+        scaling=assumed["mnn_scaling"],
+        random_state=int(rng.integers(2**32)),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # a short training is one of the values
+        network.fit(templates, truth)
+    named = network.predict(tests.reshape(-1, tests.shape[-1])).reshape(tests.shape[:-1])
+    trained = np.broadcast_to(network.predict(templates), (len(tests), 1, len(truth)))
+    return Simulated.of(percent_by_bin(np.concatenate([trained, named], axis=1) == truth, aspect))

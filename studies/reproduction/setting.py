@@ -1,0 +1,166 @@
+"""The article's Tables 2 to 5, simulated with one value of each parameter that it leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncti.article import SHIPS
+from ncti.checks import require, require_all, require_generator
+from ncti.render import line_image
+from ncti.render.flight import DEPRESSION, depression_angle
+from ncti.ships import load
+from studies.reproduction.profiles import SLANT_RANGE, profile_tables
+from studies.reproduction.silhouettes import LOOKS, silhouette_table
+from studies.reproduction.simulated import Simulated
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from ncti.render import LineImage
+
+ALTITUDE = 6705.6  # m, 22,000 ft
+SPACING = 1.0  # m between lines
+ELSEWHERE = (0.7548776662466927, 0.5698402909980532)  # a place that is far from (0, 0) [pixel]
+"""Where a ship that moved is in its pixel, relative to the place of the training [pixel]."""
+
+
+def reproduce(
+    assumed: Mapping[str, Any],
+    *,
+    aspects: ArrayLike,
+    draws: int,
+    rng: np.random.Generator,
+    view: Callable[[str, float, float], LineImage] | None = None,
+) -> dict[str, Simulated]:
+    """Return the article's Tables 2 to 5 with some values of what it leaves open.
+
+    Parameters
+    ----------
+    assumed : mapping
+        A value for every name in `PRIORS`, as `assumed` draws them.
+    aspects : (aspect,) array_like
+        Aspects of the four ships [deg], training and test.
+    draws : int
+        Draws of the noise, at least two; with random orders of presentation also of these.
+    rng : numpy.random.Generator
+        Source of randomness.
+    view : callable, optional
+        Function of a ship's name (`duncan`, or `duncan@0.7`), an aspect and a depression [deg]
+        that returns the view, as `draw` does of its mesh: for callers that keep views.
+
+    Returns
+    -------
+    dict of str to Simulated
+        `table2` and `table4`, percent correct by (row, bin): training, then 32, 16, 8 and 4 frames;
+        `table3`, categories at 10, 30 and 50 ns; `table5`, percent correct by (row, bin): 25 km,
+        50 km with half pixels, 50 km; `categories5`, (1,).
+
+    Raises
+    ------
+    ValueError
+        If an aspect is out of range, or there are fewer than two draws.
+
+    See Also
+    --------
+    assumed : Values of what the article leaves open.
+    ncti.evaluate.chi_square : Distance to the article's figures.
+
+    Notes
+    -----
+    The protocol of [1]_: four ships from bow to beam, trained on noiseless views and tested at the
+    same aspects. One training of the multilayered network and, with random orders, one of the
+    Adaptive Clustering Network for each draw.
+
+    References
+    ----------
+    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
+       Laboratory Journal, Tables 2 to 5.
+
+    Examples
+    --------
+    Three aspects and two draws:
+
+    >>> import numpy as np
+    >>> from studies.reproduction import assumed, reproduce
+    >>> nominal = assumed(0) | {f"variant_{name}": 0 for name in SHIPS}
+    >>> tables = reproduce(nominal, aspects=[0, 45, 90], draws=2, rng=np.random.default_rng(0))
+    >>> {name: scores.mean.shape for name, scores in tables.items()}
+    {'table2': (5, 3), 'table3': (3,), 'table4': (5, 3), 'table5': (3, 3), 'categories5': (1,)}
+    """
+    require_generator("rng", rng)
+    require("draws", draws, whole=True, minimum=2)
+    angles = require_all("aspects", aspects, minimum=0.0, maximum=90.0)
+    ships = [_variant(name, assumed[f"variant_{name}"]) for name in SHIPS]
+    seen = _drawn if view is None else view
+    place = assumed["place_right"], assumed["place_up"]
+    moved = tuple((at + off) % 1.0 for at, off in zip(place, ELSEWHERE, strict=True))
+    views: dict[float, Sequence[Any]] = {}
+    depressions = {
+        slant_range: DEPRESSION
+        if assumed["depression"] == "fixed"
+        else depression_angle(slant_range, altitude=ALTITUDE)
+        for slant_range in (SLANT_RANGE, *(look.slant_range for look in LOOKS))
+    }
+    drawn = {
+        depression: [seen(ship, aspect, depression) for ship in ships for aspect in angles.tolist()]
+        for depression in set(depressions.values())
+    }
+    views = {slant_range: drawn[depression] for slant_range, depression in depressions.items()}
+    how: dict[str, Any] = {
+        "places": (place, moved if assumed["moved"] else place),
+        "ship": np.repeat(np.arange(len(SHIPS)), angles.size),
+        "aspect": np.tile(angles, len(SHIPS)),
+        "draws": int(draws),
+        "rng": rng,
+    }
+    profiles = profile_tables(views.pop(SLANT_RANGE), assumed, **how)
+    return profiles | silhouette_table(views, assumed, **how)
+
+
+def draw(mesh: trimesh.Trimesh, aspect: float, depression: float) -> LineImage:
+    """Return the view of a ship, in the far field, by lines `SPACING` apart.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The ship.
+    aspect, depression : float
+        Of the line of sight [deg].
+
+    Returns
+    -------
+    LineImage
+        Against lines four times as dense, profile vectors have a cosine of 0.9995 or more, and one
+        pixel in a hundred of a silhouette at 25 km differs: less than variants of a sheet do.
+
+    See Also
+    --------
+    ncti.render.line_image : Views of any density.
+
+    Examples
+    --------
+    >>> from studies.reproduction import draw
+    >>> from ncti.ships import load
+    >>> draw(load("duncan"), 37.0, 3.84).spacing
+    1.0
+    """
+    return line_image(mesh, aspect=aspect, depression=depression, spacing=SPACING)
+
+
+def _drawn(ship: str, aspect: float, depression: float) -> LineImage:
+    return draw(_loaded(ship), aspect, depression)
+
+
+@lru_cache(maxsize=8)
+def _loaded(ship: str) -> trimesh.Trimesh:
+    return load(ship)
+
+
+def _variant(name: str, number: int) -> str:
+    """Return the name of a ship's variant; 0 is the sheet itself."""
+    return f"{name}@0.{number}" if number else name

@@ -1,0 +1,251 @@
+"""The article's Tables 2 to 5 over what it leaves open: settings drawn, fitted and judged."""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ncti import article
+from ncti.labels import data_set
+from studies import reproduction as library
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.declare.settings import Choices, Run, Settings, count, draws
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate
+from sweeps.stages import views
+from sweeps.stages.ships import ship_name
+from sweeps.stages.views import Arrays, Grid, looks
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ncti.render import LineImage
+
+SENSOR = "reproduce"
+CONF = Path(__file__).with_name("conf")
+# By its stages, when they are called; takes long.
+IMPORTS = ("ncti.classify.adaptive_clustering", "ncti.classify.gain_annealed", "scipy.stats.qmc")
+ENDS = (0.025, 0.975)  # of a posterior
+JUDGED = (2, 3, 4, 5)  # tables of the article
+OF_FIGURES = ("article", "least", "largest", "agreeing", "nearest")
+KEPT = 5000  # views: 31 of 36 ships and variants at four depressions, some 1.1 GB
+VARIABLES = ("mean", "spread", "value")
+
+
+class Reproduce(Settings, key="reproduce"):
+    """Settings of what the article leaves open."""
+
+    setting = draws(
+        2000,
+        10**6,
+        label="setting of what the article leaves open, by number",
+        single="dimension",
+    )
+    draws = count(
+        3, 2, 1000, label="draws of the noise in a setting", fixed="tables are means over them"
+    )
+
+
+SETTINGS = Group(
+    "reproduction",
+    looks(SENSOR),
+    (Grid, Reproduce, Run),
+    status=views.Status("status:setting", "state of the settings", (Reproduce.setting,)),
+)
+
+
+@SETTINGS.stage(
+    Output("mean", ("figure",), "f8", "figure of the article, simulated: mean over draws"),
+    Output("spread", ("figure",), "f8", "standard deviation of a single draw"),
+    Output("value", ("parameter",), "f8", "value of a parameter; of words, their number"),
+    gather=(Grid.aspect,),
+    stream=Stream((Reproduce.setting,)),
+)
+def reproduced(
+    hulls: tuple[views.Hull, ...],
+    aspect: tuple[float, ...],
+    setting: int,
+    draws: int,
+    seed: int,
+    rng: np.random.Generator,
+) -> Arrays:
+    """Return the article's figures and all parameters in one setting."""
+    assumed = library.assumed(setting, seed=seed)
+    tables = library.reproduce(assumed, aspects=aspect, draws=draws, rng=rng, view=_view)
+    values = [prior.number(assumed[name]) for name, prior in library.PRIORS.items()]
+    return {
+        "mean": article.in_order({name: scores.mean for name, scores in tables.items()}),
+        "spread": article.in_order({name: scores.spread for name, scores in tables.items()}),
+        "value": np.array(values),
+    }
+
+
+@lru_cache(maxsize=KEPT)
+def _view(ship: str, aspect: float, depression: float) -> LineImage:
+    mesh = views.read_mesh(views.hull.function(ship_name(ship)))
+    return library.draw(mesh, aspect, depression)
+
+
+@SETTINGS.stage(
+    coordinate("parameter", ("parameter",), "U32", "parameter that the article leaves open")
+)
+def parameter_names() -> NDArray[np.str_]:
+    """Return the names of all parameters."""
+    return np.array(list(library.PRIORS))
+
+
+@SETTINGS.stage(
+    coordinate("figure", ("figure",), "U48", "figure of the article"),
+    gather=(Grid.aspect,),
+)
+def figure_names(aspect: tuple[float, ...]) -> NDArray[np.str_]:
+    """Return the names of the article's figures."""
+    return np.array([f"Table {one.table}, {one.name}" for one in article.figures(aspect)])
+
+
+def check(choices: Choices) -> Choices:
+    """Refuse (`ConfigurationError`) ships and aspects that the article's tables are not of."""
+    if looks(SENSOR)(choices):
+        ships, aspects = choices[Grid.ship], choices[Grid.aspect]
+        if tuple(map(str, ships)) != article.SHIPS:
+            views.refuse(
+                Grid.ship, list(map(str, ships)), f"the article's {', '.join(article.SHIPS)}"
+            )
+        try:
+            article.figures(aspects)
+        except ValueError as error:
+            views.refuse(Grid.aspect, list(aspects), f"such that {error}")
+    return choices
+
+
+def compared(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, library.Agreement]:
+    """Return the settings of a store's group that did not fail, and what is compared of them."""
+    done = np.flatnonzero(reproduction["mean"].notnull().all("figure"))
+    settings = reproduction.isel(setting=done).transpose("setting", ...)
+    figures, draws = article.figures(choices[Grid.aspect]), choices.one(Reproduce.draws)
+    arrays = {name: settings[name].values for name in VARIABLES}
+    return settings.setting, library.Agreement(figures, draws=draws, **arrays)
+
+
+def tabulate_figures(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return the article's figures beside those of settings, by the tables these are fitted to."""
+    _, settings = compared(reproduction, choices)
+    fits, reach = settings.fits.values(), settings.reach
+    by, each = ("fitted", "figure"), ("figure",)
+    low, high = np.stack([one.quantiles(settings.mean, ENDS) for one in fits], axis=1)
+    columns = {
+        "percent": ((by, [one.mean(settings.mean) for one in fits]), "mean of the posterior"),
+        "percent_low": ((by, low), "2.5 % quantile of the posterior"),
+        "percent_high": ((by, high), "97.5 % quantile of the posterior"),
+        "article": ((each, settings.article), "the article's figure"),
+        "least": ((each, reach.low), "least of all settings"),
+        "largest": ((each, reach.high), "largest of all settings"),
+        "agreeing": ((each, reach.share), "share of settings within two standard deviations"),
+        "nearest": ((each, reach.nearest), "standard deviations that the nearest setting is off"),
+    }
+    return _labelled(columns, reproduction)
+
+
+def tabulate_parameters(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return quantiles of the posterior of each parameter, and its information on the prior."""
+    _, settings = compared(reproduction, choices)
+    fits = settings.fits.values()
+    by = ("fitted", "parameter")
+    low, median, high = np.stack(
+        [one.quantiles(settings.value, (ENDS[0], 0.5, ENDS[1])) for one in fits], axis=1
+    )
+    columns = {
+        "median": ((by, median), "median of the posterior; of words, their number"),
+        "median_low": ((by, low), "2.5 % quantile of the posterior"),
+        "median_high": ((by, high), "97.5 % quantile of the posterior"),
+        "information": (
+            (by, [settings.information(one) for one in fits]),
+            "information of the posterior on the prior",
+            "bit",
+        ),
+    }
+    return _labelled(columns, reproduction)
+
+
+def tabulate_fits(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
+    """Return the distance to each table, by the tables that settings are fitted to."""
+    numbers, settings = compared(reproduction, choices)
+    fits = settings.fits.values()
+    apart = np.transpose(
+        [settings.distance((table,)) / settings.of((table,)).sum() for table in JUDGED]
+    )
+    by, each = ("fitted", "table"), ("fitted",)
+    best = [apart[one.weight.argmax()] for one in fits]
+    columns = {
+        "distance": ((by, [one.mean(apart) for one in fits]), "chi-square per figure, mean"),
+        "best": ((by, best), "chi-square per figure of the setting of the largest weight"),
+        "least": ((("table",), apart.min(axis=0)), "least chi-square per figure of all settings"),
+        "temperature": ((each, [one.temperature for one in fits]), "factor of all variances"),
+        "together": (((), settings.reach.together.max()), "figures that one setting agrees with"),
+        "weight": ((("fitted", "setting"), [one.weight for one in fits]), "weight of a setting"),
+        "effective": ((each, [one.effective for one in fits]), "effective number of settings"),
+    }
+    table = _labelled(columns, reproduction)
+    return table.assign_coords(table=list(JUDGED), setting=numbers)
+
+
+def _labelled(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.Dataset:
+    """Return columns as a data set, with the names of fits, figures and parameters."""
+    import xarray as xr
+
+    table = data_set({name: (xr.Variable(*of), *label) for name, (of, *label) in columns.items()})
+    names: dict[Any, Any] = {
+        name: reproduction[name] for name in ("figure", "parameter") if name in table.dims
+    }
+    return table.assign_coords(names | {"fitted": list(library.FITS)})
+
+
+_shown = partial(Figure, format=".0f")
+STAGES = (
+    reproduced,
+    parameter_names,
+    figure_names,
+)
+TABLES = (
+    SETTINGS.table(
+        "reproduction",
+        tabulate_figures,
+        Display(
+            "reproduction",
+            "The article's figures, by the tables that settings are fitted to",
+            (_shown("percent"), *(_shown(name, listed=False) for name in OF_FIGURES)),
+            rows=("figure",),
+            columns="fitted",
+            notes=("Percent correct, or categories, with the middle 95 % of the posterior.",),
+        ),
+    ),
+    SETTINGS.table(
+        "reproduction_parameters",
+        tabulate_parameters,
+        Display(
+            "reproduction_parameters",
+            "Information of the posterior on each parameter [bit]",
+            (Figure("information", format=".2f"), Figure("median", listed=False)),
+            rows=("parameter",),
+            columns="fitted",
+        ),
+    ),
+    SETTINGS.table(
+        "reproduction_fits",
+        tabulate_fits,
+        Display(
+            "reproduction_fits",
+            "Chi-square per figure of each table, by the tables that settings are fitted to",
+            (
+                Figure("distance", format=".1f"),
+                *(Figure(name, listed=False) for name in ("best", "least", "temperature")),
+                Figure("effective", listed=False),
+            ),
+            rows=("fitted",),
+            columns="table",
+        ),
+    ),
+)

@@ -1,0 +1,1 @@
+"""Run time against error of every rendering engine."""

@@ -1,0 +1,79 @@
+"""The convolutional network: a classifier of scikit-learn, of its seed alone, where torch is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from studies.benchmark.convolutional import ConvolutionalNetwork
+
+torch = pytest.importorskip("torch", reason="the extra torch is not installed")
+
+CLASSES, BINS, BLIP = 3, 60, 5
+
+
+def blips(rng, places, *, each=40, noise=0.2):
+    """Vectors with one narrow blip: its place tells the class."""
+    y = np.repeat(np.arange(CLASSES), each)
+    bins = np.arange(BINS)
+    shapes = np.abs(bins - np.array(places)[y][:, None]) <= BLIP // 2
+    return shapes + noise * rng.normal(size=(len(y), BINS)), y
+
+
+@parametrize_with_checks([ConvolutionalNetwork(epochs=10)])
+def test_it_is_a_scikit_learn_classifier(estimator, check):
+    check(estimator)
+
+
+def test_it_learns_where_a_feature_lies():
+    """A blip at 10, 30 or 50: noise of 0.2 on five bins of height 1 hides none."""
+    rng = np.random.default_rng(0)
+    X, y = blips(rng, [10, 30, 50])
+    network = ConvolutionalNetwork(random_state=0).fit(X, y)
+    tests, truth = blips(rng, [10, 30, 50])
+    likely = network.predict_proba(tests)
+    np.testing.assert_allclose(likely.sum(axis=1), 1.0, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(network.predict(tests), truth)
+    assert network.loss_curve_[-1] < 0.1 * np.log(CLASSES)
+
+
+def test_shifts_in_training_make_it_insensitive_to_shifts():
+    rng = np.random.default_rng(1)
+    X, y = blips(rng, [25, 30, 35], noise=0.3)
+    tests, truth = blips(rng, [27, 32, 37], noise=0.3)  # nearer to the class's own place
+
+    def right(shift):
+        scores = (
+            ConvolutionalNetwork(shift=shift, random_state=k).fit(X, y).score(tests, truth)
+            for k in range(3)
+        )
+        return np.mean([*scores])
+
+    assert right(2) > right(0)
+
+
+def test_answers_are_of_the_seed_alone_whatever_the_threads():
+    """To the bit; the state of torch's own generator and its threads stay as they were."""
+    X, y = blips(np.random.default_rng(2), [10, 30, 50], each=20)
+    answers, threads = [], torch.get_num_threads()
+    try:
+        for number in (1, 2, 4):
+            torch.set_num_threads(number)
+            torch.manual_seed(number)
+            state = torch.get_rng_state()
+            network = ConvolutionalNetwork(epochs=3, random_state=7).fit(X, y)
+            answers.append(network.predict_proba(X))
+            assert torch.get_num_threads() == number
+            assert torch.equal(torch.get_rng_state(), state)
+    finally:
+        torch.set_num_threads(threads)
+    for other in answers[1:]:
+        np.testing.assert_array_equal(other, answers[0])
+    other = ConvolutionalNetwork(epochs=3, random_state=8).fit(X, y).predict_proba(X)
+    assert not np.array_equal(other, answers[0])
+
+
+def test_numbers_beyond_single_precision_are_refused():
+    with pytest.raises(ValueError, match=r"magnitude in X is 1e\+16"):
+        ConvolutionalNetwork().fit([[1e16, 0.0], [0.0, 1.0]], [0, 1])

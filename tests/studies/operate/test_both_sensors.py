@@ -1,0 +1,143 @@
+"""Both sensors beside the better of them, at random aspects that nobody learned."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+import ncti.ships
+from ncti.infrared import CONTRAST_AT_ZERO, NEDT, SPREAD, Imager
+from studies.operate import (
+    SilhouetteMatch,
+    Trial,
+    draw_views,
+    identify,
+    match_silhouettes,
+    packed,
+    planned_views,
+    seen_views,
+    ship_evidence,
+    signatures,
+    silhouettes,
+)
+from studies.operate.matching import joint_evidence, over_places, relative_densities
+
+SHIPS = ("duncan", "roberts", "connole", "horne")  # the first two are sisters
+ASPECTS = np.arange(0, 90.1, 0.75).tolist()
+TESTS, SEEDS = 288, 3
+WINDOW = {"coverage_rule": 0.25, "length": 200.0, "height": 50.0, "depression": 3.84}
+IMAGER = Imager(0.25, CONTRAST_AT_ZERO, 0.181e-3, NEDT, SPREAD, SPREAD)
+PULSES, FRAMES = (10e-9, 30e-9), (2, 16, 128)
+
+
+@cache
+def drawn():
+    plans = [
+        planned_views(ASPECTS, TESTS, np.random.default_rng([5, k])) for k in range(len(SHIPS))
+    ]
+    meshes = [ncti.ships.load(ship) for ship in SHIPS]
+    views = [
+        draw_views(mesh, plan["aspects"], spacing=1.0)
+        for mesh, plan in zip(meshes, plans, strict=True)
+    ]
+    return views, [plan["places"] for plan in plans]
+
+
+@cache
+def shares(footprint, slant_range, cnr):
+    """Percent identified, (seed, pulse, frames, channel), of all ships."""
+    seen = [seen_views(*one, footprint=footprint) for one in zip(*drawn(), strict=True)]
+    images = [packed(silhouettes(one, footprint=footprint, **WINDOW)) for one in seen]
+    shown = {name: np.stack([one[name] for one in images]) for name in ("shown", "shape")}
+    how = {"bin_width": 1.0, "bins": 250, "learned": len(ASPECTS)}
+    made = [signatures(one, pulse_width=PULSES, cnr=[cnr], **how) for one in seen]
+    arrays = {name: np.stack([one[name][0] for one in made], axis=1) for name in made[0]}
+    answers = []
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(seed)
+        answers.append(
+            identify(
+                arrays,
+                match_silhouettes(shown, SHIPS, ASPECTS, TESTS, rng),
+                IMAGER,
+                Trial(TESTS, 2, 1.0, 4000, 1.0, 1.0),
+                cnr=cnr,
+                slant_range=slant_range,
+                pulse_width=PULSES,
+                frame_count=FRAMES,
+                fleet=[len(SHIPS)],
+                ship=SHIPS,
+                aspect=ASPECTS,
+                rng=rng,
+                valid=np.ones(len(SHIPS), bool),
+            )["share"][:, :, 0]
+        )
+    return 100 * np.array(answers)
+
+
+def test_both_sensors_are_never_worse_than_the_better_of_them():
+    apart = []
+    for setting in ((3.75, 25e3, 10**2.8), (7.5, 25e3, 10**4)):
+        share = shares(*setting).mean(axis=0)
+        assert share[..., 0].max() > 95 > 90 > share[..., 1].max()  # where fusion is hardest
+        apart.append(share[..., 2] - share[..., :2].max(axis=-1))
+    # The aim over all settings, in percentage points. Both may gain, but not in exchange.
+    assert np.minimum(apart, 0).mean() > -0.1 and np.min(apart) > -1
+
+
+def densities(seed, samples=5, ships=3, templates=9):
+    logs = 30 * np.random.default_rng(seed).standard_normal((samples, ships * templates))
+    return logs, relative_densities(logs, ships)
+
+
+def test_joint_evidence_is_the_mean_over_templates_of_the_product():
+    (first, one), (second, other) = densities(0), densities(1)
+    exact = logsumexp((first + second).reshape(5, 3, 9), axis=2) - np.log(9)
+    assert np.allclose(joint_evidence(one, other), exact, atol=1e-3)  # 2^-24 of 100, several times
+    assert np.array_equal(joint_evidence(one), ship_evidence(first, 3))
+
+
+@pytest.mark.parametrize("templates", [2, 4, 5, 30])
+def test_densities_over_places_have_every_place_alike(templates):
+    # A density that only depends on the place, and one that does not.
+    of_place = np.array([0.1, 1.0, 0.4, 0.2], dtype=np.float32)
+    seen = np.tile(np.resize(of_place, templates), (3, 2, 1))
+    some = of_place[:templates].mean()
+    assert np.allclose(over_places(seen, 4), some, rtol=1e-6)
+    assert np.allclose(over_places(np.ones_like(seen), 4), 1, rtol=1e-6)
+    assert np.allclose(over_places(seen, 1), seen, rtol=1e-6)
+
+
+def test_a_sensor_that_excludes_what_the_other_is_sure_of_is_not_of_zero_density():
+    logs = np.array([[0.0, -1e4, -1e4, -1e4, -1e4, -1e4, -1e4, -1e4]])
+    best, density = relative_densities(logs, 1)
+    sure = relative_densities(logs[:, ::-1], 1)
+    assert np.isfinite(joint_evidence(sure, (best, over_places(density, 4)))).all()
+
+
+def bars(shift):
+    """Silhouettes of two ships of 16 and 20 pixels, in views that a shift moves on."""
+    images = np.zeros((2, 6, 3, 40), bool)
+    for ship, length in enumerate((16, 20)):
+        for view in range(6):
+            images[ship, view, 1, 4 + shift + view : 4 + shift + view + length] = True
+    return images
+
+
+@pytest.mark.parametrize(
+    ("shift", "slant_range", "trusted"), [(0, 10e3, 1.0), (6, 10e3, 0.5), (6, 200e3, 1.0)]
+)
+def test_silhouettes_are_trusted_as_far_as_views_left_out_are_recognized(
+    shift, slant_range, trusted
+):
+    learned, how = bars(0), {"imager": IMAGER, "slant_range": slant_range, "gain_sigma": 1.0}
+    of_learned, of_others = (
+        SilhouetteMatch(learned, learned[:, 0], others, np.random.default_rng(0)).evidence(
+            16, **how
+        )
+        for others in (learned, bars(shift))
+    )
+    factor = (of_others / of_learned).mean()
+    # Less only where errors of templates are larger than the noise.
+    assert factor == pytest.approx(1.0) if trusted == 1 else factor < trusted

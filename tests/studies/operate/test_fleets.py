@@ -1,0 +1,85 @@
+"""Evidence of templates and ships, and shares of the first ships of a list."""
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from studies.operate import (
+    bootstrap_places,
+    fleet_order,
+    fleet_shares,
+    log_evidence,
+    ship_evidence,
+    views_of_ships,
+)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0, 5))
+def test_evidence_is_a_gaussian_density_up_to_a_constant_of_each_sample(seed, gain_sigma):
+    rng = np.random.default_rng(seed)
+    samples, templates = rng.standard_normal((4, 3)), rng.standard_normal((5, 3))
+    evidence = log_evidence(
+        samples @ templates.T, (templates**2).sum(axis=1), gain_sigma=gain_sigma
+    )
+    exact = np.array(
+        [
+            multivariate_normal(one, np.eye(3) + gain_sigma**2 * np.outer(one, one)).logpdf(samples)
+            for one in templates
+        ]
+    ).T
+    apart = (evidence - evidence[:, :1]) - (exact - exact[:, :1])
+    assert np.abs(apart).max() < 1e-4
+
+
+def test_a_ship_has_the_mean_density_of_its_templates():
+    evidence = 30 * np.random.default_rng(0).standard_normal((6, 12)).astype("f4")
+    exact = logsumexp(evidence.reshape(6, 3, 4).astype("f8"), axis=2) - math.log(4)
+    assert np.allclose(ship_evidence(evidence, 3), exact, atol=1e-4)
+
+
+def test_first_ships_are_nominal_and_variants_follow_by_number():
+    names = ["texas@0.2x4", "roberts", "duncan@0.10", "horne", "duncan@0.2", "my.stl", "duncan"]
+    assert [names[k] for k in fleet_order(names)] == [
+        *("duncan", "horne", "my.stl", "roberts"),
+        *("duncan@0.2", "texas@0.2x4", "duncan@0.10"),
+    ]
+
+
+@given(st.integers(1, 400), st.integers(4, 60))
+def test_any_first_ships_have_enough_tests(tests, ships):
+    rows = views_of_ships(tests, ships)
+    for fleet in range(4, ships + 1):
+        each = rows[fleet - 1]
+        assert min(rows[:fleet]) >= each and tests <= each * fleet < tests + fleet
+
+
+def test_shares_of_some_ships_do_not_depend_on_others():
+    rng = np.random.default_rng(2)
+    rows = sum(views_of_ships(40, 9))
+    evidence = rng.standard_normal((rows, 9))
+    places = bootstrap_places(7, 40, 9, np.random.default_rng(0))
+    share, resampled = fleet_shares(evidence, 40, [4, 9, 6], places)
+    fewer = sum(views_of_ships(40, 6))
+    alone, again = fleet_shares(
+        evidence[:fewer, :6], 40, [6], bootstrap_places(7, 40, 6, np.random.default_rng(0))
+    )
+    assert share[2] == alone[0] and np.array_equal(resampled[2], again[0])
+
+
+def test_resampled_shares_scatter_as_binomials():
+    tests, resamples = 400, 4000
+    right = np.random.default_rng(3).random((4, 100)) < 0.8
+    evidence = np.zeros((400, 4))
+    own = np.repeat(np.arange(4), 100)
+    evidence[np.arange(400), np.where(right.ravel(), own, (own + 1) % 4)] = 1
+    places = bootstrap_places(resamples, tests, 4, np.random.default_rng(1))
+    share, resampled = fleet_shares(evidence, tests, [4], places)
+    assert share[0] == right.mean()
+    variance = (right.mean(axis=1) * (1 - right.mean(axis=1))).sum() / 16 / 100
+    # Ship by ship; four standard errors of a mean and of a variance of Gaussians.
+    assert abs(resampled.mean() - share[0]) < 4 * math.sqrt(variance / resamples)
+    assert abs(resampled.var() / variance - 1) < 4 * math.sqrt(2 / resamples)

@@ -1,0 +1,119 @@
+"""Profiles of many views, their noise and their match, against the library's exact ones."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.special import ndtr
+
+from ncti.classify import GaussianTemplates, lower_band
+from ncti.ladar import expected_profile, frame_moments, noise_floor, range_extent
+from studies.operate import ProfileMatch, draw_views, seen_views, signatures
+from studies.operate.profiles import LOADING, RAYLEIGH, correlations, frame_noise
+
+PULSE = {"pulse_width": 30e-9, "bin_width": 1.0}
+BINS, FOOTPRINT = 120, 7.5
+
+
+def block():
+    hull = trimesh.creation.box((60, 9, 8)).apply_translation((0, 0, 4))
+    mast = trimesh.creation.box((4, 4, 20)).apply_translation((10, 0, 12))
+    return trimesh.util.concatenate([hull, mast])
+
+
+VIEWS = draw_views(block(), [0.0, 35.0, 80.0], spacing=0.5)
+PLACES = [(0.1, 0.2), (0.7, 0.4), (0.5, 0.9)]
+
+
+def extents():
+    how = {"slant_range": 100e3, "ifov": FOOTPRINT / 100e3, "window": float(BINS)}
+    return [range_extent(view, shift=at, **how) for view, at in zip(VIEWS, PLACES, strict=True)]
+
+
+def made(cnr):
+    learned = [VIEWS[0], *VIEWS], [PLACES[0], *PLACES]
+    seen = seen_views(*learned, footprint=FOOTPRINT, window=BINS)
+    how = {"pulse_width": [30e-9], "bin_width": 1.0, "bins": BINS, "learned": 1}
+    arrays = signatures(seen, cnr=[cnr], **how)
+    assert np.array_equal(arrays["power"][0, 0, 0], arrays["power"][0, 0, 1])
+    return arrays["excess"][0, 0, 1:], arrays["power"][0, 0, 1:], arrays["ifovs"][0, 0]
+
+
+@pytest.mark.parametrize("cnr", [0.0, 3.0, 10**3.2])
+def test_signatures_are_expected_profiles_less_the_floor(cnr):
+    excess, _, ifovs = made(cnr)
+    for one, extent, count in zip(excess, extents(), ifovs, strict=True):
+        exact = expected_profile(extent, pulse_width=30e-9, cnr=cnr) - count * noise_floor()
+        # Fractions and excess in single precision: 2^-24 of the largest of some 10 terms.
+        assert np.allclose(one, exact, rtol=0, atol=1e-6 * max(exact.max(), 1.0))
+
+
+def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
+    cnr, free, draws = 10**2.9, 300, 4000
+    _, power, ifovs = made(cnr)
+    normals = np.random.default_rng(3).standard_normal((draws, 2, BINS))
+    for row, count, extent in zip(power, ifovs, extents(), strict=True):
+        views = np.broadcast_to(row, (draws, BINS)), np.full(draws, free + count)
+        noise = frame_noise(*views, normals, cnr=cnr, **PULSE)
+        _, exact = frame_moments(extent, pulse_width=30e-9, cnr=cnr, target_free_ifovs=free)
+        # The closed form of its covariance has the exact diagonal, and off it correlations of
+        # target and noise in place of those of each IFOV.
+        target, alone = correlations(bins=BINS, **PULSE)
+        own, still = np.sqrt(RAYLEIGH * cnr * row.astype(float)), RAYLEIGH * math.sqrt(math.pi / 8)
+        closed = np.outer(own, own) * target + still * (free + count) * alone
+        assert np.allclose(np.diag(closed), np.diag(exact), rtol=1e-5)
+        scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+        # An IFOV that sees a short stretch of ship is the more correlated.
+        assert np.abs((closed - exact) / scale).max() < 0.25
+        # The sample covariance has a standard error of at most sqrt(2 / draws) of the variances;
+        # 6 of them for some 10^4 elements.
+        sample = np.cov(noise.T)
+        assert np.abs((sample - closed) / scale).max() < 6 * math.sqrt(2 / draws)
+
+
+def match_of(templates, tests, normals, *, free, floor_sigma):
+    still = np.zeros((len(tests), BINS))
+    how = {"cnr": 1.0, "floor_sigma": floor_sigma, **PULSE}
+    return ProfileMatch(
+        templates[:, None], tests, still, np.zeros(BINS), np.full(len(tests), free), normals, **how
+    )
+
+
+@pytest.mark.parametrize(("gain_sigma", "floor_sigma"), [(0.0, 0.0), (1.0, 0.0), (0.5, 2.0)])
+def test_likelihood_is_that_of_gaussian_templates_of_one_covariance(gain_sigma, floor_sigma):
+    rng, free, frames = np.random.default_rng(4), 50.0, 16
+    templates = 5 * rng.random((3, BINS))
+    tests = templates[[0, 1, 2, 0]] * np.array([[1.0], [0.7], [1.3], [0.0]])
+    normals = rng.standard_normal((4, 2, BINS))
+    match = match_of(templates, tests, normals, free=free, floor_sigma=floor_sigma)
+    evidence = match.evidence(frames, gain_sigma=gain_sigma)
+    covariance = RAYLEIGH * math.sqrt(math.pi / 8) * free * correlations(bins=BINS, **PULSE)[1]
+    exact = GaussianTemplates(
+        gain_sigma=gain_sigma, floor_sigma=floor_sigma, diagonal_loading=LOADING
+    ).fit(templates, lower_band(np.stack([covariance] * 3)), [0, 1, 2], floor=0.0)
+    noise = frame_noise(np.zeros((4, BINS)), np.full(4, free), normals, cnr=1.0, **PULSE)
+    expected = exact.log_likelihood(tests + noise / math.sqrt(frames), frames)
+    apart = (evidence - evidence[:, :1]) - (expected - expected[:, :1])
+    # Products in single precision: 2^-24 times the largest energies, some 10^4.
+    assert np.abs(apart).max() < 1e-6 * np.abs(expected - expected[:, :1]).max() + 0.05
+
+
+@pytest.mark.parametrize("frames", [1, 8])
+def test_two_known_profiles_are_told_apart_as_often_as_theory_says(frames):
+    rng, free, count = np.random.default_rng(5), 400.0, 20_000
+    templates = np.zeros((2, BINS))
+    templates[0, 40:60], templates[1, 44:64] = 2.0, 2.0
+    true = np.arange(count) % 2
+    match = match_of(
+        templates, templates[true], rng.standard_normal((count, 2, BINS)), free=free, floor_sigma=0
+    )
+    right = (match.evidence(frames, gain_sigma=0.0).argmax(axis=1) == true).mean()
+    covariance = RAYLEIGH * math.sqrt(math.pi / 8) * free * correlations(bins=BINS, **PULSE)[1]
+    covariance[np.diag_indices(BINS)] *= 1 + LOADING
+    apart = templates[0] - templates[1]
+    distance = math.sqrt(frames * apart @ np.linalg.solve(covariance, apart))
+    expected = ndtr(distance / 2)
+    assert 0.6 < expected < 0.99
+    # Five standard deviations; the loading, in the likelihood alone, costs less than one.
+    assert abs(right - expected) < 5 * math.sqrt(expected * (1 - expected) / count)

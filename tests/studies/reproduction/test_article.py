@@ -1,0 +1,108 @@
+"""The article's figures, and settings beside them."""
+
+import numpy as np
+import pytest
+
+from ncti.article import article_figures, figures, in_order
+from ncti.evaluate import binomial_variance
+from studies.reproduction import FITS, PRIORS, Agreement, assumed
+
+
+def compared(mean, value=None, **more):
+    value = np.zeros((len(mean), len(PRIORS))) if value is None else value
+    how = {"spread": np.zeros_like(mean), "draws": 4} | more
+    return Agreement(figures(), mean, value=value, **how)
+
+
+def article():
+    return np.array([figure.value for figure in figures()])
+
+
+def test_figures_are_those_of_the_article_in_the_order_of_simulated_tables():
+    printed = article_figures()
+    by_row = {
+        **{n: [table["training"], *table["frames"].values()] for n, table in (
+            ("table2", printed["table2_percent_correct"]),
+            ("table4", printed["table4_percent_correct"]),
+        )},
+        "table3": list(printed["table3_categories"]["categories"].values()),
+        "table5": [
+            printed["table5_percent_correct"]["none"][25],
+            printed["table5_percent_correct"]["perfect"][50],
+            printed["table5_percent_correct"]["none"][50],
+        ],
+        "categories5": [printed["table5_percent_correct"]["categories"]],
+    }  # fmt: skip
+    np.testing.assert_array_equal(in_order(by_row), article())
+    trials = [figure.trials for figure in figures()]
+    assert trials[:3] == [40, 40, 44] and sum(count == 0 for count in trials) == 4
+    names = {(figure.table, figure.name) for figure in figures()}
+    assert len(names) == len(figures())
+
+
+def test_variances_are_binomial_and_those_of_our_means():
+    spread = np.full((1, len(article())), 3.0)
+    settings = compared(article()[None], spread=spread)
+    for figure, variance in zip(figures(), settings.variance[0], strict=True):
+        own = binomial_variance(figure.value, figure.trials) if figure.trials else 1 + 3.0**2
+        assert variance == pytest.approx(own + 3.0**2 / 4)
+
+
+def test_averages_of_the_same_frames_vary_together():
+    """By table and bin, as averages of a random walk; nothing else does."""
+    of = compared(article()[None])
+    names = [f"{figure.table}, {figure.name}" for figure in of.figures]
+
+    def between(one, other):
+        return of.correlation[names.index(one), names.index(other)]
+
+    assert between("2, 8 frames, 0-27°", "2, 16 frames, 0-27°") == pytest.approx(0.75 / 2)
+    assert between("4, 32 frames, 60-90°", "4, 8 frames, 60-90°") == pytest.approx(0.75 / 3)
+    for other in ("2, 16 frames, 30-57°", "4, 16 frames, 0-27°", "2, training, 0-27°"):
+        assert between("2, 8 frames, 0-27°", other) == 0
+    assert np.count_nonzero(of.correlation) == len(names) + 2 * 3 * 4 * 3
+    np.testing.assert_array_equal(of.correlation, of.correlation.T)
+
+
+def test_figures_that_are_off_together_exclude_less():
+    up = article()[None].copy()
+    rows = [figure.table == 4 and figure.frames > 0 for figure in figures()]
+    up[:, rows] += 10
+    together = compared(up).distance((4,))
+    apart = ((compared(up).article - up) ** 2 / compared(up).variance)[:, rows].sum()
+    assert 0.4 * apart < together < 0.7 * apart
+
+
+def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chosen():
+    rng = np.random.default_rng(1)
+    mean = np.clip(article() + rng.normal(0, 25, (200, len(article()))), 0, 100)
+    mean[17] = article()
+    settings = compared(mean)
+    assert set(settings.fits) == set(FITS)
+    for name, tables in FITS.items():
+        assert settings.distance(tables)[17] == 0
+        weight = settings.fits[name].weight
+        assert weight.argmax() == (17 if tables else 0)
+    parts = sum(settings.distance((table,)) for table in (2, 3, 4, 5))
+    np.testing.assert_allclose(parts, settings.distance((2, 3, 4, 5)))
+
+
+def test_only_parameters_that_decide_are_informed():
+    """Figures that follow one number and one word: all others have what chance leaves."""
+    drawn = [assumed(number) for number in range(512)]
+    value = np.array([[PRIORS[n].number(one[n]) for n in PRIORS] for one in drawn])
+    names = list(PRIORS)
+    radius = PRIORS["inner_radius"].share(value[:, names.index("inner_radius")])
+    order = value[:, names.index("order")]
+    mean = np.clip(article() + 60 * (radius - 0.4)[:, None] + 30 * order[:, None], 0, 100)
+    settings = compared(mean, value)
+    bits = dict(zip(names, settings.information(settings.fits["all"]), strict=True))
+    assert bits.pop("order") > 1 and bits.pop("inner_radius") > 1
+    chance = 8 / (2 * np.log(2) * settings.fits["all"].effective)
+    assert max(bits.values()) < 4 * chance and settings.fits["all"].effective >= 49
+    assert np.abs(settings.information(settings.fits["none"])).max() < 1e-12
+
+
+def test_aspects_have_to_be_in_the_three_bins():
+    with pytest.raises(ValueError, match="bins"):
+        figures([0.0, 45.0])

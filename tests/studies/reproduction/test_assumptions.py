@@ -1,0 +1,54 @@
+"""The values that are drawn of what the article leaves open."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats.qmc import Sobol
+
+from studies.reproduction import PRIORS, Choice, Interval, assumed
+from studies.reproduction.assumptions import CLASSES
+
+NUMBERS = {name: prior for name, prior in PRIORS.items() if isinstance(prior, Interval)}
+WORDS = {name: prior for name, prior in PRIORS.items() if isinstance(prior, Choice)}
+
+
+def test_a_setting_is_its_number_in_one_series():
+    """Whatever other settings are drawn: the series drawn at once has the same."""
+    series = Sobol(len(PRIORS), scramble=True, seed=7).random(16)
+    for number in (0, 1, 6, 15):
+        values = assumed(number, seed=7)
+        shares = [NUMBERS[name].share(values[name]) for name in NUMBERS]
+        there = [name in NUMBERS for name in PRIORS]
+        np.testing.assert_allclose(shares, series[number, there], atol=1e-12)
+    assert assumed(3, seed=7) != assumed(3, seed=8)
+
+
+def test_every_value_is_drawn_as_often_as_it_is_probable():
+    """256 points of the sequence lie evenly on every axis, in any 256 parts of it."""
+    drawn = [assumed(number) for number in range(256)]
+    for name, prior in NUMBERS.items():
+        classes = prior.classes([values[name] for values in drawn])
+        assert np.bincount(classes).tolist() == [256 // CLASSES] * CLASSES, name
+    for name, prior in WORDS.items():
+        often = [sum(values[name] == one for values in drawn) for one in prior.values]
+        assert max(often) - min(often) <= 2, name
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@given(share=st.floats(0, 1, exclude_max=True))
+def test_shares_and_values_are_inverse(name, share):
+    prior = NUMBERS[name]
+    value = prior.at(share)
+    slack = 1e-9 * (prior.high - prior.low)
+    assert prior.low - slack <= value <= prior.high + slack
+    assert prior.share(value) == pytest.approx(share, abs=1e-9)
+    assert 0 <= prior.classes(value) < CLASSES
+
+
+@pytest.mark.parametrize("name", WORDS)
+def test_words_are_numbered_in_their_order(name):
+    prior = WORDS[name]
+    for place, value in enumerate(prior.values):
+        assert prior.at((place + 0.5) / len(prior.values)) == value
+        assert prior.number(value) == place == prior.classes(prior.number(value))

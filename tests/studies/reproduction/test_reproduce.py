@@ -1,0 +1,38 @@
+"""Settings of what the article leaves open: resumed, extended, and compared with the article."""
+
+import numpy as np
+from commands import opened, swept
+
+from ncti.article import figures
+from studies.reproduction import FITS, PRIORS, assumed
+
+SMALL = ("+experiment=reproduce", "grid.aspect=[0,45,90]", "reproduce.draws=2")
+GROUP = "reproduction"
+
+
+def test_more_settings_continue_fewer_and_are_compared_with_the_article(tmp_path, cache):
+    """A store of four settings that is extended to six is that of six at once, bit for bit."""
+    for count in (4, 6):
+        done = swept(tmp_path / "grown.zarr", tmp_path / "a", *SMALL, f"reproduce.setting={count}")
+        assert not done.failures
+    whole = swept(tmp_path / "once.zarr", tmp_path / "b", *SMALL, "reproduce.setting=6")
+    assert not whole.failures
+    settings = opened(tmp_path / "once.zarr", GROUP)
+    assert settings.identical(opened(tmp_path / "grown.zarr", GROUP))
+    # What was drawn is what is recorded.
+    values = assumed(5)
+    wanted = [prior.number(values[name]) for name, prior in PRIORS.items()]
+    np.testing.assert_array_equal(settings.value.sel(setting=5), wanted)
+    assert settings.parameter.values.tolist() == list(PRIORS)
+    # Tables: weights of sum one, figures within those of settings, the article's figures.
+    fits = opened(tmp_path / "once.zarr", "tables/reproduction_fits")
+    assert fits.fitted.values.tolist() == list(FITS)
+    np.testing.assert_allclose(fits.weight.sum("setting"), 1)
+    np.testing.assert_allclose(fits.weight.sel(fitted="none"), 1 / 6)
+    table = opened(tmp_path / "once.zarr", "tables/reproduction")
+    assert (table.least <= table.percent_low).all()
+    assert (table.percent_high <= table.largest).all()
+    article = [figure.value for figure in figures([0.0, 45.0, 90.0])]
+    np.testing.assert_array_equal(table.article, article)
+    weighted = (fits.weight * settings["mean"]).sum("setting")
+    np.testing.assert_allclose(weighted.transpose("fitted", "figure"), table.percent)

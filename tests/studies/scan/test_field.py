@@ -1,0 +1,107 @@
+"""The field of regard: detections conserve pixels, cues hold ships, chances are the library's."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from ncti.infrared import detection_probability, detection_threshold, pixel_sigma
+from studies.scan import Box, Field, cue, detect, elevation, thermal_field
+
+IFOV = 150e-6
+HOT = arrays(bool, (12, 20), fill=st.just(False))
+REACH = st.tuples(st.integers(0, 6), st.integers(0, 4))
+
+
+def field_of(rows, columns):
+    return Field(width=(columns - 0.5) * IFOV, height=(rows - 0.5) * IFOV, ifov=IFOV)
+
+
+def test_the_sources_field_has_the_pixels_it_is_said_to_have():
+    assert Field(width=math.radians(3), height=math.radians(2), ifov=IFOV).shape == (233, 350)
+
+
+@given(HOT, REACH)
+def test_every_hot_pixel_is_in_one_detection_and_no_other_is(hot, reach):
+    found = detect(hot.astype(float), threshold=0.5, reach=reach)
+    pixels = [tuple(pixel) for one in found for pixel in one.pixel.tolist()]
+    assert sorted(pixels) == sorted((column, row) for row, column in np.argwhere(hot).tolist())
+    for one in found:
+        assert one.box.holds(one.pixel).all()
+        assert one.box[:2] == tuple(one.pixel.min(axis=0))
+
+
+@given(HOT, REACH)
+def test_detections_are_apart_and_hang_together(hot, reach):
+    found = detect(hot.astype(float), threshold=0.5, reach=reach)
+    for k, one in enumerate(found):
+        for other in found[:k]:
+            near = (np.abs(one.pixel[:, None] - other.pixel) <= reach).all(axis=-1)
+            assert not near.any()
+        linked = {0}  # of its pixels, by plain search
+        grown = True
+        while grown:
+            near = (np.abs(one.pixel[:, None] - one.pixel[list(linked)]) <= reach).all(axis=-1)
+            more = set(np.flatnonzero(near.any(axis=1)).tolist())
+            grown, linked = more > linked, linked | more
+        assert len(linked) == len(one.pixel)
+
+
+@given(
+    ship=st.tuples(st.integers(-5, 5), st.integers(-5, 5), st.integers(1, 9), st.integers(1, 4)),
+    more=st.tuples(st.integers(0, 5), st.integers(0, 3)),
+    detector=st.integers(1, 4),
+    data=st.data(),
+)
+def test_a_cue_holds_the_whole_ship_whatever_is_seen_of_it(ship, more, detector, data):
+    left, bottom, columns, rows = ship
+    cells = np.argwhere(np.ones((columns, rows), bool)) + np.array([left, bottom])
+    reach = (columns - 1 + more[0], rows - 1 + more[1])  # of the largest ship, at least as large
+    seen = cells[data.draw(st.lists(st.integers(0, len(cells) - 1), min_size=1))]
+    box = Box(*seen.min(axis=0).tolist(), *(seen.max(axis=0) + 1).tolist())
+    visit = cue(box, reach=reach, detector=detector)
+    assert visit.holds(cells).all()
+    assert not (np.array(visit.size) % detector).any()
+    for size, seen_size, steps in zip(visit.size, box.size, reach, strict=True):
+        least = 2 * steps + 2 - seen_size  # all places of a ship as long as the reach allows
+        assert least <= size < least + detector
+
+
+@pytest.mark.parametrize("false_alarm", [1e-2, 1e-3])
+def test_detections_and_false_alarms_are_as_probable_as_the_library_says(false_alarm):
+    """Binomial z-tests at 4 sigma (6e-5): of 600 draws, and of their 600 x 288 pixels of sea."""
+    field, draws = field_of(15, 20), 600
+    ship = np.argwhere(np.ones((6, 2), bool)) + np.array([7, 6])
+    own = {"nedt": 0.4, "target_spread": 0.1, "sea_spread": 0.05}
+    sigma = {
+        f"{name}_sigma": float(pixel_sigma(own[f"{name}_spread"], frame_count=16, nedt=0.4))
+        for name in ("target", "sea")
+    }
+    threshold = detection_threshold(false_alarm=false_alarm, sigma=sigma["sea_sigma"])
+    rng = np.random.default_rng(5)
+    found = alarms = 0
+    for _ in range(draws):
+        image = thermal_field(field, [ship], [0.15], frame_count=16, rng=rng, **own)
+        seen = detect(image, threshold=threshold, reach=(0, 0))
+        box = Box(7, 6, 13, 8)
+        inside = sum(int(box.holds(one.pixel).sum()) for one in seen)
+        found += inside > 0
+        alarms += sum(len(one.pixel) for one in seen) - inside
+    p = detection_probability(12, contrast=0.15, false_alarm=false_alarm, **sigma)
+    assert 0.1 < p < 0.99
+    assert abs(found - draws * p) < 4 * math.sqrt(draws * p * (1 - p))
+    sea = draws * (300 - 12)
+    assert abs(alarms - sea * false_alarm) < 4 * math.sqrt(sea * false_alarm)
+
+
+def test_what_is_farther_on_a_flat_sea_is_higher():
+    here = {"middle_range": 100e3, "depression": math.radians(3.84)}
+    assert elevation(100e3, **here) == pytest.approx(0.0, abs=1e-15)
+    # The sensor is 6,697 m up: 105 km away it looks down by asin(0.06378) = 3.657 deg.
+    assert math.degrees(elevation(105e3, **here)) == pytest.approx(3.84 - 3.657, abs=1e-3)
+    assert elevation(95e3, **here) < 0
+    with pytest.raises(ValueError, match="slant_range is 6000 m, but must be at least"):
+        elevation(6000.0, **here)

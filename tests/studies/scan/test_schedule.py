@@ -1,0 +1,63 @@
+"""The time of a search: closed forms, and what visits save."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from studies.scan import imaging_time, most_pulses, position_count, schedule
+from studies.scan.schedule import dwell
+
+IFOV = 150e-6
+SOURCE = {"width": math.radians(3), "height": math.radians(2)}
+IMAGER = {"ifov": IFOV, "pixels": 256, "frame_count": 16, "frame_rate": 30.0, "slew_time": 0.1}
+
+
+def test_the_sources_field_has_175_by_117_places():
+    assert position_count(**SOURCE, element=IFOV) == 175 * 117
+    # 32 frames at a kilohertz: 655 s, which is why something else has to look first
+    assert dwell(175 * 117, frame_count=32, pulse_rate=1000.0) == pytest.approx(655.2)
+
+
+@given(st.integers(1, 200), st.integers(1, 200), st.integers(1, 8))
+def test_places_cover_without_one_to_spare(columns, rows, detector):
+    found = position_count(columns * IFOV, rows * IFOV, element=IFOV, detector=detector)
+    across, up = -(-columns // detector), -(-rows // detector)
+    assert found == across * up
+    assert (across - 1) * detector < columns <= across * detector
+
+
+def test_the_imager_steps_over_a_field_wider_than_its_array():
+    # 349.1 x 232.7 pixels: two places of 256
+    assert imaging_time(**SOURCE, **IMAGER) == pytest.approx(2 * 16 / 30 + 0.1)
+    whole = {"width": math.radians(12), "height": math.radians(12)}  # 1396.3 pixels: six by six
+    assert imaging_time(**whole, **IMAGER) == pytest.approx(36 * 16 / 30 + 35 * 0.1)
+
+
+@given(
+    visits=st.lists(st.integers(1, 500), max_size=20),
+    frame_count=st.integers(1, 64),
+    pulse_rate=st.floats(10, 1e5),
+    slew_time=st.floats(0, 1),
+)
+def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, pulse_rate, slew_time):
+    fixed = {"imaging": 1.0, "whole": 20475, "slew_time": slew_time}
+    one = schedule(visits, frame_count=frame_count, pulse_rate=pulse_rate, **fixed)
+    assert one.total == one.imaging + one.slewing + one.dwelling
+    assert one.slewing == pytest.approx(len(visits) * slew_time)
+    assert one.dwelling == pytest.approx(sum(visits) * frame_count / pulse_rate)
+    assert one.gain == pytest.approx(20475 * frame_count / pulse_rate / one.total)
+    twice = schedule(visits, frame_count=2 * frame_count, pulse_rate=2 * pulse_rate, **fixed)
+    assert (twice.dwelling, twice.exhaustive) == pytest.approx((one.dwelling, one.exhaustive))
+
+
+def test_visiting_every_place_saves_nothing_but_moves():
+    found = schedule(
+        [20475], imaging=0.0, whole=20475, frame_count=16, pulse_rate=1e3, slew_time=0.0
+    )
+    assert found.gain == 1.0
+
+
+def test_a_pulse_is_back_before_the_next():
+    assert most_pulses(100e3) == pytest.approx(1499, abs=0.5)

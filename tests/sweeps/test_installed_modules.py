@@ -1,0 +1,116 @@
+"""Modules that installed packages add to the command by entry points, as the studies do."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from commands import opened
+
+from sweeps import Command
+from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.stage import Stage
+from sweeps.experiment import CORE, INSTALLED, assemble, installed, stages_of
+
+SOUNDER = '''
+"""A depth sounder."""
+
+from pathlib import Path
+
+from sweeps import Group, Output, Settings, number
+from sweeps.stages.views import Grid, looks
+
+SENSOR = "sounder"
+CONF = Path(__file__).with_name("sounder_conf")
+
+
+class Sounder(Settings, key="sounder"):
+    """The sounder."""
+
+    offset = number(1.0, 0, 10, unit="m", label="depth of the sounder", single="dimension")
+
+
+DEPTHS = Group("depths", looks(SENSOR), uses=(Grid, Sounder))
+
+
+@DEPTHS.stage(Output("depth", label="depth", unit="m"))
+def sounded(aspect, offset):
+    """Return a depth [m]."""
+    return aspect + offset
+
+
+@DEPTHS.stage(Output("unlisted", label="a stage that the module does not list"))
+def unlisted(aspect):
+    """Return nothing of use."""
+    return aspect
+
+
+STAGES = (sounded,)
+'''
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Function that installs a package of one module, by its source, in this process's path."""
+
+    def install(source):
+        site = tmp_path / "site"
+        about = site / "sounder-1.0.dist-info"
+        (site / "sounder_conf" / "experiment").mkdir(parents=True)
+        about.mkdir()
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: sounder\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text("[sweeps.modules]\nsounder = sounder\n")
+        (site / "sounder.py").write_text(source)
+        (site / "sounder_conf" / "experiment" / "sounding.yaml").write_text(
+            "# @package _global_\n# Depths at two aspects.\n"
+            "sensor: sounder\ngrid:\n  ship: duncan\n  aspect: {step: 90}\n"
+        )
+        monkeypatch.syspath_prepend(str(site))
+        monkeypatch.delitem(sys.modules, "sounder", raising=False)
+        return site
+
+    return install
+
+
+def test_a_module_of_a_package_joins_with_its_experiment(package, folder, capsys):
+    package(SOUNDER)
+    modules = (*CORE, *installed())
+    assert [one.__name__ for one in modules if one not in (*CORE, *INSTALLED)] == ["sounder"]
+    command = Command(assemble(*modules, code=("sounder",)))
+    assert command.main(["--help"]) == 0
+    assert "sounding          Depths at two aspects." in capsys.readouterr().out
+    arguments = ["+experiment=sounding", "sounder.offset=[1,2]", "store=s.zarr", "cache=cache"]
+    assert command.main([*arguments, "cluster=inline"]) == 0, capsys.readouterr().err
+    depths = opened(folder / "s.zarr", "depths")
+    assert set(depths.data_vars) == {"depth"}
+    depth = depths.depth.transpose("aspect", "offset")
+    np.testing.assert_array_equal(depth, [[1, 2], [91, 92]])
+
+
+def test_a_module_that_cannot_be_imported_is_named(package):
+    site = package("import no_such_library")
+    with pytest.raises(DeclarationError, match=r"sounder has the entry point sounder of sweeps"):
+        installed()
+    code = f"import sys; sys.path.insert(0, {str(site)!r}); from sweeps.app import main; main()"
+    ended = subprocess.run(
+        [sys.executable, "-c", code, "--help"], capture_output=True, text=True, timeout=120
+    )
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1 and "No module named 'no_such_library'" in ended.stderr
+
+
+@pytest.mark.parametrize("module", [*CORE, *INSTALLED], ids=lambda module: module.__name__)
+def test_modules_of_the_project_list_every_stage_they_declare(module):
+    values = [one for value in vars(module).values() for one in flat(value)]
+    declared = {
+        one for one in values if isinstance(one, Stage) and of_module(one) == module.__name__
+    }
+    assert declared <= {*stages_of([module])}
+
+
+def flat(value):
+    return value if isinstance(value, tuple) else (value,)
+
+
+def of_module(stage):
+    return getattr(stage.function, "__module__", "")
