@@ -16,12 +16,9 @@ def test_the_answer_shown_is_that_of_the_sweep(smoke_store, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["ncti-report", "sweep.zarr"])
     main()
-    printed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    printed = " ".join(capsys.readouterr().out.split())
     (shown,) = [text for text in blocks(README, "") if text.startswith("Best of")]
-    lines = [line.split() for line in shown.splitlines()]
-    first = printed.index(lines[0])
-    assert "[ns]" in shown and len(lines) > 8
-    assert [line for line in printed[first:] if line in lines] == lines, "in order"
+    assert "chance" in shown and " ".join(shown.split()) in printed
 
 
 def test_it_is_one_page():
