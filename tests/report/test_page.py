@@ -13,9 +13,11 @@ from made import scores, shown
 from pages import page_of, parsed, read_page, stored
 from stores import printed
 
+from sweeps.engine.run.schedule import Progress
 from sweeps.report.chart import axis_of, scale_of
 from sweeps.report.frames import Column, Frame, frame, read_frames
 from sweeps.report.places import page_file
+from sweeps.report.work import write_work
 
 LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts
 
@@ -97,6 +99,13 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
         assert alerts[0].text.startswith(f"{word.capitalize()}: this sweep is not complete.")
         assert "✓" not in header and "Complete" not in header
         assert all(f"{what}: {reason}" in alerts[0].text for what, reason in why.items())
+
+
+def test_cells_are_counted_as_on_the_screen(tmp_path):
+    path = stored(tmp_path / "s.zarr", status=states(1, 1, 1), tables__o=scores(a=[1, 2]))
+    write_work(path, {"extent": Progress(1200, 200, 999, 1), "profile": Progress(51, 51)})
+    header = parsed(page_of(path)).root.one("header", id="summary").text
+    assert "1,250 of 1,251 cells done, 1 failed" in header
 
 
 def test_a_page_is_there_when_every_cell_of_a_classifier_failed(tmp_path):

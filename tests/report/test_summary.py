@@ -13,6 +13,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from stores import reported, rows_of
 
+from sweeps.engine.function.sweep import sweep
 from sweeps.report.places import page_file
 from sweeps.report.summary import summarize, tables_of
 
@@ -97,6 +98,23 @@ def test_results_that_the_axis_does_not_change_stand_below(tmp_path):
     }
     text = page(stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, **tables))
     assert re.search(r"Whatever the CNR: MNN \d+ \[\d+–\d+\]\.", text)
+
+
+def power(base, exponent):
+    return float(base**exponent)
+
+
+def test_a_function_over_a_grid_has_words_and_a_table(tmp_path):
+    values = {"base": [2, 3], "exponent": [1, 2, 3]}
+    sweep(power, values, store=tmp_path / "p.zarr", cache=tmp_path / "cache", cluster="inline")
+    text = page(tmp_path / "p.zarr")
+    assert text.startswith("\nPower rises from 2 at 1 to 8 at 3 exponent, base 2.\n")
+    heads, rows = table_of(text)
+    assert "base 2  base 3" in heads[-2] and rows[:3] == [
+        ["1", "2", "3"],
+        ["2", "4", "9"],
+        ["3", "8", "27"],
+    ]
 
 
 def test_without_an_axis_classifiers_stand_down(tmp_path):
