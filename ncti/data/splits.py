@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 KNOWN = ("duncan", "horne", "spruance", "texas")
-"""Ships learned. Duncan is one of two sisters, the other ships are of classes of their own."""
+"""Ships learned. Duncan is one of two sisters, each of the others has its own class."""
 
 SISTER, STRANGER = "roberts", "connole"
 """Ships not learned: Roberts, of Duncan's class with a longer hull, and one of another class."""
@@ -74,12 +74,12 @@ NOMINAL: Rows = {
     "gain": 1.0,
     "floor": 0.0,
 }
-"""Parameters of all rows, but for what a split asks."""
+"""Parameters of all rows, unless a split changes them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Rows to learn from and rows to be tested with, which have nothing in common.
+    """Rows of training and test, which have nothing in common.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Split:
     seed : int
         Seed from which all of it follows.
     train, test : xarray.Dataset
-        Rows of `ncti.dataset`; `ship` is what is to be named, and `variant` the ship drawn. Those
+        Rows of `ncti.dataset`; `ship` is the right answer, and `variant` the ship drawn. Those
         of training have their expected profiles, too.
     unknown : xarray.Dataset or None
         Rows of a ship that is absent from training, to be rejected.
@@ -142,7 +142,7 @@ def split(
     test: int = TEST_ROWS,
     workers: int = 1,
 ) -> Split:
-    """Return the rows of a named split, of which none of a test has anything of training.
+    """Return the rows of a named split, whose test shares nothing with its training.
 
     Parameters
     ----------
@@ -179,8 +179,8 @@ def split(
     -----
     Aspects are of one side of a ship: its other side shows nearly the same, and would leak. All
     splits but `aspect-gap`, `range-shift` and `variant` have one training for a seed, and all tests
-    of aspects at random have the same views and noise for a seed, so that differences between
-    splits are those of what they ask. The sector of `aspect-gap` is the sixth of the side whose
+    of aspects at random have the same views and noise for a seed, so that splits differ by their
+    conditions alone. The sector of `aspect-gap` is the sixth of the side whose
     number is the seed modulo 6. The drift of `sensor-shift` is drawn for each row: gain and floor
     of normal distributions, the carrier-to-noise ratio 3 dB less.
 
@@ -210,22 +210,7 @@ def split(
 def rows_of(
     name: str, part: str, *, seed: int, ships: Sequence[str], count: int, workers: int = 1
 ) -> xr.Dataset:
-    """Return the rows of one part of a split.
-
-    Parameters
-    ----------
-    name, seed, ships, workers
-        As of `split`.
-    part : {"train", "test", "unknown"}
-        Part.
-    count : int
-        Number of rows.
-
-    Returns
-    -------
-    xarray.Dataset
-        See `Split`.
-    """
+    """Return the rows of one part, "train", "test" or "unknown", of a split; see `Split`."""
     names, given = recipe(name, part, seed=seed, ships=ships)
     rows = dataset(names, count, workers=workers, expected=part == TRAIN, **given)
     base = np.array([ship.partition("@")[0] for ship in rows.ship.values.tolist()])
@@ -236,25 +221,7 @@ def rows_of(
 
 
 def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[list[str], Rows]:
-    """Return what the rows of one part of a split are drawn from.
-
-    Parameters
-    ----------
-    name, part, seed, ships
-        As of `rows_of`.
-
-    Returns
-    -------
-    ships : list of str
-        Names of the ships that are drawn.
-    given : dict
-        Arguments of `ncti.dataset`: the seed, the rows of a view, and all that is drawn.
-
-    Raises
-    ------
-    ValueError
-        As of `split`.
-    """
+    """Return the ships of one part of a split, and arguments of `ncti.dataset` for its rows."""
     require_word("name", name, SPLITS)
     require_word("part", part, PER_VIEW)
     require("seed", seed, minimum=0, maximum=2**63 - 1, whole=True)
@@ -269,24 +236,7 @@ def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[li
 
 
 def trained_as(name: str) -> str:
-    """Return the first split with the same training as another.
-
-    Parameters
-    ----------
-    name : str
-        One of `SPLITS`.
-
-    Returns
-    -------
-    str
-        One of `SPLITS`.
-
-    Examples
-    --------
-    >>> from ncti.data.splits import trained_as
-    >>> trained_as("few-frames"), trained_as("variant")
-    ('aspect-random', 'variant')
-    """
+    """Return the first split with the same training as another."""
     return name if name in ("aspect-gap", "range-shift", "variant") else "aspect-random"
 
 
@@ -294,32 +244,16 @@ OUTSIDERS = {"unknown-near": SISTER, "unknown-far": STRANGER}
 
 
 def gap(seed: int) -> tuple[float, float]:
-    """Return the sector [deg] that `aspect-gap` leaves out for a seed.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the split.
-
-    Returns
-    -------
-    low, high : float
-        Ends, the first of which is in it.
-
-    Examples
-    --------
-    >>> from ncti.data.splits import gap
-    >>> gap(7)
-    (30.0, 60.0)
-    """
+    """Return the sector [deg] that `aspect-gap` leaves out for a seed; its first end is in it."""
     low = SECTOR * (seed % round(SIDE[1] / SECTOR))
     return low, low + SECTOR
 
 
 def _drawn_by(name: str, part: str, seed: int) -> int:
-    """Return the seed of the rows of a part, which no other part of any split has for a seed.
+    """Return the seed of the rows of a part, unlike those of all other parts and splits of a seed.
 
-    Unless it is the same training, or the same views and noise under other conditions.
+    Parts share it only if they have the same training, or the same views and noise under other
+    conditions.
     """
     of_train = [*SPLITS].index(trained_as(name))
     key = {TRAIN: (0, of_train), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
@@ -340,7 +274,7 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
 
 
 def _given(name: str, part: str, seed: int) -> Rows:
-    """Return what a part has in the place of nominal parameters."""
+    """Return the parameters of a part that differ from the nominal ones."""
     # Imported where it is used: scipy.stats takes half a second.
     from scipy.stats import norm, rv_histogram
 

@@ -1,4 +1,4 @@
-"""Vectors, labels and groups of what a sweep has stored, as its classifiers take them."""
+"""Vectors, labels and groups of a sweep's store, as its classifiers take them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ SENSORS = {
 def load_xy(
     store: str | Path, classifier_group: str | None = None, split: str = "train", **where: Any
 ) -> Vectors:
-    """Return the vectors of a sweep's views, the ships that they are of, and groups.
+    """Return the vectors of a sweep's views, their ships, and groups.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def load_xy(
         A classifier of one sensor, as ``acn`` or ``acn_infrared``, or a sensor, ``range_profile``
         or ``infrared``; the first of these that is in the store when not given.
     split : {"train", "learned", "test", "unknown"}
-        `train`: what classifiers learn, the expected profiles or noiseless silhouettes of the
+        `train`: training data of classifiers, expected profiles or noiseless silhouettes of the
         learned aspects of known ships; `learned`: measured ones, averages of frames, of the same
         views; `test`: measured ones at all other aspects of known ships; `unknown`: measured ones
         of ships absent from training.
@@ -223,7 +223,7 @@ def pieces_of(store: str | Path) -> dict[int, int]:
 
 
 def _vectors(rows: xr.Dataset) -> Vectors:
-    """Return what `to_numpy` does of rows that are not read yet, some of which are held at once."""
+    """Return `to_numpy` of rows not read yet, a few of which are in memory at once."""
     coords = rows.drop_vars([*rows.data_vars]).load()
     vectors = None
     for start in range(0, rows.sizes["row"], AT_ONCE):

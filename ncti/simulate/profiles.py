@@ -216,7 +216,7 @@ def _above_floor(
 
 
 def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -> dict[str, Any]:
-    """Return attributes that say how accurate the extents are."""
+    """Return attributes with the accuracy of the extents."""
     error = max(extent.error_after(pulse_width) for extent in extents)
     return {
         "accuracy": float(accuracy),

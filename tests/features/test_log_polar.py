@@ -13,6 +13,7 @@ import ncti.ships
 from benchmarks.invariance import FINE, Change, cosine, coverage, silhouette
 from ncti.features import cyclic_similarity, log_polar
 from ncti.features.log_polar import _unit_grid
+from ncti.features.map_vector import map_cells
 
 points = lru_cache(maxsize=64)(silhouette)  # some 2 MB each
 
@@ -176,3 +177,9 @@ def test_a_map_is_itself_and_zero_is_like_nothing():
     assert cyclic_similarity(full, full) == (pytest.approx(1.0, abs=1e-12), 0.0)
     for pair in ((full, empty), (empty, full), (empty, empty)):
         assert cyclic_similarity(*pair) == (0.0, 0.0)
+
+
+def test_cells_of_maps_are_at_their_middles():
+    angle, radius = map_cells()
+    assert angle[:2].tolist() == [2.8125, 8.4375] and angle[-1] == 360 - angle[0]
+    np.testing.assert_allclose([radius[0], radius[-1]], [0.5 / radius.size, 1 - 0.5 / radius.size])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -129,12 +128,11 @@ def page_of(
     environment.filters["explained"] = explained
     style, *scripts = (
         (TEMPLATES / name).read_text(encoding="utf-8")
-        for name in ("page.css", "vega.js", "headline.js", "page.js")
+        for name in ("page.css", "vega.js", "charts.js", "headline.js", "page.js")
     )
     content = content_of(path, frames, _pictures(before))
     if headline:
         content["data"]["headline"] = None
-    content["data"]["chart"] = json.loads((TEMPLATES / "chart.json").read_text(encoding="utf-8"))
     return environment.get_template("page.html").render(
         content | ({"headline": headline} if headline else {}),
         stamp=_stamp(path),
