@@ -58,13 +58,15 @@ def main_frame(frames: Mapping[str, Frame]) -> Frame:
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     """Return the column of the axis that results run along; empty if there is none.
 
-    The first of the swept axes, numbers before words; without any, the number of frames, then the
-    axis of most numbers.
+    The first of the swept axes, or that of most values where no axes are declared, numbers before
+    words; without any, the number of frames, then the axis of most numbers.
     """
     axes = [name for name in frame.several if name not in (frame.across, *in_words(frame))]
     axes.sort(key=lambda name: name in frame.down)
     numeric = [name for name in axes if frame.rows[name].dtype.kind in "fiu"]
     asked = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
+    if not frame.down:
+        asked.sort(key=lambda name: -frame.rows[name].nunique())
     most = sorted(numeric, key=lambda name: -frame.rows[name].nunique())
     usual = [name for name in numeric if name == FALLBACK]
     return next(iter([*(n for n in asked if n in numeric), *asked, *usual, *most, *axes]), "")

@@ -215,13 +215,13 @@ ISING = xr.Dataset(
         (ISING, "temperature", "size"),
     ],
 )
-def test_the_axis_of_most_values_is_along_the_chart_and_the_next_colours(
+def test_the_axis_of_the_headline_is_along_the_chart_and_the_next_colours(
     table, along, colour, tmp_path
 ):
     attributes = {
         "configuration": {},
         "title": "T",
-        "swept": ["size", "temperature", "range", "cnr"],
+        "swept": ["size", "temperature", "cnr", "range"],
     }
     page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__acn=table)))
     for name, first in (("against", along), ("colour", colour)):

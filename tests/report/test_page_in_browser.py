@@ -17,7 +17,8 @@ from sweeps.report.headline import headline
 from sweeps.report.page import write
 from sweeps.report.pivot import at_main
 from sweeps.report.places import page_file
-from sweeps.report.stores import attributes, opened
+from sweeps.report.stores import attributes
+from sweeps.report.stores import opened as store_of
 from sweeps.report.summary import tables_of
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -164,7 +165,7 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
 
 def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_store, file):
     """The script says of a selection what the command says of a store of that alone."""
-    frames, about = read_frames(smoke_store), attributes(opened(smoke_store))
+    frames, about = read_frames(smoke_store), attributes(store_of(smoke_store))
     scores = frames["scores"]
     page = browser.new_page(viewport=DESK)
     page.goto(file.as_uri())
