@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import shutil
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,8 +13,12 @@ from made import scores, shown
 from pages import stored
 
 from sweeps.report.frames import read_frames
+from sweeps.report.headline import headline
 from sweeps.report.page import write
+from sweeps.report.pivot import at_main
 from sweeps.report.places import page_file
+from sweeps.report.stores import attributes
+from sweeps.report.stores import opened as store_of
 from sweeps.report.summary import tables_of
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -156,6 +161,42 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
     seen.locator("#table-scores summary").first.click()
     assert seen.locator('select[data-axis="pulse_width_ns"]').input_value() == "50.0"
     assert seen.locator("#against").input_value() == "vigilance"
+
+
+def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_store, file):
+    """The script says of a selection what the command says of a store of that alone."""
+    frames, about = read_frames(smoke_store), attributes(store_of(smoke_store))
+    scores = frames["scores"]
+    page = browser.new_page(viewport=DESK)
+    page.goto(file.as_uri())
+    said = {page.locator(".headline").inner_text()}
+    assert said == set(headline(frames, about))
+    places = [
+        ("pulse_width_ns", {"frame_count": 4}),
+        ("pulse_width_ns", {"frame_count": 4, "infrared_frame_count": 4}),
+        ("frame_count", {"pulse_width_ns": 50.0}),
+        ("range_km", {"infrared_frame_count": 4, "super_resolution": "perfect"}),
+        ("vigilance", {"pulse_width_ns": 10.0, "frame_count": 4}),
+    ]
+    for axis, place in places:
+        page.goto("about:blank")
+        by_name = "&".join(f"{name}={scores.columns[name].text(v)}" for name, v in place.items())
+        page.goto(f"{file.as_uri()}#by={axis}&{by_name}")
+        alone = {"scores": at_main(scores, [*scores.down, axis, *scores.several])}
+        for name, value in place.items():
+            rows = alone["scores"].rows
+            alone["scores"] = alone["scores"].where(rows[name].isna() | (rows[name] == value))
+        [wanted] = headline(alone, about | {"swept": [scores.columns[axis].axis]})
+        # A store of one value of an axis may leave it out of its settings.
+        found = page.locator(".headline").inner_text()
+        assert without_settings(found) == without_settings(wanted), place
+        said.add(found)
+    assert len(said) > 3
+    page.close()
+
+
+def without_settings(sentence):
+    return re.sub(r" \([a-z].*?\)", "", sentence)
 
 
 def test_charts_are_drawn_of_the_selection_and_saved(seen, smoke_store):

@@ -11,8 +11,9 @@ from sweeps.engine.declare.places import PathOrUrl, path_beside
 from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
+from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.headline import accuracy, headline, main_axis
+from sweeps.report.headline import accuracy, headline, headline_for_script
 from sweeps.report.page.provenance import flat, status_of, swept, written
 from sweeps.report.pictures import Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
@@ -22,7 +23,6 @@ from sweeps.report.work import NAME as WORK
 
 MOST = 4_000  # rows of a table; the CSV file has all
 CHARTED = 32_000  # rows of a table that its charts have
-FALLBACK = "frame_count"  # the axis of charts where nothing was swept
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
@@ -39,10 +39,10 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     axes, first = list(about.get("swept", ())), next(iter(tables.values()))
     if matrix is not None:
         tables = {first.name: first, CONFUSION: matrix, **tables}
-    # Rows and charts run along the swept axis of most values, or else that of frames.
+    # Rows and charts run along the axis of the headline.
     ordinary = [name for name in first.several if name not in curves_of(first)]
     numbers = swept_axes(first, axes)
-    names = [*numbers[:1], main_axis(first, axes), main_axis(first, [FALLBACK]), *ordinary]
+    names = [main_axis(first, axes), *ordinary]
     against = next(filter(None, names), "")
     second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
     settings = list(flat(about.get("configuration", {})))
@@ -51,7 +51,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "about": about,
         "headline": sentences,
         "accuracy": accuracy(store),
-        "status": status_of(store),
+        "status": status_of(store, work),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
         "against": against,
@@ -65,6 +65,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "work": None if work is None else laid_out(work),
         "data": {
             "store": path_beside(path).name,
+            "headline": headline_for_script(tables, about, CHARTED),
             "second": second,
             "tables": {name: data_of(table) for name, table in tables.items()},
             # Their places give classifiers a colour, the same in every chart.

@@ -364,9 +364,15 @@
     below.hidden = !below.querySelector("label") || !document.querySelector("figure.aspect, [data-table=confusion]");
     for (const option of colourSelect?.options ?? []) option.hidden = option.disabled = option.value === along;
   };
+  const said = document.querySelector(".headline");
   const update = () => {
     for (const select of selects) state[select.dataset.axis] = JSON.parse(select.value);
     arrange();
+    if (data.headline) {
+      const about = data.headline, table = data.tables[about.table];
+      const bin = state[table.across] ?? about.overall, kept = selected(table, [by(), table.across]);
+      said.textContent = headlineOf(about, table, kept, by(), bin);
+    }
     for (const section of sections) {
       fill(section);
       draw(section);
