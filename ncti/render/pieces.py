@@ -173,7 +173,10 @@ def cells_seen(
     seen = 0
     for c in range(len(number)):
         if number[c] >= 0:
-            if area[number[c]].sum() > least:
+            total = 0.0
+            for b in range(area.shape[1]):
+                total += area[number[c], b]
+            if total > least:
                 seen += 1
             else:
                 number[c] = -1
@@ -182,7 +185,8 @@ def cells_seen(
     for c in range(len(number)):
         if number[c] >= 0:
             cell[n, 0], cell[n, 1] = c % columns + int(corner[0]), c // columns + int(corner[1])
-            kept[n] = area[number[c]]
+            for b in range(area.shape[1]):  # to assign a row takes numba seconds to compile
+                kept[n, b] = area[number[c], b]
             n += 1
     return cell, kept
 
