@@ -1,4 +1,4 @@
-"""Runs of the command `ncti-sweep`: time, memory, and the work of its stages."""
+"""Runs of the command `ncti-sweep`: time, memory and work; and sweeps in this process."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.processes import Run, watch
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.schedule import Watch
+from sweeps.engine.store.sweeping import RunOptions
+from sweeps.engine.store.sweeping import sweep as sweep_plan
 from sweeps.stages.views import cache_folder
 
 PROGRAM = ("-m", "sweeps.app")
@@ -96,3 +100,15 @@ def sweeps_printed(output: str) -> Iterator[tuple[int, int, float]]:
     for found in SUMMARY.finditer(output):
         done, reused = (int(found[name].replace(",", "")) for name in ("done", "reused"))
         yield done, reused, float(found["work"])
+
+
+def completed(plan: Plan, options: RunOptions) -> None:
+    """Sweep a plan from this process, without a word.
+
+    Raises
+    ------
+    RuntimeError
+        If a cell fails.
+    """
+    for cell, reason in sweep_plan(plan, options, Watch(lambda sentence: None)).failures:
+        raise RuntimeError(f"{cell}: {reason}")

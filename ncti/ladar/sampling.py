@@ -16,10 +16,10 @@ FINE = (6, 7, 8)
 """Harmonics of the strands, in sixteenths of a cycle a line, near the spacing."""
 
 ROUGHNESS, FACTOR, FEW = -0.148, 0.95, 34.0
-"""Of `sampling_error`; `python -m benchmarks calibration` fits the first two again."""
+"""Of `sampling_error`; the first two are fitted by quantile regression."""
 
 PIXELS = 0.6
-"""Of `pixel_error`; `python -m benchmarks pixels` compares it with true errors."""
+"""Of `pixel_error`."""
 
 SLOPE = 1.6
 """Power of the spacing with which the error falls."""
@@ -62,9 +62,9 @@ def sampling_error(
     and few lines may agree by chance. Range along a line is exact, so nothing else is to bound.
 
     Fitted by quantile regressions on true errors: of lines 1 m to 1/32 m apart in random views and
-    in views nearly end-on and abeam, with and without a pulse (`python -m benchmarks calibration`),
-    and of extents within tolerances, since adding lines until a bound is small enough favours
-    bounds that are too small. `python -m benchmarks tolerances` judges it by others.
+    in views nearly end-on and abeam, with and without a pulse, and of extents within tolerances,
+    since adding lines until a bound is small enough favours bounds that are too small. Other views
+    judge it in docs/accuracy.md.
 
     The logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after long
     pulses, where few range bins share it: where the lines lie decides the phase of the
@@ -109,7 +109,7 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
     some 1.5, and that of spreading pixels in range, which all strands share, as fast or faster, so
     that errors by all pixels are a third of it in the median. Where the pixels lie decides how much
     more they are: 98 of 100 are within 0.6 of it, by pixels of 0.09 to 1.4 m and spreads of 0 to 1,
-    in the views that the factor was set on. `python -m benchmarks pixels` judges it by others.
+    in the views that the factor was set on. Other views judge it in docs/accuracy.md.
     """
     total = float(extent.sum())
     if not total > 0:
