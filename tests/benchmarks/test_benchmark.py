@@ -4,8 +4,9 @@ import sys
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import engine, views
+from benchmarks import engine, steps, views
 from benchmarks.processes import watch
+from benchmarks.reports import Column, Report, Sample
 from ncti.render import available_engines
 
 TINY = 2.0  # pixels [m]
@@ -73,19 +74,27 @@ def test_cells_are_swept_by_workers(monkeypatch):
 
 
 def test_command_prints_and_writes_json(monkeypatch, tmp_path, capsys):
-    def small(asked):
-        return views.measure(asked.ship, repeats=asked.repeats, aspects=(90.0,), pixel=TINY)
+    def measured(asked):
+        row = {"ship": asked.ship, "ms": Sample.of(range(asked.repeats))}
+        return Report("Time", (Column("ship", "ship"), Column("ms", "ms", ".1f")), [row])
 
-    monkeypatch.setitem(command.REPORTS, "views", ("time", small))
+    monkeypatch.setitem(command.REPORTS, "steps", ("time", measured))
     path = tmp_path / "figures.json"
-    command.main(["views", "--repeats", "2", "--ship", "spruance", "--json", str(path)])
-    assert "spruance" in capsys.readouterr().out
+    command.main(["steps", "--repeats", "2", "--ship", "spruance", "--json", str(path)])
+    assert "spruance │ 0.5 (0.0–1.0)" in capsys.readouterr().out
     written = json.loads(path.read_text())
-    assert written["machine"]["cores"]
-    assert set(written) == {"machine", "views"}
-    row = next(row for row in written["views"]["rows"] if row["method"] == "lines")
-    assert set(row["wall_ms"]) == {"median", "low", "high", "n"}
-    assert row["wall_ms"]["n"] == 2
+    assert set(written) == {"machine", "steps"} and written["machine"]["cores"]
+    [row] = written["steps"]["rows"]
+    assert row["ms"] == {"median": 0.5, "low": 0, "high": 1, "n": 2}
+
+
+def test_each_step_is_timed_alone(monkeypatch):
+    """One view of each part: of a flight, of profiles, and of an image at each range."""
+    monkeypatch.setattr(steps, "ASPECTS", (90,))
+    monkeypatch.setattr(steps, "classifiers", lambda mesh: [])
+    rows = steps.measure("duncan", repeats=1).rows
+    assert len(rows) == len({(row["part"], row["step"]) for row in rows}) == 5 + 3 * 4 + 4
+    assert all(row["ms"].low > 0 for row in rows)
 
 
 @pytest.mark.parametrize(
