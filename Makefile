@@ -14,7 +14,7 @@ smoke: setup        ## the same in seconds
 	$(BIN)/ncti-sweep +experiment=smoke store=smoke.zarr $(ARGS)
 
 test: setup lint    ## lint, format, types, then every test, the smoke sweep among them
-	$(BIN)/pytest -q -n logical --maxprocesses 8 --dist loadfile $(ARGS)
+	$(BIN)/pytest -q -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 docs: setup         ## the site in docs/_build/html, from pages, docstrings and notebooks
 	$(BIN)/python -m sphinx -E -q -W --keep-going -n -j auto -b html docs docs/_build/html

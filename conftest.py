@@ -20,6 +20,20 @@ for library in ("OMP", "MKL", "OPENBLAS"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 
+LONG = (
+    *("claims/test_claims", "sweeps/test_experiments", "test_docs", "engine/test_survival"),
+    *("docs/test_results", "convergence/test_extent_of_ships", "ships/test_variants"),
+    *("docs/test_proof", "benchmarks/test_benchmark", "engine/test_executors", "data/test_rows"),
+    *("stages/test_flights", "engine/test_buckets", "sweeps/test_own_ships", "sweeps/test_wheel"),
+)
+"""Files of tests that take half a minute or more."""
+
+
+def pytest_collection_modifyitems(items: list[Any]) -> None:
+    """Begin with long files, so that no process is left with one when the others have ended."""
+    items.sort(key=lambda item: not str(item.path.with_suffix("")).endswith(LONG))
+
+
 def pytest_collect_file(file_path: Path, parent: Any) -> DoctestModule | None:
     """Collect the examples in docstrings of a module of the library.
 

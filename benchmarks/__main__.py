@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 import ncti.ships
-from benchmarks import engine, history, paper, skips, startup, steps, views, workers
+from benchmarks import engine, history, paper, skips, steps, views, waiting, workers
 from benchmarks.reports import Report, machine, show, write_json
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.stages.views import cache_folder
@@ -32,9 +32,9 @@ REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Report]]] = {
         "time and memory of +experiment=paper: cold, again, and with one more value",
         lambda asked: paper.measure(repeats=asked.repeats),
     ),
-    "startup": (
-        "time of --help, of a sweep with nothing to do, and until the first output",
-        lambda asked: startup.measure(repeats=asked.repeats),
+    "waiting": (
+        "what a user waits for, step by step, beside another checkout if --against",
+        lambda asked: waiting.measure(repeats=asked.repeats, against=asked.against),
     ),
     "cells": (
         "time and memory of sweeps of up to ten million cells on two processes",
@@ -96,6 +96,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--ship", default="duncan", metavar="NAME", help="ship of views, skips and steps (duncan)"
+    )
+    parser.add_argument(
+        "--against", type=Path, metavar="PATH", help="waiting: another checkout, in turn"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     return parser

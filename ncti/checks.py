@@ -34,18 +34,6 @@ class NothingSeenError(ValueError):
     """An image or profile shows nothing of the ship to measure, although its values are valid.
 
     A caller that can do without the measurement catches this type, and no other `ValueError`.
-
-    See Also
-    --------
-    ncti.irar.measured_extent, ncti.irar.landmarks, ncti.irar.autofocus : Raise it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ncti.irar import landmarks
-    >>> landmarks(np.zeros(9), np.arange(9.0))
-    Traceback (most recent call last):
-    ncti.checks.NothingSeenError: hangar is None, but must be where the profile has a return above 0
     """
 
 
@@ -59,41 +47,9 @@ def require(
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> None:
-    """Raise unless `value` is a finite number in its range.
+    """Raise `ValueError` unless `value` is a finite number in its range; a text never is.
 
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    value : float
-        Value to check; text is refused, even if it spells a number.
-    positive : bool
-        Refuse zero and everything below it.
-    whole : bool
-        Refuse fractions.
-    minimum, maximum : float
-        Inclusive bounds.
-    below : float
-        Exclusive upper bound.
-
-    Raises
-    ------
-    ValueError
-        If the value is not allowed; the message gives name, value and what is allowed.
-
-    See Also
-    --------
-    require_all : The same for an array.
-
-    Examples
-    --------
-    >>> require("ifov", 150e-6, positive=True)
-    >>> require("ifov", -1.0, positive=True)
-    Traceback (most recent call last):
-    ValueError: ifov is -1.0 rad, but must be a finite number above 0 rad
-    >>> require("pulse_width", 30, minimum=1e-8, maximum=1e-6)
-    Traceback (most recent call last):
-    ValueError: pulse_width is 30 s, but must be a number from 1e-08 to 1e-06 s; 30 ns is 30e-9
+    `minimum` and `maximum` are inclusive, `below` is exclusive, and `positive` refuses 0.
     """
     try:
         number = math.nan if isinstance(value, (str, bytes)) else float(value)
@@ -127,36 +83,7 @@ def require(
 
 
 def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
-    """Return numbers as an array, or raise for the first that `require` refuses.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    values : (...) array_like
-        One number or an array of numbers, possibly empty.
-    **bounds
-        As for `require`.
-
-    Returns
-    -------
-    (...) float64 ndarray
-        The numbers.
-
-    Raises
-    ------
-    ValueError
-        If an element is not allowed; the message gives the first such element.
-
-    See Also
-    --------
-    require : The same for one number.
-
-    Examples
-    --------
-    >>> require_all("slant_range", [25e3, 50e3], minimum=0.0)
-    array([25000., 50000.])
-    """
+    """Return numbers (...) as a float64 array, or raise for the first that `require` refuses."""
     try:
         array = np.asarray(values)
     except ValueError:
@@ -190,27 +117,7 @@ def _inside(
 
 
 def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
-    """Raise unless a sequence has a given length and `require` accepts each number.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    values : sequence of float
-        Values to check.
-    length : int
-        Required length.
-    **bounds
-        As for `require`.
-
-    Raises
-    ------
-    ValueError
-        If the length or an element is not allowed; the message names the parameter or the element.
-
-    See Also
-    --------
-    require : The check of each number.
+    """Raise `ValueError` unless `values` are `length` [1] numbers, each of which `require` accepts.
 
     Examples
     --------
@@ -227,25 +134,7 @@ def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
 
 
 def require_shape(name: str, values: NDArray[Any], *shapes: tuple[int, ...]) -> None:
-    """Raise unless an array has one of some shapes.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    values : (...) ndarray
-        Array to check.
-    *shapes : tuple of int
-        Shapes that are allowed; () is that of one value.
-
-    Raises
-    ------
-    ValueError
-        If the array has another shape.
-
-    See Also
-    --------
-    require_each : The check of a sequence of numbers.
+    """Raise `ValueError` unless an array has one of some shapes; () is that of one value.
 
     Examples
     --------
@@ -260,25 +149,7 @@ def require_shape(name: str, values: NDArray[Any], *shapes: tuple[int, ...]) -> 
 
 
 def require_word(name: str, value: Any, words: Collection[str]) -> None:
-    """Raise unless a value is one of some words.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    value : str
-        Value to check.
-    words : collection of str
-        Words that are allowed.
-
-    Raises
-    ------
-    ValueError
-        If it is anything else.
-
-    See Also
-    --------
-    require : The check of a number.
+    """Raise `ValueError` unless a value is one of some words.
 
     Examples
     --------
@@ -292,28 +163,7 @@ def require_word(name: str, value: Any, words: Collection[str]) -> None:
 
 
 def require_labels(name: str, values: Any) -> NDArray[Any]:
-    """Return labels as an array that can be sorted, or raise.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    values : (...) array_like
-        Numbers or texts, not both.
-
-    Returns
-    -------
-    (...) ndarray
-        The labels.
-
-    Raises
-    ------
-    ValueError
-        If they are ragged, or of another kind, as None or a complex number.
-
-    See Also
-    --------
-    require_flags : The same for flags.
+    """Return labels (...), numbers or texts, as an array that can be sorted, or raise `ValueError`.
 
     Examples
     --------
@@ -338,30 +188,7 @@ def require_labels(name: str, values: Any) -> NDArray[Any]:
 def require_flags(
     name: str, values: Any, shape: tuple[int, ...] | None = None
 ) -> NDArray[np.bool_]:
-    """Return flags as an array, or raise unless they can be broadcast to a shape.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    values : (...) array_like of bool
-        Flags.
-    shape : tuple of int, optional
-        Shape to which they are to be broadcast; any when not given.
-
-    Returns
-    -------
-    (...) bool ndarray
-        The flags, in the shape that they were given in.
-
-    Raises
-    ------
-    ValueError
-        If one is neither true nor false, or the shape is wrong.
-
-    See Also
-    --------
-    require_labels : The same for labels.
+    """Return flags (...) as an array; `ValueError` unless they can be broadcast to a shape.
 
     Examples
     --------
@@ -385,23 +212,7 @@ def require_flags(
 
 
 def require_generator(name: str, value: Any) -> None:
-    """Raise unless a value is a numpy random generator.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for the message.
-    value : numpy.random.Generator
-        Value to check.
-
-    Raises
-    ------
-    ValueError
-        If it is anything else.
-
-    See Also
-    --------
-    require : The check of a number.
+    """Raise `ValueError` unless a value is a numpy random generator.
 
     Examples
     --------

@@ -23,13 +23,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """Return a function that numba compiles on its first call, or loads from the user's cache.
 
-    See Also
-    --------
-    inlined : For small functions called inside loops.
-    keep : Compile loops ahead of their first use.
-
-    Notes
-    -----
     If the folder is full, not writable, or writable by another user, the code is compiled in each
     process. Division by zero gives infinity, as with arrays, and the function releases the
     interpreter's lock.
@@ -55,7 +48,7 @@ def compiled(function: F) -> F:
 
 
 def _keep_if_possible(kept: Any) -> None:
-    """Let a cache of numba go without what it cannot read or write, as on a full disk."""
+    """Make a cache of numba tolerate files that it cannot read or write, as on a full disk."""
     load, save = kept.load_overload, kept.save_overload
 
     def load_overload(*given: Any) -> Any:
@@ -72,7 +65,7 @@ def _keep_if_possible(kept: Any) -> None:
 
 
 def _stamp(kept: Any, function: Callable[..., Any]) -> None:
-    """Let a cache of numba find only machine code with the same constants of other modules.
+    """Make a cache of numba reject machine code with other constants of other modules.
 
     Numba compiles them in, but compares the time of the function's own file alone.
     """

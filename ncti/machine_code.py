@@ -17,9 +17,7 @@ from platformdirs import user_cache_path
 def folder() -> str:
     """Return the folder for machine code, or "" if it is not writable by this user alone.
 
-    Notes
-    -----
-    `NUMBA_CACHE_DIR`, if set, or a folder in the user's cache that all sweeps share.
+    It is `NUMBA_CACHE_DIR`, if set, or a folder in the user's cache that all sweeps share.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     chosen = Path(given) if given else user_cache_path("ncti-sweep") / "compiled"
@@ -58,15 +56,9 @@ def _place(source: Path) -> Path:
 class Loops:
     """Loops that one call compiles; see `ncti.compiled.keep`.
 
-    Attributes
-    ----------
-    of : str
-        What they compute, such as "sampled frames".
-    names : tuple of str
-        Their names within `ncti`, such as "render.line_sweep.sweep". Of loops that only call one
-        another, the outer one.
-    call : callable
-        Runs them all on tiny arguments of the types that sweeps use.
+    `of` names their results, such as "sampled frames"; `names` within `ncti` are as
+    "render.line_sweep.sweep", of loops that only call one another the outer one; `call` runs them
+    all on tiny arguments of the types that sweeps use.
     """
 
     of: str
@@ -76,10 +68,8 @@ class Loops:
     def are_missing(self) -> bool:
         """Return whether the folder lacks machine code of the current source.
 
-        Notes
-        -----
-        False without a folder. Decided by file times alone; where that is wrong, as with another
-        release of numba, the loops are compiled when they are first called.
+        False without a folder. File times alone decide; if they are wrong, as with another release
+        of numba, the loops are compiled when they are first called.
         """
         return bool(folder()) and not all(_kept(*name.rsplit(".", 2)) for name in self.names)
 

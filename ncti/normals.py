@@ -1,4 +1,4 @@
-"""Standard normals by their place in a stream: each is the same whatever is drawn beside it."""
+"""Counter-based standard normals: each depends on its stream and its number alone."""
 
 from __future__ import annotations
 
@@ -22,35 +22,16 @@ TAIL = 3.6541528853610088  # start of the lowest layer's tail
 
 
 def draw_key(rng: np.random.Generator) -> Words:
-    """Draw the key of streams: the word that they begin at, and the odd step between their words.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of both.
-
-    Returns
-    -------
-    (2,) uint64 ndarray
-        Start and step.
-    """
+    """Draw the key (2,) of streams: their first word, and the odd step between words."""
     return rng.integers(2**64, size=2, dtype=np.uint64) | np.array([0, 1], dtype=np.uint64)
 
 
 @compiled
 def put_streams(key: Words, first: int, cell: NDArray[np.int64], out: Words) -> None:
-    """Write the stream of each frame and cell to `out`.
+    """Write the stream of each frame and cell to `out` (frame, cell).
 
-    Parameters
-    ----------
-    key : (2,) uint64 ndarray
-        As of `draw_key`.
-    first : int
-        Number of the first frame.
-    cell : (cell, 2) int64 ndarray
-        Column and row of each cell, which name its stream.
-    out : (frame, cell) uint64 ndarray
-        Output.
+    `first` is the number of the first frame, `cell` (cell, 2) column and row, which name the
+    stream.
     """
     step = key[1]
     for frame in range(out.shape[0]):
@@ -61,18 +42,10 @@ def put_streams(key: Words, first: int, cell: NDArray[np.int64], out: Words) -> 
 
 @compiled
 def draw_run(key: Words, streams: Words, begin: int, out: Singles) -> None:
-    """Write successive pairs of normals of each stream to `out`.
+    """Write successive pairs of normals of each stream to `out` (frame, 2 cell, pair).
 
-    Parameters
-    ----------
-    key : (2,) uint64 ndarray
-        As of `draw_key`.
-    streams : (frame, cell) uint64 ndarray
-        As of `put_streams`.
-    begin : int
-        Number of the first pair in its stream.
-    out : (frame, 2 cell, pair) float32 ndarray
-        Output: the first normals of a cell's pairs in one row, the others in the next.
+    `streams` (frame, cell) are those of `put_streams`, `begin` the number of the first pair. A row
+    has the first normals of a cell's pairs, the next one the others.
     """
     for frame in range(streams.shape[0]):
         for i in range(streams.shape[1]):
@@ -85,20 +58,10 @@ def draw_run(key: Words, streams: Words, begin: int, out: Singles) -> None:
 def draw_places(
     key: Words, streams: Words, first: NDArray[np.int64], number: NDArray[np.int64], out: Singles
 ) -> None:
-    """Write the pairs of normals at some places of each stream to `out`.
+    """Write the pairs of normals at some places of each stream to `out` (frame, 2, place).
 
-    Parameters
-    ----------
-    key : (2,) uint64 ndarray
-        As of `draw_key`.
-    streams : (frame, cell) uint64 ndarray
-        As of `put_streams`.
-    first : (cell + 1,) int64 ndarray
-        Start of each cell in `number`.
-    number : (place,) int64 ndarray
-        Number of each pair in its stream.
-    out : (frame, 2, place) float32 ndarray
-        Output, of the places from ``first[0]`` on.
+    `first` (cell + 1,) is where each cell begins in `number` (place,), those of pairs in their
+    stream; `out` begins at ``first[0]``.
     """
     for frame in range(streams.shape[0]):
         one, other = out[frame, 0], out[frame, 1]
@@ -109,10 +72,11 @@ def draw_places(
 
 
 def _layers() -> tuple[Singles, NDArray[np.uint32], Singles]:
-    """Return the ziggurat: widths, what lies inside the next layer, and heights.
+    """Return the widths, thresholds and heights of the ziggurat.
 
     All 256 layers have the area of the lowest, tail included. Widths are per step of a 23-bit
-    mantissa, and what lies inside is in such steps; (512,) both, the second half negative.
+    mantissa; below its threshold, in such steps, a number lies within the next layer too; (512,)
+    both, the second half negative.
     """
     area = TAIL * math.exp(-(TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(TAIL / math.sqrt(2))
     edge = [TAIL]
@@ -173,7 +137,7 @@ def _normal(half: np.uint64) -> np.float32:
 
 @compiled
 def _further(half: np.uint64, state: np.uint64) -> np.float32:
-    """Return the normal of 32 bits, and of words of their own where these are not enough."""
+    """Return the normal of 32 bits, and of more words of its own stream if these do not suffice."""
     while True:
         layer, whole, x = np.int64(half & SIGNED_LAYER), half >> U9, _normal(half)
         # Inside the next layer, too: accepted without evaluating the density.

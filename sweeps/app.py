@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sweeps.engine.declare.settings import Choices
     from sweeps.engine.store.sweeping import Finished
 
-NAME = "ncti-sweep"
+NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []
 MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
 
@@ -41,6 +41,10 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     if "--version" in given:
         print(f"{NAME} {version(NAME)}")
         sys.exit(0)
+    if EXPLAIN in given:
+        from sweeps.report.explain import said
+
+        sys.exit(said(NAME, " ".join(word for word in given if word != EXPLAIN)))
     from sweeps.engine.declare.errors import DeclarationError
 
     with ExitStack() as signals:
@@ -105,7 +109,7 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     if finished.written or not is_current(store):
         with _said():  # the tables are complete without it
             kept += written_page(store, frames)
-    kept += summarize(store, frames, finished.axes, screen())
+    kept += summarize(store, frames, screen())
     if looks("irar")(choices) and choices.one(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 

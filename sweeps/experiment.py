@@ -25,7 +25,7 @@ from types import ModuleType
 from typing import Any
 
 from sweeps.engine.declare.errors import DeclarationError
-from sweeps.engine.declare.kinds import Draws, Kind, SetOf, Word
+from sweeps.engine.declare.kinds import Kind, SetOf, Word
 from sweeps.engine.declare.settings import Choices, Setting, Settings
 from sweeps.engine.declare.stage import Experiment, Stage
 from sweeps.engine.run.process import environment
@@ -102,11 +102,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         digests = {str(ship): views.hull.function(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
         given = {label: words for label, words in transforms.items() if words}
-        axes = [setting for setting in settings if _is_swept(setting, choices)]
-        # Those that the command line names come before those of an experiment.
-        axes.sort(key=lambda setting: setting.key not in choices.given)
-        shown = {"swept": [setting.name for setting in axes]} if axes else {}
-        return shown | {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
+        return {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
 
     def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
         needed = (module.loops(choices) for module in modules if hasattr(module, "loops"))
@@ -167,16 +163,6 @@ def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
     values = (value for several in listed for value in several)
     several = (value if isinstance(value, tuple) else (value,) for value in values)
     return tuple(dict.fromkeys(s for stages in several for s in stages if isinstance(s, Stage)))
-
-
-def _is_swept(setting: Setting, choices: Choices) -> bool:
-    """Return whether a setting has several values that are not its default."""
-    values = choices[setting]
-    if len(values) < 2 or isinstance(setting.kind, Draws):
-        return False
-    if setting.fallback is not None:
-        return values != choices[setting.fallback]
-    return setting.default is None or values != setting.values(setting.default)
 
 
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:

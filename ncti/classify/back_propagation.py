@@ -1,4 +1,4 @@
-"""Back-propagation through one growing hidden layer of nodes with gains of their own."""
+"""Back-propagation through one growing hidden layer of nodes with individual gains."""
 
 from __future__ import annotations
 
@@ -17,14 +17,8 @@ Floats = NDArray[np.float64]
 class Layer:
     """Layer of nodes that share their inputs.
 
-    Attributes
-    ----------
-    weights : (node, input) float64 ndarray
-        Linkweights w.
-    offsets : (node,) float64 ndarray
-        Offsets theta.
-    factors : (node,) float64 ndarray
-        Gains beta relative to the gain level.
+    `weights` w (node, input), `offsets` theta (node,) and `factors` (node,), gains beta over the
+    gain level.
     """
 
     weights: Floats
@@ -38,25 +32,10 @@ class Layer:
     def back_propagate(
         self, inputs: Floats, answers: Floats, errors: Floats, level: float
     ) -> tuple[Layer, Floats]:
-        """Return the gradient of a loss in the parameters of the layer and in its net inputs.
+        """Return the gradient of a loss in the layer's parameters, and in its net inputs w.x.
 
-        Parameters
-        ----------
-        inputs : (sample, input) float64 ndarray
-            Inputs of the nodes.
-        answers : (sample, node) float64 ndarray
-            Outputs of the nodes.
-        errors : (sample, node) float64 ndarray
-            Derivative of the loss in the outputs.
-        level : float
-            Gain level.
-
-        Returns
-        -------
-        parameters : Layer
-            Gradient in weights, offsets and gain factors.
-        net : (sample, node) float64 ndarray
-            Gradient in w.x.
+        The latter is (sample, node), as are `answers`, and `errors`, the derivatives in the
+        outputs.
         """
         slopes = errors * ((1.0 - answers) * (1.0 + answers)) * (level / 2)
         net = slopes * self.factors

@@ -123,21 +123,11 @@ def factored(bands: Floats, diagonal_loading: float) -> Floats:
 
 
 def residual_band(residual: ArrayLike, correlation: ArrayLike) -> Floats:
-    """Return the covariance of a residual that is correlated between bins like noise.
+    """Return the covariance (lag, bin), a lower band, of a residual that correlates as noise does.
 
-    Parameters
-    ----------
-    residual : (bin,) array_like
-        Standard deviation in each bin.
-    correlation : (lag,) array_like
-        Positive definite correlation between bins by lag; no more lags than bins.
-
-    Returns
-    -------
-    (lag, bin) float64 ndarray
-        Lower band, as from `ncti.classify.lower_band`. It is positive semidefinite, as the
-        elementwise product of a positive definite Toeplitz matrix and the outer product of
-        `residual` with itself.
+    `residual` (bin,) is the standard deviation in each bin, `correlation` (lag,) positive definite.
+    The band is positive semidefinite, as the elementwise product of a positive definite Toeplitz
+    matrix and an outer product.
     """
     scale, along = np.asarray(residual, dtype=np.float64), np.asarray(correlation)
     band = np.zeros((len(along), len(scale)))
@@ -147,18 +137,10 @@ def residual_band(residual: ArrayLike, correlation: ArrayLike) -> Floats:
 
 
 def mean_correlation(bands: ArrayLike) -> Floats:
-    """Return the correlation between bins by lag, averaged over templates and bins.
+    """Return the correlation between bins by lag (lag,), averaged over templates and bins.
 
-    Parameters
-    ----------
-    bands : (template, lag, bin) array_like
-        Positive definite covariances as lower bands.
-
-    Returns
-    -------
-    (lag,) float64 ndarray
-        Correlation, 1 at lag 0. It is positive definite too: the sums along the diagonals of such a
-        matrix have a spectrum that is nowhere negative.
+    `bands` (template, lag, bin) are positive definite covariances, and so is the mean: sums along
+    the diagonals of such a matrix have a spectrum that is nowhere negative.
     """
     along: Floats = np.asarray(bands, dtype=np.float64).sum(axis=(0, 2))
     return along / along[0]
@@ -189,39 +171,20 @@ def densities(
     *,
     places: int = 1,
 ) -> Floats:
-    """Return log densities of averages of frames for one template.
+    """Return (prior, sample) log densities of averages of frames under one template.
 
-    Parameters
-    ----------
-    factor : (lag, bin) float64 ndarray
-        Lower Cholesky factor L of the covariance of one frame.
-    unit : (bin, column) float64 ndarray
-        Whitened by L: the steps from the mean at the first place to that at each other place, the
-        signal at each place, and the unknown directions that all places share, scaled to a unit of
-        their prior.
-    samples : (sample, bin) float64 ndarray
-        Averages.
-    mean : (bin,) float64 ndarray
-        Mean of the template at its first place.
-    frames : (sample,) float64 ndarray
-        Number of frames in each average.
-    priors : (prior, scaled) array_like
-        Sets of standard deviations of the signal and the first shared directions; the others keep
-        their scale.
-    places : int
-        Number of places of the template, which are equally probable.
+    `factor` (lag, bin) is the lower Cholesky factor L of the covariance of one frame; `unit` (bin,
+    column) has, whitened by L, the steps from the mean at the first place to each other place, the
+    signal at each place, and the unknown directions that all places share, at a unit of their
+    prior; `samples` (sample, bin) are averages of `frames` (sample,); `mean` (bin,) is that at the
+    first place; `priors` (prior, scaled) are deviations of the signal and the first shared
+    directions, where the others keep their scale; the `places`, over which densities are averaged,
+    are equally probable.
 
-    Returns
-    -------
-    (prior, sample) float64 ndarray
-        Natural logarithms of the density, averaged over places.
-
-    Notes
-    -----
-    With U the directions times their standard deviations, the covariance of n frames is
-    L (I + n U U') L' / n. By the Woodbury identity and the matrix determinant lemma only the small
-    matrix I + n U'U has to be inverted, once for averages of one number of frames. Averages are
-    whitened once for all places: their products with the steps give those at any other place.
+    With U the directions times their deviations, the covariance of n frames is L (I + n U U') L' /
+    n. By the Woodbury identity and the matrix determinant lemma only the small matrix I + n U'U has
+    to be inverted, once for averages of one number of frames. Averages are whitened once for all
+    places: their products with the steps give those at any other place.
     """
     from ncti.classify.whitening import band_products  # numba takes long to import
 

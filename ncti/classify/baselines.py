@@ -163,7 +163,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         return self.labels_[np.maximum(template, 0)]
 
     def _nearest(self, vectors: Floats, left_out: NDArray[np.bool_]) -> tuple[Indices, Floats]:
-        """Return `match` of some (sample, feature) vectors, all of whose cosines are held.
+        """Return `match` of a few (sample, feature) vectors, all of whose cosines fit in memory.
 
         Flags of the templates left out are (sample or 1, template).
         """

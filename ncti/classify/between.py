@@ -19,12 +19,8 @@ Floats = NDArray[np.float64]
 class TemplateCells:
     """Change of profiles within the cell of aspects that each template represents.
 
-    Attributes
-    ----------
-    tangent : (template, bin) float64 ndarray
-        Difference from the template at one standard deviation of the aspect within its cell.
-    residual : (template, bin) float64 ndarray
-        Scale of the difference that remains after the tangent.
+    `tangent` (template, bin) is the difference from the template at one standard deviation of the
+    aspect within its cell, `residual` (template, bin) the scale of the difference that remains.
     """
 
     tangent: Floats
@@ -36,32 +32,10 @@ def cells(
 ) -> TemplateCells:
     """Return tangent and residual of every template, from its neighbours of the same label.
 
-    Parameters
-    ----------
-    mean : (template, bin) array_like
-        Mean profile of each template.
-    labels : (template,) array_like
-        Label of each template, such as a ship.
-    aspect : (template,) array_like
-        Aspect of each template [deg]; distinct among templates of a label.
-    correlation : (lag,) array_like
-        Correlation of noise between bins by lag, 1 at lag 0; its width is that of the pulse.
-
-    Returns
-    -------
-    TemplateCells
-        Tangents and residuals; both 0 for a label with a single template, whose surroundings are
-        unknown.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not match, or two templates of a label have the same aspect.
-
-    Notes
-    -----
-    A template at aspect a with neighbours at a - h- and a + h+ represents the aspects from
-    a - h-/2 to a + h+/2. For an offset x uniform over this cell the second moment is
+    `mean` (template, bin) are mean profiles, `labels` (template,), `aspect` (template,) [deg],
+    distinct within a label; `correlation` (lag,) is that of noise between bins, as wide as the
+    pulse. A template at aspect a with neighbours at a - h- and a + h+ represents the aspects from a
+    - h-/2 to a + h+/2. For an offset x uniform over this cell the second moment is
 
         s^2 = ((h-/2)^3 + (h+/2)^3) / (3 (h-/2 + h+/2)),
 
@@ -80,7 +54,8 @@ def cells(
     by the correlation of noise, because a change may equally well occur a pulse length away, and
     averaged over labels at the nearest aspect; otherwise the ship that changes most would have the
     widest covariance and match profiles of the others. At the ends of an open range m'' is that of
-    the adjacent template. With two templates, half their difference replaces the residual.
+    the adjacent template. With two templates, half their difference replaces the residual; both are
+    0 for one alone.
     """
     means = require_all("mean", mean)
     aspects = require_all("aspect", aspect)
@@ -122,20 +97,10 @@ def cells(
 def every_other(
     labels: ArrayLike, aspect: ArrayLike
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return every second template of each label, to be left out, and its remaining neighbours.
+    """Return every second template of each label (template,), to be left out, and its neighbours.
 
-    Parameters
-    ----------
-    labels, aspect : (template,) array_like
-        See `cells`.
-
-    Returns
-    -------
-    left_out : (template,) bool ndarray
-        True for templates to leave out. Labels with fewer than five templates keep all of them,
-        because the curvature of the remaining two would be unknown.
-    beside : (left out, kept) bool ndarray
-        True for the two nearest templates of the same label.
+    Those are a mask (left out, kept) of the two nearest of the same label. Labels with fewer than
+    five templates keep all, because the curvature of the remaining two would be unknown.
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
@@ -153,18 +118,10 @@ def every_other(
 
 
 def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
-    """Return two sets of templates to leave out in turn: every second one, and those between.
+    """Return two masks (template,) of templates to leave out in turn, or none.
 
-    Parameters
-    ----------
-    labels, aspect : (template,) array_like
-        See `cells`.
-
-    Returns
-    -------
-    list of (template,) bool ndarray
-        True for templates to leave out: those of `every_other`, and the others but the ends of
-        each label. Empty if no label has enough templates.
+    They are those of `every_other`, and the others but the ends of each label; none if no label has
+    enough templates.
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     second, _ = every_other(names, aspects)

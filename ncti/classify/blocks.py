@@ -1,39 +1,24 @@
-"""Blocks of rows, so that what compares all samples with all templates is never held whole."""
+"""Blocks of rows, so that no array compares all samples with all templates at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 ROWS = 192
-"""Rows of a block: with some hundred features, its cosines take what the templates do."""
+"""Rows of a block: with some hundred features, its cosines take as much as the templates."""
 HELD_ROWS = 8 * ROWS
 """Rows of a block that costs too much to begin, as where covariances are factored for each."""
 
 
 def row_blocks(count: int, rows: int = ROWS) -> Iterator[slice]:
-    """Yield slices that cover all rows in order, each of so many, the last of up to one more.
+    """Yield slices that cover `count` rows in order, each of `rows`, the last of up to one more.
 
-    Parameters
-    ----------
-    count : int
-        Number of all rows.
-    rows : int, default=ROWS
-        Rows of a block, two or more.
-
-    Notes
-    -----
-    Matrix products in blocks of rows equal the whole product to the bit where the library adds the
-    terms of an element in the same order for every place in the matrix. OpenBLAS does, except for
-    products with a single row or column, which have a routine of their own, and for an odd row at
-    the end. So blocks have an even number of rows, and none but the last of an odd total ends with
-    such a row; a single row is left only where there is no other. In single precision blocks have
-    to be of a multiple of 96 rows, which `ROWS` is.
-
-    Examples
-    --------
-    >>> from ncti.classify.blocks import row_blocks
-    >>> [(block.start, block.stop) for block in row_blocks(9, rows=4)]
-    [(0, 4), (4, 9)]
+    Matrix products in blocks of rows equal the whole product to the bit if the library adds the
+    terms of an element in the same order everywhere in the matrix. OpenBLAS does, except for
+    products with a single row or column, which have their own routine, and for an odd row at the
+    end. So blocks have an even number of rows, and none but the last of an odd total ends with such
+    a row; a single row is left only if there is no other. In single precision, blocks must be
+    multiples of 96 rows, as `ROWS` is.
     """
     start = 0
     while start < count:

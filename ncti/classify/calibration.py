@@ -39,37 +39,14 @@ def fit_outlier_fraction(
     *,
     gain_sigma: ArrayLike | None = None,
 ) -> Floats:
-    """Return the probability at each template that a likelihood carries no information.
+    """Return the probability (..., template) that a likelihood carries no information.
 
-    Parameters
-    ----------
-    templates : GaussianTemplates
-        Fitted classifier.
-    frame_count : int
-        Number of frames in each average.
-    rng : numpy.random.Generator
-        Draws an average from every template that is left out.
-    gain_sigma : (...) array_like, optional
-        See `GaussianTemplates.log_likelihood`.
-
-    Returns
-    -------
-    (..., template) float64 ndarray
-        Probability, for each gain prior and template; 0 if templates are exact, or too few to
-        leave some out.
-
-    See Also
-    --------
-    ncti.classify.fusion.with_outliers : Scores that allow for this probability.
-    fit_temperature_and_outliers : The same for scores that are not log densities.
-
-    Notes
-    -----
-    A covariance with tangents of a curve does not model every glint, and densities of 250 bins
-    are overconfident. Averages drawn from every second template are therefore classified by those
-    that remain, then those between by the first, and e maximises the likelihood of their true
-    labels, (1 - e) p + e / labels, p being the posterior. One right and one wrong answer are
-    added, as in `fit_temperature_and_outliers`.
+    It is 0 if templates are exact, or too few to leave some out, and has the leading axes of
+    `gain_sigma`. A covariance with tangents of a curve does not model every glint, and densities of
+    250 bins are overconfident. Averages of `frame_count` frames drawn from every second template
+    are therefore classified by those that remain, then those between by the first, and e maximises
+    the likelihood of their true labels, (1 - e) p + e / labels, p being the posterior. One right
+    and one wrong answer are added, as in `fit_temperature_and_outliers`.
 
     Profiles change faster with aspect abeam than at the bow, so e depends on the aspect: answers
     have weight 0.05 + exp(-x^2 / 2) at a distance of x times 15 degrees, and those added the mean
@@ -78,18 +55,6 @@ def fit_outlier_fraction(
     A template left out lies a whole step from the next one, a new aspect up to half a step, and at
     a template there is no outlier fraction. Failures are taken as independent chances that grow
     with the square of the distance, whose mean is 1/12: of e remains 1 - (1 - e)^(1/12).
-
-    Examples
-    --------
-    Exact templates leave no outlier fraction:
-
-    >>> import numpy as np
-    >>> from ncti.classify import GaussianTemplates, lower_band
-    >>> from ncti.classify.calibration import fit_outlier_fraction
-    >>> band = lower_band(np.stack([np.eye(3)] * 2))
-    >>> exact = GaussianTemplates().fit([[0, 1, 0], [1, 0, 0]], band, ["duncan", "roberts"], 0)
-    >>> fit_outlier_fraction(exact, 16, np.random.default_rng(0))
-    array([0., 0.])
     """
     require("frame_count", frame_count, whole=True, minimum=1)
     given = np.asarray(templates.gain_sigma if gain_sigma is None else gain_sigma)
@@ -125,24 +90,12 @@ def fit_outlier_fraction(
 def likely_outlier_fraction(
     probability: Floats, labels: int, weight: Floats, *, added: ArrayLike = 1.0
 ) -> Floats:
-    """Return the outlier fraction that maximises the likelihood of true labels.
+    """Return the outlier fraction (...) that maximises the likelihood of true labels.
 
-    Parameters
-    ----------
-    probability : (sample,) float64 ndarray
-        Posterior probability of the true label of each sample.
-    labels : int
-        Number of labels, two or more.
-    weight : (..., sample) float64 ndarray
-        Weight of each sample.
-    added : (...) array_like, default=1.0
-        Weight of a right and of a wrong answer that are added.
-
-    Returns
-    -------
-    (...) float64 ndarray
-        The e in [1e-6, 1] that maximises the weighted sum of log((1 - e) p + e / labels), p being
-        the probability: the sum is concave in e, so its derivative is bisected.
+    `probability` (sample,) is the posterior p of each true label, among two or more `labels`;
+    `weight` (..., sample), and `added` (...) that of a right and of a wrong answer more. e in
+    [1e-6, 1] maximises the weighted sum of log((1 - e) p + e / labels), which is concave, by
+    bisection of its derivative.
     """
     more = np.broadcast_to(added, weight.shape[:-1])[..., None]
     weights = np.concatenate([weight, more, more], axis=-1)
@@ -162,68 +115,18 @@ def fit_temperature_and_outliers(
 ) -> tuple[float, float]:
     """Return the factor that turns scores into log densities, and their outlier fraction.
 
-    Parameters
-    ----------
-    scores, labels
-        See `ncti.classify.label_posterior`; at least one sample.
-    truth : (sample,) array_like
-        True label of each sample.
-    weight : float or (sample,) array_like, default=1.0
-        Weight of each sample.
+    `scores` and `labels` are those of `ncti.classify.label_posterior`; `truth` (sample,), `weight`
+    (sample,). The factor is 0 if no sample has two different scores, or all templates have one
+    label.
 
-    Returns
-    -------
-    inverse_temperature : float
-        Factor above 0, in the inverse unit of the scores; 0 if every sample has one score for all
-        templates, or all templates have the same label.
-    outlier_fraction : float
-        Probability that the scores of a sample carry no information, in [0, 1].
-
-    Raises
-    ------
-    ValueError
-        If shapes do not match, there is no sample, a score is not finite, a weight is negative, or
-        a true label has no template.
-
-    See Also
-    --------
-    ncti.classify.fusion.with_outliers : Scores that allow for the outlier fraction.
-    fit_held_out_phases : The same for silhouettes at several places on the detector.
-
-    Notes
-    -----
-    Temperature scaling [1]_: numbers fitted to samples other than those to be classified, which do
-    not change the order of templates, but decide the weight of one sensor against another. Log
-    densities have the factor 1 and need no fit.
-
-    A factor alone must be small enough for the worst answers, so it discards what the others
-    contain, and yet leaves wrong answers that are too sure. Here the probability of the true label
-    is (1 - e) p + e / labels, with p the posterior at the inverse temperature s; s and e maximise
-    its likelihood, with one right and one wrong answer added, as n correct answers in n do not make
-    the next one certain [2]_.
-
-    References
-    ----------
-    .. [1] C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger, "On calibration of modern neural
-       networks", Proceedings of the 34th International Conference on Machine Learning (2017),
-       arXiv:1706.04599.
-    .. [2] J. C. Platt, "Probabilistic outputs for support vector machines and comparisons to
-       regularized likelihood methods", in Advances in Large Margin Classifiers, MIT Press (1999).
-
-    Examples
-    --------
-    One answer in ten is of another ship altogether:
-
-    >>> import numpy as np
-    >>> from ncti.classify.calibration import fit_temperature_and_outliers
-    >>> rng = np.random.default_rng(0)
-    >>> truth = rng.integers(4, size=4000)
-    >>> shown = np.where(rng.random(4000) < 0.1, rng.integers(4, size=4000), truth)
-    >>> seen = 4.0 * np.eye(4)[shown] + rng.normal(size=(4000, 4))
-    >>> logs = -((seen[:, None] - 4.0 * np.eye(4)) ** 2).sum(axis=2) / 2
-    >>> fitted = fit_temperature_and_outliers(logs / 10, np.arange(4), truth)
-    >>> print("{:.0f} {:.2f}".format(*fitted))
-    10 0.11
+    Temperature scaling (Guo et al., ICML 2017, arXiv:1706.04599): numbers fitted to samples other
+    than those to be classified, which do not change the order of templates, but decide the weight
+    of one sensor against another. Log densities have the factor 1 and need no fit. A factor alone
+    must be small enough for the worst answers, so it discards information of the others, and yet
+    leaves wrong answers too sure. Here the probability of the true label is (1 - e) p + e / labels,
+    with p the posterior at the inverse temperature s; s and e maximise its likelihood, with one
+    right and one wrong answer added, as n correct answers in n do not make the next one certain
+    (Platt, in Advances in Large Margin Classifiers, MIT Press 1999).
     """
     values, names = require_all("scores", scores), require_labels("labels", labels)
     true, weights = require_labels("truth", truth), require_all("weight", weight, minimum=0)
@@ -247,7 +150,7 @@ def _likeliest(
     truth: NDArray[np.intp],
     weights: Floats,
 ) -> tuple[float, float]:
-    """Return `fit_temperature_and_outliers` of scores of which each piece makes some rows.
+    """Return `fit_temperature_and_outliers` of scores that are made piece by piece.
 
     Labels and truth are numbers, all of which are labels of templates.
     """
@@ -277,18 +180,8 @@ def _likeliest(
 def least_at(loss: Callable[[float], float], spread: float) -> float:
     """Return the logarithm of the inverse temperature at which a loss, a function of it, is least.
 
-    Parameters
-    ----------
-    loss : callable
-        Loss at the logarithm of an inverse temperature.
-    spread : float
-        Mean spread of the scores of a sample, above 0, which sets the scale of the inverse
-        temperature.
-
-    Returns
-    -------
-    float
-        The logarithm: the lowest of `STEPS` over the spread, refined between its neighbours.
+    The lowest of `STEPS` over `spread`, the mean spread of a sample's scores, is refined between
+    its neighbours.
     """
     # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
@@ -301,38 +194,12 @@ def least_at(loss: Callable[[float], float], spread: float) -> float:
 
 
 def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike) -> Floats:
-    """Return the inverse temperature and outlier fraction of each phase, fitted to the others.
+    """Return (2, phase) inverse temperatures and outlier fractions, fitted to the other phases.
 
-    Parameters
-    ----------
-    scores : (phase, template, template) array_like
-        Cosine of a sample of every template to all templates, at two places on the detector or
-        more.
-    labels : (template,) array_like
-        Label of each template.
-    aspect : (template,) array_like
-        Aspect of each template, or its number.
-
-    Returns
-    -------
-    (2, phase) float64 ndarray
-        See `fit_temperature_and_outliers`. Samples count 11/12 with the templates of their own
-        aspect, and 1/12 without: similarity falls with the square of the distance in aspect.
-
-    See Also
-    --------
-    ncti.classify.fusion.similarity_between_phases : Such scores.
-
-    Examples
-    --------
-    Where a phase errs, the others do not trust it:
-
-    >>> import numpy as np
-    >>> from ncti.classify.calibration import fit_held_out_phases
-    >>> labels, aspect = np.divmod(np.arange(20), 10)
-    >>> good = np.where(labels[:, None] == labels, 1.0, 0.0)
-    >>> (fit_held_out_phases([-good, good, good], labels, aspect)[1] > 0.5).tolist()
-    [False, True, True]
+    `scores` (phase, template, template) are cosines of a sample of every template to all, at two or
+    more places on the detector, `labels` (template,), and `aspect` (template,) or its number.
+    Samples count 11/12 with the templates of their own aspect, and 1/12 without: similarity falls
+    with the square of the distance in aspect.
     """
     values, place = np.asarray(scores), require_all("aspect", aspect)
     phases, views, _ = values.shape

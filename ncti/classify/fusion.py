@@ -100,16 +100,10 @@ def members(label: NDArray[np.integer]) -> Floats:
 
 
 def posterior_of(values: Floats, member: Floats, answers: NDArray[np.bool_]) -> Floats:
-    """Return the posterior of `label_posterior` from what has been checked.
+    """Return the posterior of `label_posterior` from checked arguments.
 
-    Parameters
-    ----------
-    values : (sample, template) float64 ndarray
-        Scores.
-    member : (template, class) float64 ndarray
-        See `members`.
-    answers : (sample or 1, template) bool ndarray
-        False for templates that are left out.
+    `values` (sample, template) are scores, `member` is (template, class), and `answers` (sample or
+    1, template) false for templates left out.
     """
     # The best template of a sample has weight 1, so that nothing overflows and no sum is 0.
     best = values.max(axis=1, keepdims=True, initial=-np.inf, where=answers)
@@ -119,45 +113,12 @@ def posterior_of(values: Floats, member: Floats, answers: NDArray[np.bool_]) -> 
 
 
 def with_outliers(scores: ArrayLike, labels: ArrayLike, *, outlier_fraction: ArrayLike) -> Floats:
-    """Return log densities of a sensor that carries no information with some probability.
+    """Return log densities (sample, template) of a sensor that sometimes carries no information.
 
-    Parameters
-    ----------
-    scores : (sample, template) array_like
-        Natural logarithm of the density of a sample under each template, up to a constant for each
-        sample.
-    labels : (template,) array_like
-        Label of each template.
-    outlier_fraction : float or (template,) array_like
-        Probability that the scores carry no information, in [0, 1], of all templates or of each;
-        see `ncti.classify.calibration.fit_outlier_fraction`.
-
-    Returns
-    -------
-    (sample, template) float64 ndarray
-        log((1 - outlier fraction) p + outlier fraction), with p the density relative to its mean
-        over all labels. The most probable label remains the same if all templates have one outlier
-        fraction, but its lead over the others is bounded.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not match, a score is not finite or the outlier fraction is out of range.
-
-    See Also
-    --------
-    ncti.classify.fuse : Combination with the scores of another sensor.
-    ncti.classify.calibration.fit_outlier_fraction : Estimate of the probability.
-
-    Examples
-    --------
-    Odds of a million to one become 19 to 1 at an outlier fraction of 10 %:
-
-    >>> import numpy as np
-    >>> from ncti.classify.fusion import with_outliers
-    >>> logs = with_outliers(np.log([[1e6, 1.0]]), ["duncan", "roberts"], outlier_fraction=0.1)
-    >>> print(f"{np.exp(logs[0, 0] - logs[0, 1]):.1f}")
-    19.0
+    `scores` (sample, template) are log densities up to a constant for each sample, `labels`
+    (template,), and `outlier_fraction` the probability, of all templates or of each. The result is
+    log((1 - e) p + e), with p the density over its mean over all labels. If e is common, the most
+    probable label remains, but its lead is bounded.
     """
     values, names, _ = _checked(scores, labels)
     share = require_all("outlier_fraction", outlier_fraction, minimum=0, maximum=1)
@@ -235,28 +196,11 @@ def fuse(*scores: ArrayLike, inverse_temperature: Sequence[float]) -> Floats:
 def similarity_between_phases(
     silhouettes: NDArray[np.float32], templates: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the largest cosine of each silhouette to each template in all other phases.
+    """Return the largest cosine (phase, sample, template) to each template in all other phases.
 
-    Parameters
-    ----------
-    silhouettes : (phase, sample, feature) float32 ndarray
-        Maps at two places on the detector or more.
-    templates : (phase, template, feature) float32 ndarray
-        Maps of each template at the same places.
-
-    Returns
-    -------
-    (phase, sample, template) float32 ndarray
-        Cosine; 0 for an empty map. In use, no template has the same place on the detector as the
-        silhouette, so its own is left out.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ncti.classify.fusion import similarity_between_phases
-    >>> maps = np.array([[[1, 0]], [[1, 1]]], np.float32)
-    >>> similarity_between_phases(maps, maps).round(2).ravel().tolist()
-    [0.7099999785423279, 0.7099999785423279]
+    `silhouettes` (phase, sample, feature) and `templates` (phase, template, feature) are maps at
+    two or more places on the detector; an empty map has 0. In use, no template has the silhouette's
+    place on the detector, so its own is left out.
     """
     phases, views, features = templates.shape
     known = _directions(templates)

@@ -427,20 +427,10 @@ class GaussianTemplates(BaseEstimator):
 
 
 def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> float:
-    """Return the template error that maximises the likelihood of templates left out.
+    """Return the template error from 1e-4 to 100, to 5 %, most likely of templates left out.
 
-    Parameters
-    ----------
-    templates : GaussianTemplates
-        Classifier with aspects and some template error.
-    rng : numpy.random.Generator
-        Draws an average of 16 frames from every second template of a label.
-
-    Returns
-    -------
-    float
-        Template error from 1e-4 to 100, to 5 %, with the largest mean log density of an average
-        under the two neighbouring templates of its label. 1 if no label has five templates.
+    It has the largest mean log density of averages of 16 frames from every second template of a
+    label, under its two neighbours of the same label. 1 if no label has five templates.
     """
     # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar

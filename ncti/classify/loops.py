@@ -8,7 +8,7 @@ from ncti.machine_code import Loops
 
 
 def _whiten() -> None:
-    """Return nothing; calls both loops, which compiles them."""
+    """Call both loops, which compiles them."""
     from ncti.classify.bands import densities, whiten  # scipy takes long to import
 
     whiten(np.ones((1, 1)), np.ones((1, 1)))

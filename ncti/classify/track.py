@@ -1,4 +1,4 @@
-"""Prior of the aspect from a track: which templates a tracker leaves probable."""
+"""Prior of the aspect from a track: probabilities of templates given a tracker's report."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ class Similarities:
         return self.directions if self.few_features else np.eye(len(self.directions))
 
     def products(self, directions: Floats) -> Floats:
-        """Return what, times the coordinates of a category, are cosines of (..., feature) ones."""
+        """Return factors that turn a category's coordinates into cosines to (..., feature) ones."""
         return directions if self.few_features else directions @ self.directions.T
 
     @cached_property

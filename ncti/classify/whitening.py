@@ -10,7 +10,7 @@ from ncti.compiled import compiled, inlined
 Floats = NDArray[np.float64]
 
 AT_ONCE = 64
-"""Vectors that are solved together: what a band spans of them stays in the nearest memory."""
+"""Vectors that are solved together: the elements that a band spans stay in L1."""
 
 
 @inlined
@@ -28,20 +28,10 @@ def _eliminate(factor: Floats, some: Floats, j: int) -> None:
 
 @compiled
 def solve_band(factor: Floats, vectors: Floats) -> Floats:
-    """Return L^-1 times each of some vectors, as if it were alone.
+    """Return L^-1 times each of some (vector, bin) vectors, as if it were alone.
 
-    Parameters
-    ----------
-    factor : (lag, bin) float64 ndarray
-        Lower band of L, in contiguous memory.
-    vectors : (vector, bin) float64 ndarray
-        Right-hand sides, in contiguous memory.
-
-    Returns
-    -------
-    (vector, bin) float64 ndarray
-        By forward substitution, of several at a time: LAPACK's dtbtrs takes three times as long,
-        since it solves one after the other.
+    `factor` (lag, bin) is the lower band of L. Forward substitution of several at a time: LAPACK's
+    dtbtrs, which solves one after the other, takes three times as long.
     """
     bins = factor.shape[1]
     solved, some = np.empty(vectors.shape), np.zeros((bins, AT_ONCE))
@@ -62,25 +52,11 @@ def solve_band(factor: Floats, vectors: Floats) -> Floats:
 def band_products(
     factor: Floats, vectors: Floats, mean: Floats, directions: Floats
 ) -> tuple[Floats, Floats]:
-    """Return squared lengths of whitened vectors, and their inner products with some directions.
+    """Return squared lengths (vector,) of whitened vectors, and their products with directions.
 
-    Parameters
-    ----------
-    factor : (lag, bin) float64 ndarray
-        Lower band of L, in contiguous memory.
-    vectors : (vector, bin) float64 ndarray
-        They are whitened, L^-1 (x - m), but not kept.
-    mean : (bin,) float64 ndarray
-        m, which is subtracted from each.
-    directions : (bin, direction) float64 ndarray
-        Whitened directions.
-
-    Returns
-    -------
-    squared : (vector,) float64 ndarray
-        Squared lengths.
-    along : (vector, direction) float64 ndarray
-        Inner products. Both are of each vector as if it were alone.
+    `vectors` (vector, bin) are whitened to L^-1 (x - m), but not kept: `factor` (lag, bin) is the
+    lower band of L, `mean` (bin,) m, and `directions` (bin, direction) are whitened. Products
+    (vector, direction) are of each vector as if it were alone.
     """
     bins, number = directions.shape
     squared, along = np.empty(len(vectors)), np.empty((len(vectors), number))

@@ -155,7 +155,7 @@ def _columns(rows: xr.Dataset) -> list[str]:
 
 
 def _lines(rows: xr.Dataset) -> Iterator[bytes]:
-    """Yield the lines of a part's file, numbers with as many digits as tell them apart."""
+    """Yield the lines of a part's file, numbers with enough digits to be distinct."""
     columns = _columns(rows)
     for k in range(rows.sizes["row"]):
         values = {name: rows[name].values[k] for name in columns}

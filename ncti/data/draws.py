@@ -20,15 +20,7 @@ KINDS = "a number, a list of numbers, a tuple (low, high) or a frozen distributi
 
 @dataclass(frozen=True)
 class Bounds:
-    """Values that a parameter may have.
-
-    Attributes
-    ----------
-    minimum, maximum : float
-        Inclusive bounds.
-    whole : bool
-        Whole numbers only.
-    """
+    """Values that a parameter may have: inclusive bounds, and whole numbers only if `whole`."""
 
     minimum: float = -math.inf
     maximum: float = math.inf
@@ -40,23 +32,9 @@ class Bounds:
 
 
 def uniform_numbers(seed: int, key: int, numbers: NDArray[np.int64], columns: int) -> Floats:
-    """Return random numbers of some rows, which depend on the seed and the row's number alone.
+    """Return (column, row) random numbers between 0 and 1, exclusive, keyed by seed, key and row.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of a data set.
-    key : int
-        What the numbers are for.
-    numbers : (row,) int64 ndarray
-        Numbers of the rows.
-    columns : int
-        Random numbers of a row.
-
-    Returns
-    -------
-    (column, row) float64 ndarray
-        Uniform between 0 and 1, neither included.
+    `numbers` (row,) are those of the rows, and `key` separates uses.
     """
     words = np.array(
         [
@@ -70,29 +48,11 @@ def uniform_numbers(seed: int, key: int, numbers: NDArray[np.int64], columns: in
 
 
 def sampler(name: str, given: Any, bounds: Bounds) -> Callable[[Floats], Floats]:
-    """Return the function that turns uniform random numbers into values of a parameter.
+    """Return the function that turns (row,) uniform random numbers into values of a parameter.
 
-    Parameters
-    ----------
-    name : str
-        Name of the parameter, for messages.
-    given : number, list, (low, high) or distribution
-        A value; a list of which each value is drawn as often; a tuple, the interval to draw from
-        uniformly, ends included where the parameter is a whole number; or a distribution of
-        `scipy.stats`, whose inverse (`ppf`) is used.
-    bounds : Bounds
-        What is allowed.
-
-    Returns
-    -------
-    callable
-        Function of (row,) numbers between 0 and 1, which returns (row,) values; `ValueError` if a
-        distribution gives a value out of bounds.
-
-    Raises
-    ------
-    ValueError
-        If the parameter is none of these, or out of bounds.
+    `given` is a value; a list, each value of which is equally probable; a tuple, an interval to
+    draw from uniformly, ends included for whole numbers; or a distribution of `scipy.stats`, by its
+    `ppf`. Values out of bounds raise `ValueError`.
     """
     inverse = getattr(given, "ppf", None)
     if callable(inverse):

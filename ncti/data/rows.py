@@ -65,7 +65,7 @@ NUMBERS = {
     "spacing": Bounds(0.01, 2.0),  # m
     "far_field_error": Bounds(1e-12, 1.0),
 }
-"""Numbers that are the same for all rows, and what they may be."""
+"""Numbers that are the same for all rows, and their bounds."""
 
 ROWS_AT_ONCE = 2000  # of a batch: some seconds of a process
 
@@ -100,7 +100,7 @@ OF_RADAR: dict[str, Any] = {
     "floor": 0.0,
     "expected": False,
 }
-"""Arguments of the laser radar alone, and what they are where there is none."""
+"""Arguments of the laser radar alone, and their values without one."""
 
 ONLY_RADAR = (*OF_RADAR, *PLACE, "error_bound")
 """Coordinates of rows that need a laser radar."""
@@ -303,7 +303,7 @@ def dataset(
 
 
 def _check_unused(of_radar: dict[str, Any]) -> None:
-    """Raise `ValueError` for arguments of the laser radar that are given where there is none."""
+    """Raise `ValueError` for arguments of the laser radar in a data set without it."""
     for name, value in of_radar.items():
         if value is not OF_RADAR[name] and not (np.isscalar(value) and value == OF_RADAR[name]):
             raise ValueError(
@@ -312,7 +312,7 @@ def _check_unused(of_radar: dict[str, Any]) -> None:
 
 
 def _bounds(bin_width: float) -> dict[str, Bounds]:
-    """Return what parameters may be, by name: those of views before those of rows."""
+    """Return the bounds of parameters by name, those of views before those of rows."""
     shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # or a rounding of it
     return {
         "aspect": Bounds(-360.0, 360.0),
@@ -327,7 +327,7 @@ def _bounds(bin_width: float) -> dict[str, Bounds]:
 
 
 def _names(ships: Sequence[Ship]) -> list[str]:
-    """Return the names of ships, or raise `ValueError` where there are none, or two alike."""
+    """Return the names of ships, or raise `ValueError` if there are none, or two equal ones."""
     if isinstance(ships, str) or not isinstance(ships, Sequence) or not ships:
         raise ValueError(f"ships is {ships!r:.60}, but must be a list of ships")
     names: list[str] = []
@@ -361,21 +361,10 @@ def parameters(
     cnr: Any = OF_RADAR["cnr"],
     **given: Any,
 ) -> Arrays:
-    """Return what is drawn for rows of a data set, without simulating them.
+    """Return the parameters (row,) drawn for the rows of a data set, without simulating them.
 
-    Parameters
-    ----------
-    numbers : (row,) int64 ndarray
-        Numbers of the rows.
-    ships : int
-        Number of ships.
-    seed, rows_per_view, bin_width, cnr, **given
-        As of `dataset`; all that may be drawn.
-
-    Returns
-    -------
-    dict of (row,) ndarray
-        All parameters by name, `row` and `view` among them; `ship` is a number.
+    `numbers` (row,) are those of the rows; `row` and `view` are among the parameters, and `ship` is
+    a number. Other arguments are those of `dataset`.
     """
     if isinstance(given["aspect"], str) and given["aspect"] == ANYWHERE:
         given["aspect"] = (0.0, 360.0)
@@ -432,7 +421,7 @@ def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
 
 
 def _lines_alone() -> None:
-    """Have this process sweep lines without threads, which other processes leave no room for."""
+    """Make this process sweep lines in one thread, since other processes use the cores."""
     os.environ["OMP_NUM_THREADS"] = "1"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,16 +17,18 @@ from ncti.ladar.budget import carrier_to_noise
 from ncti.render.flight import DEPRESSION
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 KNOWN = ("duncan", "horne", "spruance", "texas")
-"""Ships learned. Duncan is one of two sisters, the other ships are of classes of their own."""
+"""Ships learned. Duncan is one of two sisters, each of the others has its own class."""
 
 SISTER, STRANGER = "roberts", "connole"
 """Ships not learned: Roberts, of Duncan's class with a longer hull, and one of another class."""
 
 TRAIN, TEST, UNKNOWN = "train", "test", "unknown"
 TRAINING_ROWS, TEST_ROWS = 1600, 800
+LONG = 400  # rows, which take seconds
 PER_VIEW = {TRAIN: 8, TEST: 2, UNKNOWN: 2}
 """Rows of a view. What is tested varies more between views than between draws of one."""
 
@@ -71,12 +74,12 @@ NOMINAL: Rows = {
     "gain": 1.0,
     "floor": 0.0,
 }
-"""Parameters of all rows, but for what a split asks."""
+"""Parameters of all rows, unless a split changes them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Rows to learn from and rows to be tested with, which have nothing in common.
+    """Rows of training and test, which have nothing in common.
 
     Attributes
     ----------
@@ -85,7 +88,7 @@ class Split:
     seed : int
         Seed from which all of it follows.
     train, test : xarray.Dataset
-        Rows of `ncti.dataset`; `ship` is what is to be named, and `variant` the ship drawn. Those
+        Rows of `ncti.dataset`; `ship` is the right answer, and `variant` the ship drawn. Those
         of training have their expected profiles, too.
     unknown : xarray.Dataset or None
         Rows of a ship that is absent from training, to be rejected.
@@ -109,6 +112,26 @@ class Split:
     test: xr.Dataset
     unknown: xr.Dataset | None
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Return rows, views, ships and the aspects [deg] of each part, one row a part."""
+        import pandas as pd
+
+        parts = {TRAIN: self.train, TEST: self.test, UNKNOWN: self.unknown}
+        about = {
+            name: {
+                "rows": part.sizes["row"],
+                "views": len(np.unique(part.view)),
+                "ships": ", ".join(np.unique(part.ship)),
+                "aspects": f"{float(part.aspect.min()):.0f}-{float(part.aspect.max()):.0f}",
+            }
+            for name, part in parts.items()
+            if part is not None
+        }
+        return pd.DataFrame.from_dict(about, orient="index")
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.name}, seed {self.seed}: {self.question}</p>{self.to_pandas().to_html()}"
+
 
 def split(
     name: str,
@@ -119,7 +142,7 @@ def split(
     test: int = TEST_ROWS,
     workers: int = 1,
 ) -> Split:
-    """Return the rows of a named split, of which none of a test has anything of training.
+    """Return the rows of a named split, whose test shares nothing with its training.
 
     Parameters
     ----------
@@ -156,8 +179,8 @@ def split(
     -----
     Aspects are of one side of a ship: its other side shows nearly the same, and would leak. All
     splits but `aspect-gap`, `range-shift` and `variant` have one training for a seed, and all tests
-    of aspects at random have the same views and noise for a seed, so that differences between
-    splits are those of what they ask. The sector of `aspect-gap` is the sixth of the side whose
+    of aspects at random have the same views and noise for a seed, so that splits differ by their
+    conditions alone. The sector of `aspect-gap` is the sixth of the side whose
     number is the seed modulo 6. The drift of `sensor-shift` is drawn for each row: gain and floor
     of normal distributions, the carrier-to-noise ratio 3 dB less.
 
@@ -173,6 +196,9 @@ def split(
     for part, count in ((TRAIN, train), (TEST, test)):
         require(part, count, **vars(NUMBERS["count"]))
     counts = {TRAIN: train, TEST: test, UNKNOWN: max(test // 2, 1)}
+    if train + test > LONG:
+        said = "simulating %d rows to learn and %d to test; this takes some seconds"
+        logging.getLogger("ncti").warning(said, train, test)
     found = {
         part: rows_of(name, part, seed=seed, ships=ships, count=count, workers=workers)
         for part, count in counts.items()
@@ -184,22 +210,7 @@ def split(
 def rows_of(
     name: str, part: str, *, seed: int, ships: Sequence[str], count: int, workers: int = 1
 ) -> xr.Dataset:
-    """Return the rows of one part of a split.
-
-    Parameters
-    ----------
-    name, seed, ships, workers
-        As of `split`.
-    part : {"train", "test", "unknown"}
-        Part.
-    count : int
-        Number of rows.
-
-    Returns
-    -------
-    xarray.Dataset
-        See `Split`.
-    """
+    """Return the rows of one part, "train", "test" or "unknown", of a split; see `Split`."""
     names, given = recipe(name, part, seed=seed, ships=ships)
     rows = dataset(names, count, workers=workers, expected=part == TRAIN, **given)
     base = np.array([ship.partition("@")[0] for ship in rows.ship.values.tolist()])
@@ -210,25 +221,7 @@ def rows_of(
 
 
 def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[list[str], Rows]:
-    """Return what the rows of one part of a split are drawn from.
-
-    Parameters
-    ----------
-    name, part, seed, ships
-        As of `rows_of`.
-
-    Returns
-    -------
-    ships : list of str
-        Names of the ships that are drawn.
-    given : dict
-        Arguments of `ncti.dataset`: the seed, the rows of a view, and all that is drawn.
-
-    Raises
-    ------
-    ValueError
-        As of `split`.
-    """
+    """Return the ships of one part of a split, and arguments of `ncti.dataset` for its rows."""
     require_word("name", name, SPLITS)
     require_word("part", part, PER_VIEW)
     require("seed", seed, minimum=0, maximum=2**63 - 1, whole=True)
@@ -243,24 +236,7 @@ def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[li
 
 
 def trained_as(name: str) -> str:
-    """Return the first split with the same training as another.
-
-    Parameters
-    ----------
-    name : str
-        One of `SPLITS`.
-
-    Returns
-    -------
-    str
-        One of `SPLITS`.
-
-    Examples
-    --------
-    >>> from ncti.data.splits import trained_as
-    >>> trained_as("few-frames"), trained_as("variant")
-    ('aspect-random', 'variant')
-    """
+    """Return the first split with the same training as another."""
     return name if name in ("aspect-gap", "range-shift", "variant") else "aspect-random"
 
 
@@ -268,32 +244,16 @@ OUTSIDERS = {"unknown-near": SISTER, "unknown-far": STRANGER}
 
 
 def gap(seed: int) -> tuple[float, float]:
-    """Return the sector [deg] that `aspect-gap` leaves out for a seed.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the split.
-
-    Returns
-    -------
-    low, high : float
-        Ends, the first of which is in it.
-
-    Examples
-    --------
-    >>> from ncti.data.splits import gap
-    >>> gap(7)
-    (30.0, 60.0)
-    """
+    """Return the sector [deg] that `aspect-gap` leaves out for a seed; its first end is in it."""
     low = SECTOR * (seed % round(SIDE[1] / SECTOR))
     return low, low + SECTOR
 
 
 def _drawn_by(name: str, part: str, seed: int) -> int:
-    """Return the seed of the rows of a part, which no other part of any split has for a seed.
+    """Return the seed of the rows of a part, unlike those of all other parts and splits of a seed.
 
-    Unless it is the same training, or the same views and noise under other conditions.
+    Parts share it only if they have the same training, or the same views and noise under other
+    conditions.
     """
     of_train = [*SPLITS].index(trained_as(name))
     key = {TRAIN: (0, of_train), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
@@ -314,7 +274,7 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
 
 
 def _given(name: str, part: str, seed: int) -> Rows:
-    """Return what a part has in the place of nominal parameters."""
+    """Return the parameters of a part that differ from the nominal ones."""
     # Imported where it is used: scipy.stats takes half a second.
     from scipy.stats import norm, rv_histogram
 

@@ -1,4 +1,4 @@
-"""Vectors, labels and groups of what a sweep has stored, as its classifiers take them."""
+"""Vectors, labels and groups of a sweep's store, as its classifiers take them."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ ROWS = ("dataset", "dataset_infrared")
 
 AT_ONCE = 20_000  # rows of a store that are read at once, so that a million need little more memory
 PREFIX = "row_"  # of parameters of rows in a store
+DRAWS = ("replicate", "phase")  # dimensions whose values are draws of one and the same
 OF_ROWS = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
 """Types of numbers, which a store may keep in others."""
 
@@ -49,7 +50,7 @@ SENSORS = {
 def load_xy(
     store: str | Path, classifier_group: str | None = None, split: str = "train", **where: Any
 ) -> Vectors:
-    """Return the vectors of a sweep's views, the ships that they are of, and groups.
+    """Return the vectors of a sweep's views, their ships, and groups.
 
     Parameters
     ----------
@@ -59,14 +60,15 @@ def load_xy(
         A classifier of one sensor, as ``acn`` or ``acn_infrared``, or a sensor, ``range_profile``
         or ``infrared``; the first of these that is in the store when not given.
     split : {"train", "learned", "test", "unknown"}
-        `train`: what classifiers learn, the expected profiles or noiseless silhouettes of the
+        `train`: training data of classifiers, expected profiles or noiseless silhouettes of the
         learned aspects of known ships; `learned`: measured ones, averages of frames, of the same
         views; `test`: measured ones at all other aspects of known ships; `unknown`: measured ones
         of ships absent from training.
     **where
-        Values of dimensions, in the store's units, as ``pulse_width=30, frame_count=16``. Of other
-        dimensions all values are taken, one after the other. One that a split lacks is ignored:
-        what is learned has no number of frames.
+        Values of dimensions, in the store's units, as ``pulse_width=30, frame_count=[16, 32]``. All
+        draws of the noise are taken, one after the other; any other dimension with several values
+        must be given. One that a split lacks is ignored: expected profiles have no number of
+        frames.
 
     Returns
     -------
@@ -81,7 +83,8 @@ def load_xy(
     Raises
     ------
     ValueError
-        If there is no such store, group or value, or the split has no views.
+        If there is no such store, group or value, a dimension is to be given, or the split has no
+        views.
 
     See Also
     --------
@@ -128,6 +131,13 @@ def load_xy(
     name = of_sensor.learned if split == "train" else of_sensor.measured
     signatures = views[name].isel(ship=np.flatnonzero(ships), aspect=np.flatnonzero(aspects))
     axes = of_sensor.axes
+    for dim in signatures.dims:
+        if dim not in ("ship", "aspect", *axes, *DRAWS, *where) and signatures.sizes[dim] > 1:
+            listed = ", ".join(map(str, signatures[dim].values[:20]))
+            raise ValueError(
+                f"{dim} is not given, but must be one of {listed}, or a list of these: what "
+                "vectors mean depends on it"
+            )
     rows = signatures.stack(row=[d for d in signatures.dims if d not in axes], create_index=False)
     rows = rows.transpose("row", *axes)
     values = rows.values
@@ -213,7 +223,7 @@ def pieces_of(store: str | Path) -> dict[int, int]:
 
 
 def _vectors(rows: xr.Dataset) -> Vectors:
-    """Return what `to_numpy` does of rows that are not read yet, some of which are held at once."""
+    """Return `to_numpy` of rows not read yet, a few of which are in memory at once."""
     coords = rows.drop_vars([*rows.data_vars]).load()
     vectors = None
     for start in range(0, rows.sizes["row"], AT_ONCE):

@@ -1,4 +1,4 @@
-"""Data sets for PyTorch of what a sweep has stored: by row, and as a stream of batches.
+"""PyTorch data sets of a sweep's store: by row, and as a stream of batches.
 
 They need the extra ``torch`` where `torch.utils.data.DataLoader` reads them, and nothing else: a
 row is a vector of numpy and the number of its ship.
@@ -41,43 +41,11 @@ WHOLE = -1
 class StoredRows:
     """Rows of a store, a map-style data set for `torch.utils.data.DataLoader`.
 
-    Parameters
-    ----------
-    store, classifier_group, split, **where
-        As of `ncti.load_xy`.
-    classes : sequence of str, optional
-        Names of ships, by the number that is a row's label; those of the store when not given.
-
-    Attributes
-    ----------
-    classes : tuple of str
-        As given, or the store's.
-    sizes : dict of int
-        Number of rows of each piece of the store.
-
-    Raises
-    ------
-    ValueError
-        As of `ncti.load_xy`, or if a ship is not among the classes.
-
-    See Also
-    --------
-    RowStream : Batches in an order by a seed, which read each piece of a store once.
-
-    Notes
-    -----
-    Of a store of rows a piece is read when a row of it is asked for, and the last ones are kept. A
-    `DataLoader` asks for a batch at a time, whose rows are read piece by piece.
-
-    Examples
-    --------
+    Arguments are those of `ncti.load_xy`; `classes` are names of ships by label, those of the store
+    by default; `sizes` has the number of rows of each piece. A piece is read when one of its rows
+    is wanted, and the last ones are kept; rows of a batch are read piece by piece.
     ``DataLoader(StoredRows("rows.zarr"), batch_size=256, shuffle=True, num_workers=2)`` gives
     batches of (row, feature) and (row,) tensors.
-
-    >>> from ncti.data.torch import StoredRows
-    >>> StoredRows("no.zarr")
-    Traceback (most recent call last):
-    ValueError: store is 'no.zarr', which does not exist
     """
 
     def __init__(
@@ -124,41 +92,12 @@ class StoredRows:
 class RowStream(IterableDataset):
     """Batches of a store's rows in an order by a seed, an iterable data set for `DataLoader`.
 
-    Parameters
-    ----------
-    rows : StoredRows
-        The rows.
-    batch_size : int
-        Rows of a batch; the last one of a piece may have fewer.
-    seed : int
-        Seed of the order.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of its range.
-
-    See Also
-    --------
-    StoredRows : Rows by number.
-
-    Notes
-    -----
-    The pieces of a store are in random order, and so are the rows of a piece; each epoch has an
-    order of its own, `set_epoch`. Batches are of one piece each, of eight pieces in turn, and are
-    dealt to the workers of a loader in turn, which returns them in turn: their order is the same
-    for any number of workers. Of 2, 4 or 8 workers each reads pieces of its own, if they have
-    equally many rows.
-
-    Examples
-    --------
+    Each epoch, `set_epoch`, shuffles pieces, and the rows of a piece. A batch is of one piece, of
+    eight in turn, and the last one of a piece may have fewer than `batch_size` rows. The workers of
+    a loader get and return batches in turn, so that their number does not change the order; 2, 4 or
+    8 workers each read their own pieces, if these have equally many rows.
     ``DataLoader(RowStream(rows, batch_size=256, seed=0), batch_size=None, num_workers=2)`` gives
     batches of (row, feature) and (row,) tensors.
-
-    >>> from ncti.data.torch import RowStream
-    >>> RowStream(None, batch_size=0, seed=0)
-    Traceback (most recent call last):
-    ValueError: batch_size is 0, but must be a whole number at least 1
     """
 
     def __init__(self, rows: StoredRows, *, batch_size: int, seed: int) -> None:

@@ -25,7 +25,7 @@ GROUP = ("ship", "aspect", "depression")
 
 
 def to_numpy(rows: xr.Dataset) -> Vectors:
-    """Return the vectors of rows, the ships that they are of, and groups that must not be split.
+    """Return the vectors of rows, their ships, and groups that must not be split.
 
     Parameters
     ----------

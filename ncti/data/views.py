@@ -41,21 +41,15 @@ OF_VIEWS, OF_ROWS, SPECKLE, IMAGE = range(4)
 """Streams of random numbers: parameters of a view, of a row, its speckle, and its image."""
 
 SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "infrared")}
-"""Sensors by what a data set calls them."""
+"""Sensors by their name in a data set."""
 
 
 @dataclass(frozen=True)
 class Radar:
-    """The laser radar of a data set: what is the same for all of its rows.
+    """The laser radar of a data set, common to all of its rows.
 
-    Attributes
-    ----------
-    ifov : float
-        Side of the instantaneous field of view [rad].
-    bin_width, window : float
-        Range bin, and window centred on the ship origin [m].
-    target_free_ifovs : int
-        IFOVs without target that each frame accumulates besides.
+    `ifov` [rad]; `bin_width` [m]; `window` [m], centred on the ship origin; each frame also
+    accumulates `target_free_ifovs`.
     """
 
     ifov: float
@@ -66,28 +60,12 @@ class Radar:
 
 @dataclass(frozen=True)
 class Recipe:
-    """What the rows of a data set have in common, wherever they are simulated.
+    """Settings that all rows of a data set share, wherever they are simulated.
 
-    Attributes
-    ----------
-    ships : tuple
-        A name, path or mesh of each ship.
-    seed : int
-        Seed of the data set.
-    sensor : str
-        A word of `SENSORS`.
-    radar : Radar
-        The laser radar.
-    imager : ncti.infrared.Imager
-        The passive-infrared imager, whose pixels are as wide as the IFOVs.
-    super_resolution : str
-        Its method, as of `ncti.infrared.image`.
-    spacing : float
-        Distance between lines across a ship [m].
-    far_field_error : float
-        Largest error of drawing the far field in place of a slant range.
-    expected : bool
-        Whether expected profiles are returned, too.
+    `ships` are names, paths or meshes, and `sensor` is a word of `SENSORS`. The imager's pixels are
+    as wide as the IFOVs. Lines are `spacing` [m] apart, and `far_field_error` [1] is the largest
+    error of drawing the far field in place of a slant range. `expected` asks for expected profiles,
+    too.
     """
 
     ships: tuple[Ship, ...]
@@ -106,24 +84,12 @@ class Recipe:
 
 
 def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
-    """Return the signatures of rows, in which equal views are beside one another.
+    """Return the signatures (row, ...) of rows, in which equal views are beside one another.
 
-    Parameters
-    ----------
-    recipe : Recipe
-        What the rows have in common.
-    drawn : dict of (row,) ndarray
-        Number and parameters of each row, its ship as an index.
-
-    Returns
-    -------
-    dict of (row, ...) ndarray
-        Of the laser radar `profile` and perhaps `expected`, noise floor included, and
-        `error_bound`; of the imager `silhouette`, log-polar maps in bytes.
-
-    Notes
-    -----
-    The last bit of a matrix product depends on its number of threads, so there is always one.
+    `drawn` has number and parameters (row,) of each, its ship as an index. Of the laser radar they
+    are `profile`, `expected` if asked for, noise floor included, and `error_bound`; of the imager
+    `silhouette`, log-polar maps in bytes. BLAS has one thread, as the last bit of a product depends
+    on their number.
     """
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
@@ -238,7 +204,7 @@ def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
 def silhouettes(
     recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
 ) -> NDArray[np.uint8]:
-    """Return the log-polar maps of the rows of one view, each at a place on the pixels of its own.
+    """Return the log-polar maps of the rows of one view, each at its own place on the pixels.
 
     They are of the silhouettes that the matched segmentation returns.
     """

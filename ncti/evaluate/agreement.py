@@ -1,4 +1,4 @@
-"""Agreement of simulated figures with given ones, and what it says of the settings simulated."""
+"""Agreement of simulated figures with given ones, and the posterior of their settings."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def posterior_weights(chi_square: ArrayLike, *, effective: float = 1.0) -> Poste
     Parameters
     ----------
     chi_square : (setting,) array_like
-        Distances to what is given, as of `chi_square`.
+        Distances of `chi_square` to the given figures.
     effective : float
         Least effective number of settings, from 1 to their number.
 
@@ -235,7 +235,7 @@ def posterior_weights(chi_square: ArrayLike, *, effective: float = 1.0) -> Poste
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Keep what settings reach of each figure.
+    """Range of each figure over settings, and its agreement with a given one.
 
     Attributes
     ----------

@@ -87,9 +87,9 @@ def scored(
 ) -> xr.Dataset:
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
-    Of (..., ship, aspect) answers: 1 where right, 0 where not, negative where nothing was asked.
-    Means over draws have intervals that take in views and draws (`replicated_accuracy`), and a
-    `spread`. Answers at `aspects` of several kinds are scored apart, along a dimension of theirs.
+    Answers (..., ship, aspect) are 1 if right, 0 if not, and negative if nothing was asked.
+    Intervals of means over draws include views and draws (`replicated_accuracy`), with a `spread`.
+    Answers at several kinds of `aspects` are scored separately, along a dimension of kinds.
     """
     import xarray as xr
 
@@ -146,7 +146,7 @@ def tabulate_scores(
     aspects : mapping of str to (aspect,) xarray.DataArray of bool
         Kinds of aspects, whose tests are scored apart if there are several.
     shown : str
-        Word for what is classified, for labels.
+        Noun of the classified samples, for labels.
 
     Returns
     -------

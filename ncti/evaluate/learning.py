@@ -88,8 +88,8 @@ def learning_curve(
 
     Notes
     -----
-    Smaller subsets are parts of larger ones, so that a curve shows what more data add, and not the
-    luck of another draw. The interval is of the tests, for this training.
+    Smaller subsets are parts of larger ones, so that a curve shows the gain from more data, and
+    not the luck of another draw. The interval is of the tests, for this training.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def learning_curve(
 
 
 def _places(kinds: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return how many before each element are of its kind."""
+    """Return the number of equal elements before each."""
     by_kind = np.argsort(kinds, kind="stable")
     counts = np.bincount(kinds)
     before = np.repeat(np.cumsum(counts) - counts, counts)

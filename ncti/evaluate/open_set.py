@@ -1,4 +1,4 @@
-"""Scores of classifiers that meet classes absent from training."""
+"""Scores of classifiers for tests with classes absent from training."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
 
 
 def rejection_thresholds(similarity: ArrayLike, shares: ArrayLike) -> NDArray[np.float64]:
-    """Return up to which similarity answers must be rejected to reject some shares of them.
+    """Return the similarities up to which answers must be rejected to reject given shares.
 
     Parameters
     ----------

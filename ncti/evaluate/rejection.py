@@ -140,8 +140,8 @@ def _shares(
 ) -> xr.Dataset:
     """Return `scored` of all aspects together at levels, NaN without one.
 
-    Which of the answers asked for are hits is a function of the level. Levels lie on the last axis
-    of theirs, and are taken some at a time.
+    `hits` gives the hits at levels among the answers that are `asked`. Levels lie on the last axis
+    of theirs, and are scored a few at a time.
     """
     import xarray as xr
 

@@ -133,14 +133,8 @@ def _accuracy(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return (cell, bin) fractions of right answers, the ends of their intervals, and answers.
 
-    Parameters
-    ----------
-    right, asked : (cell, draw, ..., ship, aspect) bool ndarrays
-        Right answers, and those that count.
-    member : (aspect, bin) float64 ndarray
-        1 where an aspect lies in a bin; the last bin holds all.
-    draws : int
-        Number of axes that are draws.
+    `right` and `asked` are (cell, draw, ..., ship, aspect), with `draws` axes that are draws;
+    `member` (aspect, bin) is 1 where an aspect lies in a bin, of which the last holds all.
     """
     # Counts of answers, and of right ones, by bin at every level of every factor.
     count = asked.astype(float)
@@ -243,7 +237,7 @@ def paired_difference(
     draws: int = 1,
     answered: ArrayLike = True,
 ) -> AspectAccuracy:
-    """Return how much larger a second fraction of correct answers to the same views is.
+    """Return a second fraction of correct answers to the same views less the first.
 
     Parameters
     ----------
@@ -338,12 +332,8 @@ def _views(values: Floats, member: Floats) -> Floats:
 def _equivalent_answers(levels: list[tuple[Floats, Floats]], share: Floats) -> Floats:
     """Return the (..., bin) equivalent number of independent answers; see `replicated_accuracy`.
 
-    Parameters
-    ----------
-    levels : list of two (..., level, bin) float64 ndarrays
-        Answers and right answers at the levels of each factor: the views, then each kind of draw.
-    share : (...) float64 ndarray
-        Share of right answers in all bins.
+    `levels` has (..., level, bin) answers and right answers of each factor, the views, then each
+    kind of draw; `share` (...) is that of right answers in all bins.
     """
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import ndtri, stdtrit

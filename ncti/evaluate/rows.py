@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require_all, require_labels, require_shape
+from ncti.evaluate import tables
 from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
 from ncti.evaluate.replicates import grouped_accuracy
 from ncti.evaluate.scores import AspectAccuracy
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 BINS = 10  # of confidence, of equal width
 REJECTED = 0.9  # share of answers to unknown classes
@@ -101,6 +107,20 @@ class Scores:
     auroc: float
     oscr: float
     kept: float
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the confusion: answers by true class, down, and class named, across."""
+        return tables.confusion_table(self)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the confusion in percent of the answers to a class."""
+        return tables.plot_confusion(self, ax)
+
+    def _repr_html_(self) -> str:
+        names = ("log_loss", "ece", "auroc", "oscr", "kept")
+        known = {name: value for name in names if (value := getattr(self, name)) == value}
+        others = ", ".join(f"{name} {value:.2f}" for name, value in known.items())
+        return f"{self.accuracy._repr_html_()}{self.to_pandas().to_html()}<p>{others}</p>"
 
 
 def score(

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_flags
+from ncti.evaluate import tables
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.axes import Axes
 
 OVERALL = "overall"
 EDGES = (0.0, 30.0, 60.0, 90.0)  # deg; bins of the article
@@ -50,6 +57,21 @@ class AspectAccuracy:
     ci_low: Floats
     ci_high: Floats
     n: Integers
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the arrays with their labels; leading axes are `dim_0`, `dim_1` and so on."""
+        return tables.accuracy_dataset(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return one row a bin, or a bin of each leading axis."""
+        return self.to_xarray().to_dataframe()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw percent correct by aspect bin, with 95 % intervals; ValueError with more axes."""
+        return tables.plot_accuracy(self, ax)
+
+    def _repr_html_(self) -> str:
+        return str(tables.percent_table(self).to_html())
 
 
 def wilson_interval(

@@ -1,4 +1,4 @@
-"""Where a share of right answers reaches a level, and what that costs at least."""
+"""Crossing of a level by a share of right answers, and the least cost of reaching it."""
 
 from __future__ import annotations
 

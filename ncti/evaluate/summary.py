@@ -103,7 +103,7 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
 
 
 def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
-    """Return how much more often a classifier is right than another one, by split.
+    """Return the difference in accuracy between two classifiers by split.
 
     Parameters
     ----------
@@ -174,17 +174,8 @@ def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Data
 def interval(values: Floats, minimum: float, maximum: float) -> tuple[float, float, float]:
     """Return the mean of independent values, and the ends of its 95 % interval by Student's t.
 
-    Parameters
-    ----------
-    values : (seed,) float64 ndarray
-        Values; those that are NaN do not count.
-    minimum, maximum : float
-        Bounds of the mean, where the interval ends at the latest.
-
-    Returns
-    -------
-    mean, low, high : float
-        The ends are NaN of fewer than two values.
+    `values` (seed,) count unless NaN; the interval ends within `minimum` and `maximum`, and is NaN
+    for fewer than two values.
     """
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import stdtrit
@@ -207,7 +198,7 @@ def _scalar(figure: tuple[float, str]) -> tuple[Any, ...]:
 
 
 def _views(view: NDArray[Any], seeds: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return numbers of views that those of no other seed have."""
+    """Return numbers of views that no other seed has."""
     numbers: NDArray[np.int64] = seeds * (int(view.max(initial=0)) + 1) + view
     return numbers
 

@@ -1,6 +1,6 @@
 """Features: profile vectors, silhouettes and their log-polar maps, as input of classifiers.
 
-And how different ships are by them.
+And the distances between ships by them.
 """
 
 from ncti.features.distance import ship_distance, sister

@@ -1,4 +1,4 @@
-"""How different ships are, and variants at a stated distance from theirs."""
+"""Distances between ships, and variants at a stated distance from their ship."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def ship_distance(
     slant_range: float = 100e3,
     pulse_width: float = 30e-9,
 ) -> float:
-    """Return how different two ships look to the laser radar.
+    """Return the distance between two ships by their profile vectors.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def sister(
     distance : float
         Distance by `ship_distance`, between 0.0001 and 0.5.
     seed, number : int
-        Which variant (`ncti.ships.variants`); its scale is what is sought.
+        Variant of `ncti.ships.variants` whose scale is sought.
     **view
         `aspects`, `depression`, `slant_range` and `pulse_width` of `ship_distance`.
 

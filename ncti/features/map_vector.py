@@ -33,7 +33,7 @@ def silhouette_map(
     Returns
     -------
     (..., angle, radius) uint8 ndarray
-        64 angles and 32 radii. Half a step is nothing beside what a pixel's noise does.
+        64 angles and 32 radii. Half a step is negligible beside the noise of a pixel.
 
     Raises
     ------
@@ -60,24 +60,10 @@ def silhouette_map(
 
 
 def map_cells() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the places of the cells of maps.
+    """Return the angles [deg] and relative log radii of the cells of maps.
 
-    Returns
-    -------
-    angle : (angle,) float64 ndarray
-        About the centroid, from the right upwards [deg].
-    radius : (radius,) float64 ndarray
-        Place between the inner (0) and the outer (1) logarithm of the radius.
-
-    See Also
-    --------
-    silhouette_map : The maps.
-
-    Examples
-    --------
-    >>> from ncti.features.map_vector import map_cells
-    >>> map_cells()[0][:2].tolist()
-    [2.8125, 8.4375]
+    Angles (angle,) run about the centroid from the right upwards; radii (radius,) from 0 at the
+    inner to 1 at the outer logarithm of the radius.
     """
     angle, radius = np.arange(ANGLES, dtype=np.float64), np.arange(RADII, dtype=np.float64)
     return 360 / ANGLES * (angle + 0.5), (radius + 0.5) / RADII

@@ -88,32 +88,7 @@ def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDA
 
 
 def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
-    """Return the noise floor of profiles, the mean over both edges of the window.
-
-    Parameters
-    ----------
-    profile : (..., bin) array_like
-        Range profiles.
-
-    Returns
-    -------
-    (..., 1) float64 ndarray
-        Floor, in the units of the profile.
-
-    See Also
-    --------
-    profile_vector : Profile with this floor removed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ncti.features.profile import estimated_floor
-    >>> profile = np.full((2, 25), [[3.0], [40.0]])
-    >>> profile[:, 10:14] += 8.0
-    >>> estimated_floor(profile)
-    array([[ 3.],
-           [40.]])
-    """
+    """Return the noise floor (..., 1) of profiles (..., bin), their mean at both edges."""
     values = _checked(profile)
     count = max(1, round(EDGE * values.shape[-1]))
     outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)

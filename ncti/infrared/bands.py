@@ -48,85 +48,23 @@ Floats = NDArray[np.float64]
 
 
 def band_radiance(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
-    """Return the radiance of a black body between two wavelengths.
+    """Return the radiance of a black body between two wavelengths [W m-2 sr-1].
 
-    Parameters
-    ----------
-    temperature : (...) array_like
-        Temperature of the black body, above 0 [K].
-    band : (float, float)
-        Shortest and longest wavelength [m].
-
-    Returns
-    -------
-    float or (...) float64 ndarray
-        Radiance [W m-2 sr-1].
-
-    Raises
-    ------
-    ValueError
-        If a temperature or a wavelength is not above 0 or not finite, or the band is empty.
-
-    See Also
-    --------
-    radiance_slope : Derivative by temperature.
-    ncti.infrared.band_contrast : Contrast of a ship in a band.
-
-    Notes
-    -----
-    L = integral of 2 h c^2 / lambda^5 / (exp(h c / (lambda k T)) - 1) over the band. With x = h c /
-    (lambda k T) that is 2 k^4 T^4 / (h^3 c^2) times the integral of x^3 / (exp(x) - 1), which is
-    summed as a series of exp(-n x), or of powers of x below 1 [1]_. Over all wavelengths it is the
-    Stefan-Boltzmann law, sigma T^4 / pi.
-
-    References
-    ----------
-    .. [1] W. K. Widger and M. P. Woodall, "Integration of the Planck blackbody radiation function",
-       Bull. Amer. Meteor. Soc. 57, 1217-1219 (1976).
-
-    Examples
-    --------
-    A sea at 15 degrees Celsius radiates 26 times more at 8 to 12 um than at 3 to 5 um:
-
-    >>> long, mid = (band_radiance(288.15, band=band) for band in (LONG_WAVE, MID_WAVE))
-    >>> print(f"{long:.1f} and {mid:.1f} W m-2 sr-1")
-    31.5 and 1.2 W m-2 sr-1
+    `temperature` (...) [K], `band` [m]. The integral of 2 h c^2 / lambda^5 / (exp(h c / (lambda k
+    T)) - 1) is, with x = h c / (lambda k T), 2 k^4 T^4 / (h^3 c^2) times that of x^3 / (exp(x) -
+    1), summed as a series of exp(-n x), or of powers of x below 1 (Widger and Woodall, Bull. Amer.
+    Meteor. Soc. 57, 1217 (1976)). Over all wavelengths it is the Stefan-Boltzmann law, sigma T^4 /
+    pi.
     """
     warm, near, far = _reduced(temperature, band)
     return _RADIANCE * warm**4 * (_tail(far) - _tail(near))
 
 
 def radiance_slope(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
-    """Return the derivative of a black body's radiance in a band by its temperature.
+    """Return the derivative of `band_radiance` by temperature [W m-2 sr-1 K-1].
 
-    Parameters
-    ----------
-    temperature, band
-        As for `band_radiance`.
-
-    Returns
-    -------
-    float or (...) float64 ndarray
-        Derivative [W m-2 sr-1 K-1].
-
-    Raises
-    ------
-    ValueError
-        As `band_radiance`.
-
-    See Also
-    --------
-    band_radiance : The radiance itself.
-
-    Notes
-    -----
-    With F(x) the integral of t^3 / (exp(t) - 1) from x on, the derivative of T^4 F(a / T) is
-    T^3 (4 F(x) + x^4 / (exp(x) - 1)).
-
-    Examples
-    --------
-    >>> print(f"{radiance_slope(288.15, band=LONG_WAVE):.2f} W m-2 sr-1 K-1")
-    0.56 W m-2 sr-1 K-1
+    With F(x) the integral of t^3 / (exp(t) - 1) from x on, that of T^4 F(a / T) is T^3 (4 F(x) +
+    x^4 / (exp(x) - 1)).
     """
     warm, near, far = _reduced(temperature, band)
     parts = [4 * _tail(x) + x**4 * np.exp(-x) / -np.expm1(-x) for x in (near, far)]

@@ -21,22 +21,12 @@ def count_points(
     first: tuple[int, int],
     counts: Floats,
 ) -> None:
-    """Count the points in each cell; a point that rounding puts outside counts in the nearest cell.
+    """Add the number of points in each cell to `counts` (row, col).
 
-    Parameters
-    ----------
-    horizontal, vertical : (point,) float64 ndarray
-        Cross-range [m].
-    scale : float
-        Pixels per metre.
-    phase : (float, float)
-        Place of the origin in its pixel, right and up [pixel].
-    cells : float
-        Cells along each side of a pixel.
-    first : (int, int)
-        Column and row of cell [0, 0], counted from the origin's pixel.
-    counts : (row, col) float64 ndarray
-        Added to.
+    `horizontal` and `vertical` (point,) are cross-ranges [m]; `scale` is in pixels per metre;
+    `phase` is the position of the origin in its pixel, right and up; `cells` cut each side of a
+    pixel; `first` is column and row of cell [0, 0], counted from the origin's pixel. A point that
+    rounding puts outside counts in the nearest cell.
     """
     rows, columns = counts.shape
     column, row = np.empty(horizontal.size, np.int32), np.empty(horizontal.size, np.int32)
@@ -64,18 +54,11 @@ def places_of_bits(
     corner: tuple[float, float],
     turn: tuple[float, float],
 ) -> tuple[Floats, Floats]:
-    """Return the places of an image's set bits, (point,) across and up, row by row.
+    """Return the positions (point,) across and up [m] of an image's set bits, row by row.
 
-    Parameters
-    ----------
-    bits : (byte,) uint8 ndarray
-        Pixels in the order of rows, the first in the highest bit.
-    columns : int
-        Pixels per row.
-    pixel, corner : float, (float, float)
-        Pixel and origin of `ncti.render.image.Lattice` [m].
-    turn : (float, float)
-        Cosine and sine of the lattice's roll.
+    `bits` (byte,) are pixels in the order of rows, the first in the highest bit; `pixel` [m] and
+    `corner` are pixel and origin of `ncti.render.image.Lattice`, `turn` cosine and sine of its
+    roll.
     """
     # Count the set bits, to allocate the result.
     many = 0
@@ -119,20 +102,11 @@ def bounding_box(target: NDArray[np.bool_]) -> Box:
 def lay_out(
     box: Floats, corner: tuple[int, int], window: Floats, rim: Floats, width: int, out: Floats
 ) -> None:
-    """Arrange normals drawn for the ship's box, the window and its rim into images.
+    """Arrange normals of the ship's box, the window and its rim into images `out` (draw, row, col).
 
-    Parameters
-    ----------
-    box : (draw, row, col) float64 ndarray
-        Normals of the box around the ship.
-    corner : (int, int)
-        Row and column of the box's first pixel in `out`; parts of the box may lie outside.
-    window, rim : (draw, place) float64 ndarray
-        Normals of the window and of the rim, outside the box, row by row.
-    width : int
-        Pixels of rim.
-    out : (draw, row, col) float64 ndarray
-        Filled.
+    `box` (draw, row, col) has its first pixel at row and column `corner` of `out`, and may reach
+    beyond it; `window` and `rim` (draw, place) are outside the box, row by row; the rim is `width`
+    pixels wide.
     """
     draws, rows, columns = out.shape
     # Each pixel takes the next normal of the region it is in: ship's box, window or rim.

@@ -65,7 +65,7 @@ class Hits:
 
     @classmethod
     def of(cls, image: RangeImage | LineImage | Mask) -> Hits:
-        """Return where a range image, lines or a mask show the ship."""
+        """Return the hits of a range image, of lines or of a mask."""
         if isinstance(image, LineImage):
             lattice = np.array([image.spacing, 0.0, image.phase, image.roll])
             return cls(np.zeros(0, np.uint8), 0, lattice, image.line, image.piece[:, :2])
@@ -97,7 +97,7 @@ class Hits:
 class Patches:
     """Patches of a ship: (point,) cross-ranges [m], and the area of one [m^2].
 
-    Of lines, points are the corners of their bounding box, and `lines` has what lies between.
+    For `lines`, points are the corners of their bounding box.
     """
 
     horizontal: Floats

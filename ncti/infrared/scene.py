@@ -29,79 +29,32 @@ def draw_scene(
     sea_spread: float,
     rim: int = 0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw temperatures of ship and sea, and the detector noise of the average of some frames.
+    """Draw the scene and the detector noise of averages of some frames [K].
 
-    Parameters
-    ----------
-    target : (row, col) bool array_like
-        True on the ship.
-    contrast : float
-        Mean temperature of the ship above the mean sea [K].
-    frame_counts : (frame_count,) sequence of int
-        Frames averaged, in any order.
-    rng : numpy.random.Generator
-        Source of randomness, with a seed sequence as `numpy.random.default_rng` provides.
-    nedt : float
-        Noise of one frame [K].
-    target_spread, sea_spread : float
-        Standard deviation of the ship's and the sea's temperature [K].
-    rim : int
-        Pixels of sea around the window that are drawn too.
+    Of a (row, col) `target`, with a `rim` of as many pixels of sea around it, returned are the
+    scene (row + 2 rim, col + 2 rim) above the mean sea, the same in every frame, and the noise
+    (frame_count, row + 2 rim, col + 2 rim) of each of `frame_counts`. `contrast`, `nedt` (of one
+    frame), `target_spread` and `sea_spread` [K].
 
-    Returns
-    -------
-    scene : (row + 2 rim, col + 2 rim) float64 ndarray
-        Temperature above the mean sea, the same in every frame [K].
-    noise : (frame_count, row + 2 rim, col + 2 rim) float64 ndarray
-        Detector noise of each average, in the order of `frame_counts` [K].
+    Every pixel has a Gaussian temperature of ship or sea, as the template says, so one normal per
+    pixel is enough. The article's deviations (Appendix 2) contain the noise of the 16-frame
+    average; here noise and spread are separate, because only the noise falls with the number of
+    frames.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range, the target is not an image, or the generator has no seed
-        sequence to spawn from.
-
-    See Also
-    --------
-    ncti.infrared.thermal_images : Their sum.
-
-    Notes
-    -----
-    Every pixel has a Gaussian temperature for the ship and one for the sea, of which the template
-    keeps one [1]_. One normal per pixel is therefore enough. The article's standard deviations
-    contain the noise of the 16-frame average; here noise and spread are separate, because only the
-    noise falls with the number of frames.
-
-    The averages are over prefixes of the same frames, so the sum W(N) of N frames is a random walk
-    with Cov(W(M), W(N)) = nedt^2 min(M, N). It is drawn as such, at a cost that grows with the
-    logarithm of N. The draw for one frame count depends neither on the other counts nor on their
-    order: the generator itself draws two normals per pixel, for the scene and for W(16), whatever
-    the counts, and every other count on the walk's way has a generator of its own. These are
-    children of the generator's seed sequence, of which each call spawns one: equal results require
-    generators that are equal in that, too. From W(16) the walk doubles, W(32), W(64), ..., and
-    between those, and below 16, it is Levy's construction of a Brownian bridge: given the sums at
-    the ends of an interval, the one in its middle is drawn, until a count is reached.
+    Averages are over prefixes of the same frames, so the sum W(N) of N frames is a random walk with
+    Cov(W(M), W(N)) = nedt^2 min(M, N). It is drawn as such, at a cost that grows with the logarithm
+    of N. The draw for one frame count depends neither on the other counts nor on their order: the
+    generator draws two normals per pixel, for the scene and for W(16), whatever the counts, and
+    every other count on the walk's way has its own generator, a child of a seed sequence that each
+    call spawns from that of `rng`. So equal results need generators with equal spawn counts, too.
+    From W(16) the walk doubles, W(32), W(64), ...; between those, and below 16, Levy's construction
+    of a Brownian bridge draws the sum in the middle of an interval from those at its ends, until it
+    reaches a count.
 
     Order of the draws: the ship's bounding box with a border of `HALO` pixels, whether or not the
     window holds them; the rest of the window; the rest of the rim. In each of them, row by row, the
     generator draws first the scene and then W(16); the others draw one sum each, in the same order.
     A larger window therefore changes no bit on the ship, and a rim none in the window.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, Appendix 2.
-
-    Examples
-    --------
-    >>> sea = np.zeros((100, 100), dtype=bool)
-    >>> spread = {"target_spread": 0.1, "sea_spread": 0.1}
-    >>> rng = np.random.default_rng(0)
-    >>> scene, noise = draw_scene(
-    ...     sea, contrast=0.27, frame_counts=[4, 16], rng=rng, nedt=0.4, **spread
-    ... )
-    >>> noise.std(axis=(1, 2)).round(1)
-    array([0.2, 0.1])
     """
     target = np.asarray(target, dtype=bool)
     if target.ndim != 2:
@@ -178,7 +131,7 @@ def _between(
 
 
 def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Node:
-    """Return a function that draws the normals of one count from a stream of its own."""
+    """Return a function that draws the normals of each count from its own stream."""
     family = _family(rng)
 
     def node(count: int) -> Field:

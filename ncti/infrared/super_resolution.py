@@ -35,42 +35,15 @@ No sensor sees so little, yet errors of any scene over it are numbers that a flo
 
 
 def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the detector's images of a fine scene from four half-pixel positions, interlaced.
+    """Return interlaced detector images (..., row - 1, col - 1) from four half-pixel positions.
 
-    Parameters
-    ----------
-    fine : (..., row, col) float64 array_like
-        Scene on the half-pixel grid [K], at least 2 by 2.
+    `fine` (..., row, col) is the scene on the half-pixel grid, and `[..., dy::2, dx::2]` the image
+    of the detector moved by (dx, dy) half pixels, for pixels entirely inside the scene.
 
-    Returns
-    -------
-    (..., row - 1, col - 1) float64 ndarray
-        Interlaced images [K]: `[..., dy::2, dx::2]` is that of the detector moved by (dx, dy) half
-        pixels. Only pixels that lie entirely inside the scene are returned.
-
-    Raises
-    ------
-    ValueError
-        If the scene is smaller than a pixel.
-
-    See Also
-    --------
-    shift_and_add : Combine these images on the half-pixel grid.
-
-    Notes
-    -----
-    A detector pixel averages the 2 x 2 half pixels that it covers; over all four positions that is
-    a moving average. Its frequency response cos(u/2) cos(v/2) vanishes for a pattern that
-    alternates from half pixel to half pixel. The algebraic inverse therefore exists only without
-    noise and with a known border, and it amplifies noise without bound.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> fine = np.array([[0.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 0.0]])
-    >>> detector_samples(fine)
-    array([[1., 1.],
-           [1., 1.]])
+    A detector pixel averages the 2 x 2 half pixels that it covers: over all positions, a moving
+    average. Its frequency response cos(u/2) cos(v/2) vanishes for a pattern that alternates from
+    half pixel to half pixel, so its algebraic inverse needs a known border, and amplifies noise
+    without bound.
     """
     fine = _image("fine", fine, least=2)
     pairs = fine[..., :-1] + fine[..., 1:]
@@ -78,33 +51,12 @@ def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def shift_and_add(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Combine detector images from four half-pixel positions into one fine image.
+    """Combine interlaced `detector_samples` (..., row, col) into one image (..., row - 1, col - 1).
 
-    Parameters
-    ----------
-    samples : (..., row, col) float64 array_like
-        Interlaced detector images, as from `detector_samples` [K], at least 2 by 2.
-
-    Returns
-    -------
-    (..., row - 1, col - 1) float64 ndarray
-        Fine image [K], without the border, which needs samples from outside.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 2 by 2 samples.
-
-    See Also
-    --------
-    detector_samples : The images that are combined.
-    ncti.infrared.shifted_images : Draw images that are super-resolved in this way.
-
-    Notes
-    -----
-    A half pixel becomes the mean of the four detector pixels that cover it [1]_ [2]_. For frames of
-    equal noise, shifted by a whole number of fine pixels, that is the maximum-likelihood estimate
-    of the scene as the detector blurs it.
+    A half pixel becomes the mean of the four detector pixels that cover it (Elad and Hel-Or, IEEE
+    Trans. Image Process. 10, 1187 (2001); Farsiu et al., same journal 13, 1327 (2004)). For frames
+    of equal noise, shifted by a whole number of fine pixels, that is the maximum-likelihood
+    estimate of the scene as the detector blurs it.
 
     Root-mean-square error against the fine template, over the contrast: expected value (closed
     form) over the article's four ships at 0, 45 and 90 deg, two phases, windows with 4 half pixels
@@ -124,32 +76,12 @@ def shift_and_add(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     100     64     0.453   0.416       0.317       0.356
     =====  ======  =====  =======  =============  =======
 
-    The frames are those of each position; `quarter` is shift-and-add with a quarter of them, which
-    makes the total equal to that of `none` and `perfect`. Even then shift-and-add is better than
-    `none` everywhere and better than `perfect` at 100 km. `perfect` is no bound: every half pixel
-    has the spread of a detector pixel. Iterative back-projection after shift-and-add raises the
-    error at these noise levels, by up to 39 % in one iteration: sharpening amplifies noise and the
-    sea's own pattern more than it removes blur.
-
-    References
-    ----------
-    .. [1] M. Elad and Y. Hel-Or, "A fast super-resolution reconstruction algorithm for pure
-       translational motion and common space-invariant blur", IEEE Trans. Image Process. 10,
-       1187-1193 (2001), doi:10.1109/83.935034.
-    .. [2] S. Farsiu, M. D. Robinson, M. Elad and P. Milanfar, "Fast and robust multiframe super
-       resolution", IEEE Trans. Image Process. 13, 1327-1344 (2004), doi:10.1109/TIP.2004.834669.
-
-    Examples
-    --------
-    A half pixel of 4 K spreads over its neighbours; the total is kept:
-
-    >>> import numpy as np
-    >>> fine = np.zeros((5, 5))
-    >>> fine[2, 2] = 4.0
-    >>> shift_and_add(detector_samples(fine))
-    array([[0.25, 0.5 , 0.25],
-           [0.5 , 1.  , 0.5 ],
-           [0.25, 0.5 , 0.25]])
+    The frames are those of each position; `quarter` is shift-and-add with a quarter of them, as
+    many in total as `none` and `perfect`. Even then it is better than `none` everywhere and better
+    than `perfect` at 100 km. `perfect` is no bound: every half pixel has the spread of a detector
+    pixel. Iterative back-projection after shift-and-add raises the error at these noise levels, by
+    up to 39 % in one iteration: sharpening amplifies noise and the sea's own pattern more than it
+    removes blur.
     """
     samples = _image("samples", samples, least=2)
     fine = samples[..., 1:, 1:] + samples[..., 1:, :-1]
@@ -253,33 +185,7 @@ def shifted_images(
 
 
 def enlarge(image: NDArray[Any]) -> NDArray[Any]:
-    """Repeat each pixel of an image twice by twice: the half-pixel grid without super-resolution.
-
-    Parameters
-    ----------
-    image : (..., row, col) array_like
-        Image at the detector's pixels, in any unit.
-
-    Returns
-    -------
-    (..., 2 row, 2 col) ndarray
-        The same values.
-
-    Raises
-    ------
-    ValueError
-        If there is no pixel.
-
-    See Also
-    --------
-    shift_and_add : Super-resolution on the same grid.
-
-    Examples
-    --------
-    >>> enlarge([[0.0, 0.27]])
-    array([[0.  , 0.  , 0.27, 0.27],
-           [0.  , 0.  , 0.27, 0.27]])
-    """
+    """Repeat each pixel of (..., row, col) images twice by twice, onto the half-pixel grid."""
     return _image("image", image, None).repeat(2, axis=-2).repeat(2, axis=-1)
 
 

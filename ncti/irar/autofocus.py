@@ -32,25 +32,10 @@ STEP = 0.01
 
 
 def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
-    """Return the number of pairs of pixels by the slope at which they recede.
+    """Return slopes [m/m] up to `steepest` either way, and the number of pairs of pixels at each.
 
-    Parameters
-    ----------
-    slopes : (pair,) float64 ndarray
-        Change of horizontal distance with height [m/m].
-    steepest : float
-        Largest slope of the spectrum, in either direction.
-
-    Returns
-    -------
-    slope, count : (slope,) float64 ndarray
-        Counts smoothed with a Gaussian of standard deviation `WIDTH`.
-
-    Examples
-    --------
-    >>> slope, count = slope_spectrum(np.array([0.25, 0.25, -0.5]), steepest=1.0)
-    >>> print(f"{slope[count.argmax()]:.2f}")
-    0.25
+    `slopes` (pair,) are changes of horizontal distance with height. A Gaussian of standard
+    deviation `WIDTH` smooths the counts.
     """
     # Counts reach beyond the spectrum, so that its ends are smoothed like its middle.
     centres = np.arange(-math.ceil(steepest / STEP), math.ceil(steepest / STEP) + 1) * STEP

@@ -80,23 +80,11 @@ class Correction:
 
 
 def nearest_ship_range(scan: Scan) -> Floats:
-    """Return the range of the ship sample nearest to each sample.
+    """Return the range (line, sample) [m] of the ship sample nearest to each sample.
 
-    Parameters
-    ----------
-    scan : Scan
-        Raw images.
-
-    Returns
-    -------
-    (line, sample) float64 ndarray
-        Ranges [m]; the measured ones if nothing is brighter than the sea.
-
-    Notes
-    -----
-    The displacement of a sample depends slightly on its range, by up to half a pixel over a ship's
-    depth. The range of a sample of sea beside the ship is noise: the sample must move as the ship's
-    edge does, or it would cover part of it.
+    The displacement of a sample depends on its range, by up to half a pixel over a ship's depth.
+    The range of a sample of sea beside the ship is noise: the sample must move as the ship's edge
+    does, or it would cover part of it. Measured ranges remain if nothing is brighter than the sea.
     """
     ship = scan.intensity > STANDS_OUT * np.median(scan.intensity)
     if not ship.any():
@@ -112,23 +100,9 @@ def nearest_ship_range(scan: Scan) -> Floats:
 def places(
     scan: Scan, correction: Correction, *, estimate: Flight | None = None
 ) -> tuple[Floats, Floats, Floats]:
-    """Return row, column and range of every sample after the geometric corrections.
+    """Return row, column [pixel] and range [m] of every sample in the snapshot, (line, sample).
 
-    Parameters
-    ----------
-    scan : Scan
-        Raw images.
-    correction : Correction
-        Methods.
-    estimate : Flight, optional
-        The flight as navigation measures it; the true one when not given.
-
-    Returns
-    -------
-    row, column : (line, sample) float64 ndarray
-        Place in the snapshot [pixel].
-    range : (line, sample) float64 ndarray
-        Range in the snapshot [m].
+    `estimate` is the flight as navigation measures it, by default the true one.
     """
     flight = scan.flight if estimate is None else estimate
     # Mirror: the shear of the lines.
@@ -239,25 +213,12 @@ def correct(
 
 
 def sea_level(looks: NDArray[np.intp], flight: Flight) -> Floats:
-    """Return the intensity that averages of the sea reach in one pixel of 1,000.
+    """Return the intensity (...) that averages of the sea reach in one pixel of 1,000.
 
-    Parameters
-    ----------
-    looks : (...) intp ndarray
-        Samples averaged, including dropouts.
-    flight : Flight
-        Gate, pulse and dropout threshold.
-
-    Returns
-    -------
-    (...) float64 ndarray
-        Intensity in noise powers; 0 where there is no look.
-
-    Notes
-    -----
-    The sea returns nothing, so samples of it are the receiver's noise, which is independent from
-    pulse to pulse at any line rate. Overscanned rows share looks: neighbours exceed the level
-    together, each as rarely as any.
+    It is in noise powers. `looks` (...) counts samples averaged, dropouts included; 0 gives 0. The
+    sea returns nothing, so its samples are the receiver's noise, independent from pulse to pulse at
+    any line rate. Overscanned rows share looks: neighbours exceed the level together, each as
+    rarely as any.
     """
     levels, seen = np.zeros(looks.shape), looks > 0
     levels[seen] = noise_threshold(

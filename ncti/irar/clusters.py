@@ -20,45 +20,15 @@ def cluster_width(flight: Flight) -> float:
 
 
 def histogram_cluster_average(ranges: ArrayLike, *, window: float) -> NDArray[np.float64]:
-    """Return the mean of the most populated cluster of ranges.
+    """Return the mean of the most populated cluster of ranges [m], NaN without a look.
 
-    Parameters
-    ----------
-    ranges : (..., look) array_like
-        Ranges of the looks [m], corrected for motion; NaN marks no look.
-    window : float
-        Widest cluster [m], such as four standard deviations of a range measurement.
-
-    Returns
-    -------
-    (...) float64 ndarray
-        Ranges [m], NaN where there is no look.
-
-    Raises
-    ------
-    ValueError
-        If a range is infinite or the window not positive.
-
-    Notes
-    -----
-    The article names the filter and does not define it [1]_. Here a window of fixed width slides
-    over the sorted ranges, and the window that holds the most ranges is averaged; of equally many,
-    the tightest, then the nearest. Without false ranges a window of four standard deviations
-    occasionally omits a true look: the error is 5 % above that of the mean at 8 looks. A false
-    range counts only where it falls beside true ones. Two looks that disagree have no majority, and
-    the nearer one is taken.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, 'Data Enhancement and Compensation'.
-
-    Examples
-    --------
-    Three looks agree, and the fourth is a false range:
-
-    >>> print(f"{histogram_cluster_average([4000.1, 4000.3, 3999.9, 3912.0], window=4.0):.1f} m")
-    4000.1 m
+    `ranges` (..., look) are corrected for motion, NaN marks no look; `window` [m] is the widest
+    cluster, such as four standard deviations of a range measurement. The article's 'Data
+    Enhancement and Compensation' names the filter and does not define it. Here a window slides over
+    the sorted ranges, and the one with the most is averaged; of equally many, the tightest, then
+    the nearest, so of two looks that disagree the nearer one. Four standard deviations occasionally
+    omit a true look: without false ranges the error is 5 % above that of the mean at 8 looks. A
+    false range counts only if it falls beside true ones.
     """
     require("window", window, positive=True)
     looks = np.asarray(ranges, dtype=np.float64)

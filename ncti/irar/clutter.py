@@ -17,22 +17,11 @@ WAVES = 64
 
 
 def sea_places(flight: Flight, time: Floats, along: Floats, across: Floats) -> Floats:
-    """Return the points where lines of sight meet the water.
+    """Return the points (..., 2) [m] where lines of sight meet the water, NaN above the horizon.
 
-    Parameters
-    ----------
-    flight : Flight
-        The pass, with its pointing settled.
-    time : (...) float64 ndarray
-        Time after the snapshot [s].
-    along, across : (...) float64 ndarray
-        Scan angle, and angle above the scan plane, as for `Flight.directions` [rad].
-
-    Returns
-    -------
-    (..., 2) float64 ndarray
-        Place on the water, along and across the ship's course, from the ship's origin in the
-        snapshot [m]; NaN above the horizon. The ship moves relative to the water.
+    They lie along and across the ship's course, from the ship's origin in the snapshot; the ship
+    moves relative to the water. `time` (...) [s] is after the snapshot; `along`, `across` (...)
+    [rad] are as for `Flight.directions`.
     """
     origin, ways = flight.position(time), flight.directions(along, across)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -49,50 +38,17 @@ def clutter(
     length: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Draw temperatures of the sea about their mean.
+    """Draw temperatures (...) of the sea about their mean [K], 0 where there is no sea.
 
-    Parameters
-    ----------
-    places : (..., 2) float64 ndarray
-        Places on the water [m]; NaN where there is none.
-    deviation : float
-        Standard deviation of a sample [K].
-    length : float
-        Distance on the water at which the correlation has fallen to 1/e [m].
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    (...) float64 ndarray
-        [K]; 0 where there is no sea.
-
-    Raises
-    ------
-    ValueError
-        If the deviation is negative, the length not above 0, or either not finite.
-
-    See Also
-    --------
-    sea_places : Places that samples see.
-
-    Notes
-    -----
-    deviation sqrt(2 / W) times the sum of W cosines of phases k.x + phi, phi uniform and both
-    components of k normal of variance 2 / length^2. Over draws its mean is 0 and its covariance
-    deviation^2 exp(-r^2 / length^2), exactly, at any places; over an area of many lengths its
-    variance is deviation^2 in every draw. A value is normal but for a kurtosis of -3 / (2 W).
+    `places` (..., 2) [m] lie on the water; `deviation` [K] is that of a sample; over `length` [m]
+    the correlation falls to 1/e. The field is deviation sqrt(2 / W) times the sum of W cosines of
+    phases k.x + phi, phi uniform and both components of k normal of variance 2 / length^2. Over
+    draws its mean is 0 and its covariance deviation^2 exp(-r^2 / length^2), exactly, at any places;
+    over an area of many lengths its variance is deviation^2 in every draw. A value is normal but
+    for a kurtosis of -3 / (2 W).
 
     The field lies still on the water: lines that overscan a place see the same of it, so that it
-    does not average away, as the noise of detectors does. Waves that move meanwhile, and glint,
-    are left out.
-
-    Examples
-    --------
-    >>> grid = np.stack(np.meshgrid(np.arange(0.0, 500, 5), np.arange(0.0, 500, 5)), axis=-1)
-    >>> field = clutter(grid, deviation=0.2, length=10.0, rng=np.random.default_rng(0))
-    >>> print(f"{field.std():.2f} K")
-    0.20 K
+    does not average away, as detector noise does. Moving waves and glint are left out.
     """
     require("deviation", deviation, minimum=0.0)
     require("length", length, positive=True)

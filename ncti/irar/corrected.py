@@ -115,7 +115,7 @@ class Chain:
         return correct(scan, self.correction, overscanned=overscanned, **where)
 
     def tilt(self, scan: Scan, images: Any, truths: Any, estimate: Flight, window: Window) -> Tilt:
-        """Return the tilt of corrected images; without places as printed, which averages before."""
+        """Return the tilt of corrected images; only exact corrections give the places of looks."""
         if self.chain != EXACT:
             return tilts(images, truths)
         row, column, _ = places(scan, self.correction, estimate=estimate)
@@ -150,35 +150,10 @@ class Chain:
 
 
 def navigated(flight: Flight, error: tuple[str, float]) -> Flight:
-    """Return a flight as navigation has it, with one parameter wrong.
+    """Return the flight that navigation measures, with one parameter wrong.
 
-    Parameters
-    ----------
-    flight : Flight
-        The flight; its pointing is settled where that is wrong.
-    error : (str, float)
-        Name of the parameter and its error, in percent of the aircraft's speed, else in the
-        parameter's unit; `NO_ERROR` for none.
-
-    Returns
-    -------
-    Flight
-        The estimate that corrections start from.
-
-    Raises
-    ------
-    ValueError
-        If no such flight can be.
-
-    See Also
-    --------
-    ncti.irar.autofocus : Estimates the closing speed from the image.
-
-    Examples
-    --------
-    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, aircraft_speed=80.0)
-    >>> navigated(flight, ("aircraft_speed", 5.0)).aircraft_speed
-    84.0
+    `error` is the parameter's name and its error, in percent of the aircraft's speed, else in the
+    parameter's unit; `NO_ERROR` for none.
     """
     parameter, value = error
     if parameter == NO_ERROR[0]:
@@ -200,30 +175,11 @@ def measure_tilts(
     *,
     shown: bool,
 ) -> Arrays:
-    """Return the tilts of corrected images, of both sensors, of each, and without noise [deg].
+    """Return the tilts of corrected images [deg], of both sensors, of each, and without noise.
 
-    Parameters
-    ----------
-    chain : Chain
-        The corrections.
-    scan, clean : Scan
-        Raw images with and without noise.
-    whole, truth : Snapshot
-        Corrected images that no threshold cut, and the true ones on the ship's own window.
-    estimate : Flight
-        The flight as navigation has it.
-    shown : bool
-        Whether the intensity shows a ship.
-
-    Returns
-    -------
-    dict of str to () float64 ndarray
-        mast_tilt, waterline_tilt, each with `_error`, and each with the prefixes `intensity_`,
-        `infrared_` and `noiseless_`.
-
-    See Also
-    --------
-    tilts : Tilt of images.
+    They are `mast_tilt` and `waterline_tilt`, each with `_error`, and with the prefixes
+    `intensity_`, `infrared_` and `noiseless_`. `whole` are corrected images without a threshold,
+    `truth` the true ones on the ship's own window; `shown` says whether the intensity shows a ship.
     """
     pixels = whole.window
     # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
@@ -259,12 +215,11 @@ def model_profiles(
     window: float,
     reflectance: str,
 ) -> Floats:
-    """Return the (noiseless, synthetic, point; bin) profiles, for a carrier-to-noise ratio of 1.
+    """Return (noiseless, synthetic, point; bin) profiles for a carrier-to-noise ratio of 1.
 
-    The last two are of the whole view's range image at the sensor's pixel, of even reflectivity:
-    each pixel's area spread over its range extent, or sampled at its middle. Rows of pixels that
-    are level see a deck at distances far apart, so that only the whole extent closes the gaps
-    between them.
+    The last two are of the range image of the whole view at the sensor's pixel, of even
+    reflectivity: each pixel's area spread over its range extent, or sampled at its middle. Level
+    rows of pixels see a deck at widely spaced distances, and only the whole extent closes the gaps.
     """
     sight: dict[str, Any] = {"slant_range": flight.slant_range}
     view = {"aspect": aspect, "depression": flight.depression, "roll": 0.0, **sight}
@@ -291,17 +246,10 @@ def compare_profiles(
 ) -> Arrays:
     """Return correlations of (source, bin) profiles at an aspect [deg], and their landmarks.
 
-    Returns
-    -------
-    dict of str to ndarray
-        profile_correlation, profile_correlation_without_hangar, hangar_spike_offset : ();
-        landmarks : (source,), NaN where the view is not near the stern or has none.
-
-    Notes
-    -----
-    The hangar's spike is the highest of the synthetic profile, in which nothing glints, or the
-    highest where `HANGARS` has it, and in the others what is highest close to it. Masts and bridge
-    are searched where the Perry class has them, and reported for its ships only.
+    Landmarks (source,) are NaN where the view is not near the stern or has none. The hangar's spike
+    is the highest of the synthetic profile, in which nothing glints, or the highest within
+    `HANGARS`; in the others it is the highest peak close to that. Masts and bridge are searched for
+    where the Perry class has them, and reported for its ships only.
     """
     measured, noiseless, synthetic = profiles[:3]
     astern = abs(aspect - STERN) <= NEAR_STERN

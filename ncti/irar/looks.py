@@ -17,51 +17,13 @@ def gather_looks(
     rows: ArrayLike,
     columns: int,
 ) -> NDArray[np.intp]:
-    """Return the samples that fall into each pixel of an image.
+    """Return the samples of each pixel, (k, columns, look) indices into the flattened samples.
 
-    Parameters
-    ----------
-    row, column : (...) array_like
-        Place of each sample in the image [pixel]; NaN for a sample without a place.
-    rows : (k,) array_like
-        Centres of the image's rows [pixel], ascending: `np.arange(n)` for separate pixels, or finer
-        steps for pixels that overlap, as at line rate.
-    columns : int
-        Number of columns, centred on 0, 1, ...
-
-    Returns
-    -------
-    (k, columns, look) intp ndarray
-        Indices into the flattened samples by ascending row (samples of one row in their own order),
-        then -1 up to the depth of the fullest pixel, which is at least 1.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ, the rows are not finite and ascending, or the columns are not a
-        whole number of at least 1.
-
-    See Also
-    --------
-    average : Mean over the looks.
-    median : Median over the looks.
-
-    Notes
-    -----
-    Overlapping samples of a pixel are its looks [1]_. Pixel (k, c) holds the samples with
-    rows[k] - 1/2 <= row < rows[k] + 1/2 and c - 1/2 <= column < c + 1/2.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, 'Data Enhancement and Compensation'.
-
-    Examples
-    --------
-    >>> gather_looks([0.0, 0.2, 1.1], [0.0, 0.1, 0.0], rows=[0, 1], columns=1)
-    array([[[ 0,  1]],
-    <BLANKLINE>
-           [[ 2, -1]]])
+    `row` and `column` (...) [pixel] place each sample, NaN none; `rows` (k,) [pixel] are ascending
+    centres of the image's rows, closer than a pixel if rows overlap, as at line rate. Pixel (k, c)
+    holds samples with rows[k] - 1/2 <= row < rows[k] + 1/2 and c - 1/2 <= column < c + 1/2, by
+    ascending row, then in their own order, then -1 up to the depth of the fullest pixel, at least
+    1.
     """
     row, column = np.asarray(row, dtype=np.float64), np.asarray(column, dtype=np.float64)
     require_shape("column", column, row.shape)
@@ -96,34 +58,9 @@ def gather_looks(
 
 
 def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return the looks of each pixel.
+    """Return the looks (row, column, look) of each pixel, NaN after the last.
 
-    Parameters
-    ----------
-    values : (...) array_like
-        One value per sample, in any unit.
-    index : (row, column, look) intp ndarray
-        As from `gather_looks`.
-
-    Returns
-    -------
-    (row, column, look) float64 ndarray
-        Values in the unit given; NaN where there is no further look.
-
-    Raises
-    ------
-    ValueError
-        If the index points beyond the samples.
-
-    See Also
-    --------
-    average : Their mean.
-
-    Examples
-    --------
-    >>> looks_of([4.0, 6.0, 1.0], np.array([[[0, 1], [2, -1]]]))
-    array([[[ 4.,  6.],
-            [ 1., nan]]])
+    `values` (...) are one per sample, and `index` that of `gather_looks`.
     """
     flat = np.asarray(values, dtype=np.float64).ravel()
     if index.max(initial=-1) >= flat.size:
@@ -134,45 +71,11 @@ def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
 
 
 def average(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return the mean over the looks of each pixel.
+    """Return the mean (row, column) over the looks of each pixel, NaN where there is none.
 
-    Parameters
-    ----------
-    values : (...) array_like
-        One value per sample, in any unit; NaN marks no look.
-    index : (row, column, look) intp ndarray
-        As from `gather_looks`.
-
-    Returns
-    -------
-    (row, column) float64 ndarray
-        Means, NaN where there is no look.
-
-    Raises
-    ------
-    ValueError
-        If the index points beyond the samples.
-
-    See Also
-    --------
-    median : More robust against false values.
-
-    Notes
-    -----
-    Frame averaging [1]_. N independent looks improve the signal-to-noise ratio, which for fully
-    developed speckle is 1, by sqrt(N). Looks that share their speckle gain less, and equal ones
-    gain nothing.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, 'Data Enhancement and Compensation'.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> average([4.0, 6.0, 1.0], np.array([[[0, 1], [2, -1]]]))
-    array([[5., 1.]])
+    Arguments are those of `looks_of`; NaN marks no look. N independent looks improve the
+    signal-to-noise ratio, 1 for fully developed speckle, by sqrt(N); looks that share their speckle
+    gain less.
     """
     looks = looks_of(values, index)
     valid = ~np.isnan(looks)
@@ -182,38 +85,9 @@ def average(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
 
 
 def median(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return the median over the looks of each pixel.
+    """Return the median (row, column) over the looks of each pixel, NaN where there is none.
 
-    Parameters
-    ----------
-    values : (...) array_like
-        One value per sample, in any unit; NaN marks no look.
-    index : (row, column, look) intp ndarray
-        As from `gather_looks`.
-
-    Returns
-    -------
-    (row, column) float64 ndarray
-        Medians, the mean of the middle two of an even number; NaN where there is no look.
-
-    Raises
-    ------
-    ValueError
-        If the index points beyond the samples.
-
-    See Also
-    --------
-    average : Mean over the looks.
-
-    Notes
-    -----
-    Not in the article; a reference for `ncti.irar.clusters.histogram_cluster_average`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> median([4.0, 6.0, 90.0], np.array([[[0, 1, 2]]]))
-    array([[6.]])
+    It is not in the article, but a reference for `ncti.irar.clusters.histogram_cluster_average`.
     """
     looks = np.sort(looks_of(values, index), axis=-1)  # NaN last
     count = np.count_nonzero(~np.isnan(looks), axis=-1)[..., None]

@@ -13,72 +13,20 @@ MIRROR_FORMS = ("exact", "printed")
 
 
 def compass(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
-    """Return unit vectors (east, north, up) of directions.
-
-    Parameters
-    ----------
-    azimuth : (...) array_like
-        Azimuth clockwise from north [deg].
-    elevation : (...) array_like
-        Elevation above the horizon [deg].
-
-    Returns
-    -------
-    (..., 3) float64 ndarray
-
-    See Also
-    --------
-    mirror_axes : Axes of the scanner after the mirror.
-
-    Examples
-    --------
-    >>> compass(90.0, 0.0).round(12)
-    array([1., 0., 0.])
-    """
+    """Return unit vectors (..., 3) east, north, up of azimuths (clockwise) and elevations [deg]."""
     a, e = np.broadcast_arrays(np.radians(azimuth), np.radians(elevation))
     return np.stack([np.cos(e) * np.sin(a), np.cos(e) * np.cos(a), np.sin(e)], axis=-1)
 
 
 def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0) -> Floats:
-    """Return the axes of the scanner as reflected by the mirror.
+    """Return the axes (3, 3) of the scanner after the mirror, as rows of (east, north, up).
 
-    Parameters
-    ----------
-    azimuth : float
-        Azimuth of the middle beam after the mirror, clockwise from north [deg].
-    depression : float
-        Depression of that beam, gamma [deg].
-    mirror_angle : float
-        Half the azimuth by which the mirror turns the beam, psi [deg]. At 45 the beam reaches the
-        mirror from the right of the line of sight, in agreement with the article's sign.
-
-    Returns
-    -------
-    (3, 3) float64 ndarray
-        Unit vectors (east, north, up) along the scan, across it and ahead: right, up and away,
-        apart from the rotation about the beam that `mirror_rotation` gives.
-
-    See Also
-    --------
-    mirror_rotation : The rotation about the beam.
-
-    Notes
-    -----
-    The scanner moves the beam in the horizontal plane. The mirror, which is fixed during the pass,
-    deflects it downwards, so that a line of the scan is not level [1]_.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, 'Data Processing'.
-
-    Examples
-    --------
-    The line of the scan descends to the right, by the depression:
-
-    >>> along, across, ahead = mirror_axes(azimuth=0.0, depression=6.7)
-    >>> print(f"{np.degrees(np.arcsin(along[2])):.1f} deg")
-    -6.7 deg
+    Rows lie along the scan, across it and ahead: right, up and away, but for the rotation about the
+    beam that `mirror_rotation` gives. `azimuth` [deg] from north and `depression` [deg] are those
+    of the middle beam after the mirror, and `mirror_angle` [deg] half the azimuth by which the
+    mirror turns it: at 45 it reaches the mirror from the right of the line of sight, with the
+    article's sign. The scanner moves the beam in the horizontal plane, and the mirror, fixed during
+    the pass, deflects it downwards, so that a line of the scan is not level.
     """
     towards = compass(azimuth, -depression)
     source = azimuth + 2 * mirror_angle  # azimuth of the source of the beam

@@ -20,41 +20,18 @@ SAMPLES_AT_ONCE = 256
 
 
 def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
-    """Return the probability that the largest intensity of noise stays below a level.
+    """Return the probability (...) that the largest noise intensity in a gate stays below a level.
 
-    Parameters
-    ----------
-    level : (...) float64 ndarray
-        Intensity above 0, in noise powers.
-    depth : float
-        Depth of the gate [m].
-    pulse_length : float
-        Pulse length c T / 2 [m].
+    `level` (...) is in noise powers; `depth` [m] that of the gate, `pulse_length` [m] c T / 2. The
+    field is a complex Gaussian process of range with correlation exp(-2 r^2 / l^2), l the pulse
+    length. By Rice's formula it crosses the intensity u upwards sqrt(4 u / pi) exp(-u) / l times
+    per metre. Crossings of a high level are rare and independent, so over a depth L the probability
+    is
 
-    Returns
-    -------
-    (...) float64 ndarray
-        Probability.
+        (1 - exp(-u)) exp(-L / l sqrt(4 u / pi) exp(-u) / (1 - exp(-u))).
 
-    See Also
-    --------
-    noise_peak : The inverse.
-
-    Notes
-    -----
-    The field is a complex Gaussian process of range with correlation exp(-2 r^2 / l^2), where l is
-    the pulse length. By Rice's formula it crosses the intensity u upwards sqrt(4 u / pi) exp(-u) /
-    l times per metre. Crossings of a high level are rare and independent, so it stays below u over
-    a depth L with probability (1 - exp(-u)) exp(-L / l sqrt(4 u / pi) exp(-u) / (1 - exp(-u))).
-    Crossings of a low level are not rare: over up to 20 pulse lengths, where low levels matter, the
-    probability is up to 0.04 off, over 60 of them less than 0.01.
-
-    Examples
-    --------
-    In a gate of 300 m with a pulse of 4.5 m, the median noise peak is near 5.6 noise powers:
-
-    >>> noise_below(np.array([5.0, 5.6, 10.0]), depth=300.0, pulse_length=4.5).round(2)
-    array([0.32, 0.51, 0.99])
+    Those of a low level are not rare: over up to 20 pulse lengths, where low levels matter, it is
+    up to 0.04 off, over 60 of them less than 0.01.
     """
     below: Floats = -np.expm1(-level)
     rate = np.sqrt(4 * level / math.pi) * np.exp(-level) / below / pulse_length
@@ -64,30 +41,10 @@ def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
 def noise_peak(
     uniform: NDArray[np.floating], *, depth: NDArray[np.floating] | float, pulse_length: float
 ) -> Floats:
-    """Return the largest intensity of noise for a given probability of staying below it.
+    """Return the largest intensity (...) of noise for a probability of staying below it.
 
-    Parameters
-    ----------
-    uniform : (...) ndarray
-        Probabilities, such as uniform random numbers.
-    depth : (...) ndarray or float
-        Depth of the gate [m].
-    pulse_length : float
-        Pulse length c T / 2 [m].
-
-    Returns
-    -------
-    (...) float64 ndarray
-        Intensity in noise powers, accurate to 0.001: the inverse of `noise_below`.
-
-    See Also
-    --------
-    noise_below : The inverse.
-
-    Examples
-    --------
-    >>> noise_peak(np.array([0.5]), depth=300.0, pulse_length=4.5).round(1)
-    array([5.6])
+    It is in noise powers. This inverse of `noise_below` turns `uniform` (...) random numbers into
+    peaks, to 0.001.
     """
     levels = np.concatenate([np.geomspace(1e-9, 0.01, 100)[:-1], np.linspace(0.01, 40.0, 4000)])
     uniform, depth = np.broadcast_arrays(uniform, depth)
@@ -107,42 +64,19 @@ def peaks(
     flight: Flight,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float32], Floats]:
-    """Return intensity and range of the strongest return of every sample.
+    """Return intensity and range (line, column) of the strongest return of every sample.
 
-    Parameters
-    ----------
-    returns : Returns
-        Returns of the ship.
-    amplitudes : (line, column, ray) complex64 ndarray
-        Speckle of every ray, of unit mean power.
-    nominal : (line, column) float64 ndarray
-        Range of the middle of the gate [m].
-    flight : Flight
-        Carrier-to-noise ratio, pulse, gate and threshold.
-    rng : numpy.random.Generator
-        Source of randomness.
+    They are in noise powers and metres. Without a return above the threshold they are 0 and NaN.
+    `amplitudes` (line, column, ray) are the speckle of every ray, of unit mean power; `nominal`
+    (line, column) [m] is the middle of the gate.
 
-    Returns
-    -------
-    intensity : (line, column) float32 ndarray
-        Peak intensity in noise powers; 0 where nothing exceeds the threshold.
-    range : (line, column) float64 ndarray
-        Measured range [m]; NaN where nothing exceeds the threshold.
-
-    Notes
-    -----
     A sample's waveform is the sum of its rays' amplitudes, each with the response exp(-2 r^2 / l^2)
-    of pulse and matched filter (of unit peak here) [1]_, plus noise of unit mean power and of
-    correlation exp(-2 r^2 / l^2), l = c T / 2: a flat target that fills the IFOV has the
-    carrier-to-noise ratio of the flight. The waveform is computed around the ship only; the noise
-    peak of the rest of the gate has a closed form (`noise_peak`), and so have samples of the sea.
+    of pulse and matched filter (Appendix 1 of the article, of unit peak here), plus noise of unit
+    mean power and of correlation exp(-2 r^2 / l^2), l = c T / 2: a flat target that fills the IFOV
+    has the carrier-to-noise ratio of the flight. The waveform is computed around the ship only; the
+    noise peak of the rest of the gate, and of samples of the sea, has a closed form (`noise_peak`).
     The error of a range is `range_sigma` plus, at low carrier-to-noise ratios, the displacement of
-    the waveform's peak by noise.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, Appendix 1.
+    the peak by noise.
     """
     # Fields of the rays that the gate admits.
     count = math.prod(returns.shape)
@@ -197,27 +131,11 @@ def peaks(
 
 
 def noiseless(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32], Floats]:
-    """Return intensity and range of the receiver's mean over speckle, without noise.
+    """Return intensity and range (line, column) of the receiver's mean over speckle, without noise.
 
-    Parameters
-    ----------
-    returns : Returns
-        Returns of the ship.
-    flight : Flight
-        Carrier-to-noise ratio and pulse.
-
-    Returns
-    -------
-    intensity : (line, column) float32 ndarray
-        Largest mean intensity over range, in noise powers; 0 where there is no ship.
-    range : (line, column) float64 ndarray
-        Range of that peak [m]; NaN where there is no ship.
-
-    Notes
-    -----
-    The peak is evaluated at the rays' ranges, and placed at the mean range of the rays that
-    contribute to it. The peak of a mean is less than the mean of peaks, by the amount that speckle
-    adds on surfaces that span several ranges in one IFOV.
+    The intensity is the largest over range, in noise powers, at the rays' ranges, and the range [m]
+    the mean of the rays that contribute; 0 and NaN without a ship. The peak of a mean is less than
+    the mean of peaks, by the gain from speckle on surfaces that span several ranges in one IFOV.
     """
     count = math.prod(returns.shape)
     intensity, where = np.zeros(count, dtype=np.float32), np.full(count, np.nan)

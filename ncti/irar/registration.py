@@ -1,9 +1,9 @@
 """Displacements that take every sample of a scan to its place in the snapshot.
 
-Each function returns what to add to a sample's place or range. None of them resamples an image, so
-steps do not blur one another, and looks stay separate until they are averaged (`looks`). Rows and
-columns are counted in pixels (IFOVs of the snapshot) from the line of sight to the ship's origin,
-upwards and to the right.
+Each function returns displacements of a sample's place or range. None of them resamples an image,
+so steps do not blur one another, and looks stay separate until they are averaged (`looks`). Rows
+and columns are counted in pixels (IFOVs of the snapshot) from the line of sight to the ship's
+origin, upwards and to the right.
 """
 
 from __future__ import annotations
@@ -122,28 +122,12 @@ def azimuth_shift(
 
 
 def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return row, column and range in the snapshot of each sample's target, by dead reckoning.
+    """Return row, column [pixel] and range [m] of each sample's target in the snapshot, exactly.
 
-    Parameters
-    ----------
-    flight : Flight
-        The pass, as navigation measures it.
-    time : (line, sample) float64 ndarray
-        Time of each sample after the snapshot [s].
-    ranges : (line, sample) float64 ndarray
-        Measured ranges [m]; where NaN, that of the ship's origin is used.
-
-    Returns
-    -------
-    row, column : (line, sample) float64 ndarray
-        Place in the snapshot [pixel].
-    range : (line, sample) float64 ndarray
-        Distance to the aircraft's place in the snapshot [m]; NaN where `ranges` is.
-
-    Notes
-    -----
-    The exact geometry, with all corrections at once: direction and range of a sample give a point
-    on the ship, which is then projected into the view from the aircraft's place in the snapshot.
+    All results are (line, sample). `time` [s] is after the snapshot; where `ranges` [m] are NaN,
+    that of the ship's origin gives row and column. Direction and range of a sample give a point on
+    the ship, projected into the view from the aircraft's place in the snapshot: all corrections at
+    once.
     """
     now = flight.position(time)
     nominal = np.linalg.norm(now, axis=-1)
@@ -156,31 +140,9 @@ def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Float
 
 
 def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Floats]:
-    """Return rows and columns of samples as if the scan were level and nothing moved.
+    """Return rows and columns (sample,) [pixel] of samples, were the scan level and nothing moving.
 
-    Parameters
-    ----------
-    flight : Flight
-        The pass.
-    samples : (sample,) int ndarray
-        Numbers of the samples.
-
-    Returns
-    -------
-    row, column : (sample,) float64 ndarray
-        Places, one column per sample, centred on the scan's pointing [pixel].
-
-    See Also
-    --------
-    mirror_displacement : What to add for the mirror.
-    motion_displacement : What to add for the motion.
-
-    Examples
-    --------
-    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, samples=5, pointing=5.0)
-    >>> row, column = raw_places(flight, np.arange(5))
-    >>> column.round(6) + 0.0
-    array([-2., -1.,  0.,  1.,  2.])
+    There is one column per sample, centred on the scan's pointing.
     """
     row, column = _image(flight, flight.directions(np.zeros(()), np.zeros(())))
     along: Floats = np.asarray(samples) - (flight.samples - 1) / 2
@@ -190,55 +152,17 @@ def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Fl
 def mirror_displacement(
     flight: Flight, samples: NDArray[np.integer], *, form: str = "exact"
 ) -> tuple[Floats, Floats]:
-    """Return rows and columns by which the lean of the lines displaces samples.
+    """Return rows and columns (sample,) [pixel] by which the lean of the lines displaces samples.
 
-    Parameters
-    ----------
-    flight : Flight
-        The pass.
-    samples : (sample,) int ndarray
-        Numbers of the samples.
-    form : str
-        `exact`: every sample's beam by reflection. `printed`: a shear by the article's small-angle
-        form of the lean.
+    By `exact`, every sample's beam is reflected; `printed` is a shear by the article's small-angle
+    form.
 
-    Returns
-    -------
-    row, column : (sample,) float64 ndarray
-        Displacement to add to `raw_places` [pixel].
-
-    Raises
-    ------
-    ValueError
-        If the form is unknown.
-
-    See Also
-    --------
-    motion_displacement : What to add for the motion.
-
-    Notes
-    -----
-    The article prescribes a rotation (`rotated`) [1]_. With one scanned detector the lines lean
-    while the rows still climb straight up with the aircraft: a shear. The rotation levels the
-    waterline, but tilts the mast by the same angle.
-
-    A sample of a line that leans by L is sin(L) higher than the one before it, and cos(L) to its
-    right. At psi = 45 deg the printed tangent happens to equal that sine exactly, so the printed
-    shear levels the waterline; only its columns remain 1 - cos(L) too wide.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, 'Data Processing'.
-
-    Examples
-    --------
-    At 6.7 deg, 50 samples to the right of the middle of the scan are 6 rows lower:
-
-    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, samples=101, pointing=5.0)
-    >>> row, column = mirror_displacement(flight, np.arange(101))
-    >>> print(f"{row[-1] - row[50]:.1f} rows")
-    -5.8 rows
+    The article's 'Data Processing' prescribes a rotation (`rotated`). With one scanned detector the
+    lines lean while the rows still climb straight up with the aircraft: a shear. The rotation
+    levels the waterline, but tilts the mast by the same angle. A sample of a line that leans by L
+    is sin(L) higher than the one before it, and cos(L) to its right. At psi = 45 deg the printed
+    tangent happens to equal that sine exactly, so the printed shear levels the waterline; only its
+    columns remain 1 - cos(L) too wide.
     """
     require_word("form", form, MIRROR_FORMS)
     level_row, level_column = raw_places(flight, samples)
@@ -251,29 +175,9 @@ def mirror_displacement(
 
 
 def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, Floats]:
-    """Return places rotated about the ship's origin, the printed correction for the mirror.
+    """Return (...) rows and columns [pixel] rotated about the ship's origin, as the article prints.
 
-    Parameters
-    ----------
-    row, column : (...) float64 ndarray
-        Places [pixel].
-    clockwise : float
-        Angle [deg]; minus that of `mirror_rotation` undoes the mirror's rotation.
-
-    Returns
-    -------
-    row, column : (...) float64 ndarray
-        Rotated places [pixel].
-
-    See Also
-    --------
-    ncti.irar.mirror_rotation : The angle.
-
-    Examples
-    --------
-    >>> row, column = rotated(np.array([10.0]), np.array([0.0]), clockwise=90.0)
-    >>> row.round(6), column.round(6)
-    (array([0.]), array([10.]))
+    `clockwise` [deg]; minus the angle of `mirror_rotation` undoes the mirror's rotation.
     """
     c, s = math.cos(math.radians(clockwise)), math.sin(math.radians(clockwise))
     return c * row - s * column, s * row + c * column
@@ -282,55 +186,14 @@ def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, F
 def motion_displacement(
     flight: Flight, time: Floats, ranges: Floats, *, method: str = "pixel"
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the displacement in rows, columns and range between a sample's time and the snapshot.
+    """Return displacements (line, sample) to the snapshot: rows, columns [pixel] and range [m].
 
-    Parameters
-    ----------
-    flight : Flight
-        The pass, as navigation measures it.
-    time, ranges
-        As for `snapshot_places`.
-    method : str
-        `pixel`: by each sample's own range and direction. `line`: as the ship's origin moves, with
-        range and offset of each line. `constant`: as the origin moves at time 0, one shift for all
-        lines, with `azimuth_shift` for the columns.
-
-    Returns
-    -------
-    row, column : (line, sample) float64 ndarray
-        Displacement to add to a sample's place [pixel].
-    range : (line, sample) float64 ndarray
-        Change to add to its range [m].
-
-    Raises
-    ------
-    ValueError
-        If the method is unknown.
-
-    See Also
-    --------
-    snapshot_places : The exact geometry behind it.
-
-    Notes
-    -----
-    The article computes the correction at each pixel and propagates it through every scan line
-    [1]_. For an aircraft heading 5 deg off the ship, a mast leans by nearly 40 deg uncorrected, by
-    some degrees with one shift, by one with each line's, and not at all with each pixel's.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, 'Data Processing'.
-
-    Examples
-    --------
-    One second after the snapshot the lines have climbed by 9.5 m, twelve pixels:
-
-    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, samples=1 + 160, pointing=5.0)
-    >>> time, ranges = np.ones((1, 161)), np.full((1, 161), np.nan)
-    >>> row, column, closer = motion_displacement(flight, time, ranges, method="constant")
-    >>> print(f"{row[0, 80]:.0f} pixels")
-    12 pixels
+    The method `pixel` follows each sample's own range and direction; `line` the ship's origin, with
+    range and offset of each line; `constant` the origin at time 0, one shift for all lines, with
+    `azimuth_shift` for the columns. The article computes the correction at each pixel and
+    propagates it through every scan line ('Data Processing'). For an aircraft heading 5 deg off the
+    ship, a mast leans by nearly 40 deg uncorrected, by some degrees with one shift, by one with
+    each line's, and not at all with each pixel's.
     """
     require_word("method", method, MOTION_METHODS)
     if method == "constant":

@@ -274,19 +274,9 @@ def fly(
 
 
 def wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
-    """Draw attitude errors of the line of sight, a first-order Markov sequence of lines.
+    """Draw attitude errors (line, 2) [rad] of the line of sight, a first-order Markov sequence.
 
-    Parameters
-    ----------
-    plan : ScanPlan
-        The pass, whose flight has `jitter` and `jitter_time`.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    (line, 2) float64 ndarray
-        Errors to the right and up, in the scanner [rad].
+    They lie to the right and up, in the scanner.
     """
     flight = plan.flight
     kept = math.exp(-1 / (flight.line_rate * flight.jitter_time))

@@ -35,20 +35,9 @@ LINES_AT_ONCE = 64
 class Returns:
     """Returns of the ship to each sample of a scan, or to each pixel of a snapshot.
 
-    Attributes
-    ----------
-    shape : (int, int)
-        Lines and columns.
-    place : (hit,) intp ndarray
-        Flat index of the ray's sample, ascending.
-    ray : (hit,) intp ndarray
-        Number of the ray in its sample, from 0 to `rays` - 1.
-    distance : (hit,) float64 ndarray
-        Distance to the point that the ray hits [m].
-    power : (hit,) float64 ndarray
-        Returned power, relative to that of a flat target that fills the IFOV.
-    rays : int
-        Number of rays of each sample.
+    `shape` is lines and columns; `place` (hit,) the flat index of a ray's sample, ascending; `ray`
+    (hit,) its number, below `rays`; `distance` (hit,) [m]; `power` (hit,) that over a flat target
+    that fills the IFOV.
     """
 
     shape: tuple[int, int]
@@ -83,14 +72,8 @@ class Returns:
 class ScanPlan:
     """Lines that a pass needs to scan a ship from its waterline to its mast tops.
 
-    Attributes
-    ----------
-    flight : Flight
-        The pass, with its pointing determined.
-    first : int
-        Number of the first line; line 0 begins at time 0.
-    lines : int
-        Number of lines.
+    The pointing of `flight` is determined; line 0 begins at time 0, and the first of `lines` is
+    `first`.
     """
 
     flight: Flight
@@ -113,40 +96,7 @@ class ScanPlan:
 def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     """Return the lines and the pointing with which a pass scans a whole ship.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship, in its frame.
-    flight : Flight
-        The pass.
-
-    Returns
-    -------
-    ScanPlan
-        Lines from a few pixels below the ship to a few above it.
-
-    Raises
-    ------
-    ValueError
-        If a line has too few samples for the ship and its drift, the gate is less deep than the
-        ship, the aircraft comes too close, the pass has too many lines, or the lines do not climb
-        the ship.
-
-    See Also
-    --------
-    scan_scene : Cast the rays of the plan.
-
-    Notes
-    -----
-    A flight with a `pointing` of its own scans there, whether or not the ship fits into the line.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> box = trimesh.creation.box((40, 10, 14)).apply_translation((0, 0, 7))
-    >>> plan = plan_scan(box, Flight(slant_range=4e3, ship_heading=5.0))
-    >>> plan.lines > 200
-    True
+    A flight with its own `pointing` scans there, whether or not the ship fits into the line.
     """
     corners = np.asarray(mesh.vertices, dtype=np.float64)
     _, up, away = flight.snapshot_axes @ corners.T
@@ -226,23 +176,7 @@ def _aimed(flight: Flight, corners: Floats) -> Flight:
 def brightness_of(
     mesh: trimesh.Trimesh, reflectivity: Floats | None, *, lambertian: bool
 ) -> Callable[[RayHits], Floats]:
-    """Return a function from the hits of rays to the powers that they return.
-
-    Parameters
-    ----------
-    mesh, reflectivity, lambertian
-        As for `scan_scene`.
-
-    Returns
-    -------
-    callable
-        From hits to (hit,) powers, relative to that of a flat target of reflectivity 1.
-
-    Raises
-    ------
-    ValueError
-        If there is not one reflectivity of at least 0 per facet.
-    """
+    """Return a function of the hits of rays that gives (hit,) powers, relative to a flat target."""
     facets = np.ones(len(mesh.faces)) if reflectivity is None else reflectivity
     facets = require_all("reflectivity", facets, minimum=0)
     require_shape("reflectivity", facets, (len(mesh.faces),))
@@ -258,34 +192,12 @@ def scan_scene(
     reflectivity: Floats | None = None,
     lambertian: bool = False,
 ) -> Returns:
-    """Cast the rays of a scan and return what the ship sends back to each sample.
+    """Return the ship's returns to each sample, of rays cast along the scan.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship, in its frame.
-    plan : ScanPlan
-        The pass.
-    leading : int
-        Columns before the first sample, which trailing passive detectors see.
-    attitude : (line, 2) float64 ndarray, optional
-        Errors of the line of sight, to the right and up [rad].
-    reflectivity : (facet,) float64 ndarray, optional
-        Reflectivity of each facet, relative to the flat target of the carrier-to-noise ratio; 1
-        when not given.
-    lambertian : bool
-        Let the power fall with the cosine of incidence; otherwise it follows the projected area, as
-        in the article.
-
-    Returns
-    -------
-    Returns
-        Returns of `leading` more columns than the flight has samples.
-
-    Raises
-    ------
-    ValueError
-        If there is not one reflectivity of at least 0 per facet.
+    `leading` columns before the first sample serve trailing passive detectors; `attitude` (line, 2)
+    [rad] are errors of the line of sight, right and up; `reflectivity` (facet,) is relative to the
+    flat target of the carrier-to-noise ratio, 1 by default. Power follows the projected area, as in
+    the article, or if `lambertian` also the cosine of incidence.
     """
     brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     flight = plan.flight

@@ -105,20 +105,12 @@ def add_looks(
 ) -> None:
     """Add the brightness that looks see to the pixels that average them.
 
-    Parameters
-    ----------
-    means : (channel, pixel) and (channel, pixel, 6) float64 ndarray
-        Means over the looks of a pixel, and their derivatives by `place`, to which this adds.
-    truth : three (channel, row, column) float64 ndarrays, a (row, column) bool ndarray
-        Brightness of the cells, 0 at the border, and its change per cell, up and to the right;
-        cells of the ship and next to it: others are skipped.
-    scale : (float, float, int)
-        Row and column of the centre of the truth [cell], and cells per pixel along each axis.
-    place : (6,) float64 ndarray
-        Place of the truth: up, right, mast, waterline, height, width, as in `tilt.tilts`.
-    looks : (look,) intp, two (look,) float64 and (pixel,) intp ndarray
-        Pixel that averages a look; its row and column from the centre of the image [pixel]; number
-        of looks of each pixel.
+    `means` (channel, pixel), and (channel, pixel, 6) derivatives by `place`, are added to. `truth`
+    are three (channel, row, column) arrays, brightness of the cells, 0 at the border, and its
+    change per cell up and to the right, and a (row, column) mask of cells of or next to the ship.
+    `scale` is row and column of the truth's centre [cell], and cells per pixel. `place` (6,) is up,
+    right, mast, waterline, height, width, as in `tilt.tilts`. `looks` are (look,) pixel, row and
+    column from the image's centre [pixel], and the (pixel,) number of looks.
     """
     (image, slopes), (cells, upward, rightward, near) = means, truth
     (middle_row, middle_column, factor), (pixel, row, column, count) = scale, looks

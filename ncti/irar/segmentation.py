@@ -19,46 +19,11 @@ _WRAPPED = 12.0  # a fraction exp(-12) of the false alarms may be wrapped around
 def segment(
     intensity: ArrayLike, range_: ArrayLike, *, threshold: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return intensity and range where the intensity reaches a threshold.
+    """Return intensity and range (...) where the intensity reaches a threshold, else 0 and NaN.
 
-    Parameters
-    ----------
-    intensity : (...) array_like
-        Averaged intensity in any unit, NaN where there is no look.
-    range_ : (...) array_like
-        Range of the same pixels [m].
-    threshold : float or (...) array_like
-        Least intensity of the ship, at least 0, in the same unit: one for all pixels or one per
-        pixel.
-
-    Returns
-    -------
-    intensity, range : (...) float64 ndarray
-        Copies, 0 and NaN where the intensity is below the threshold or missing.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ, or a threshold is negative or not finite.
-
-    See Also
-    --------
-    noise_threshold : A threshold for a given rate of false alarms.
-
-    Notes
-    -----
-    The article sets both images to zero below its threshold, which it does not state [1]_. Zero is
-    also a valid range, that of the ship's origin: here a pixel without a range has NaN.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data",
-       The Lincoln Laboratory Journal, 'Data Enhancement and Compensation'.
-
-    Examples
-    --------
-    >>> segment([5.0, 9.0], [3990.0, 4010.0], threshold=6.3)
-    (array([0., 9.]), array([  nan, 4010.]))
+    `intensity` (...) is in any unit, NaN without a look; `threshold` one for all pixels or one per
+    pixel. The article sets both images to zero below an unstated threshold ('Data Enhancement and
+    Compensation'). Zero is also a valid range, that of the ship's origin, so NaN marks none here.
     """
     power = np.asarray(intensity, dtype=np.float64)
     distance = np.asarray(range_, dtype=np.float64)
@@ -72,55 +37,20 @@ def segment(
 def noise_threshold(
     looks: ArrayLike, *, depth: float, pulse_length: float, dropout: float, false_alarm: float
 ) -> NDArray[np.float64]:
-    """Return the intensity that averaged noise of a pixel without a target rarely reaches.
+    """Return the intensity (...) that averaged noise of a pixel without a target rarely reaches.
 
-    Parameters
-    ----------
-    looks : (...) array_like
-        Independent looks in the average, including dropouts, 1 to 100,000.
-    depth : float
-        Depth of the gate, of which a look reports the largest intensity [m].
-    pulse_length : float
-        Pulse length c T / 2 [m].
-    dropout : float
-        Least reported peak, in noise powers; lower ones count as 0.
-    false_alarm : float
-        Probability that the average reaches the threshold, 1e-9 to 0.5.
+    `looks` (...) are independent ones in the average, dropouts included; `depth` [m] is that of the
+    gate, `pulse_length` [m] c T / 2; peaks below `dropout` noise powers count as 0; `false_alarm`
+    is the probability. The threshold is in mean noise powers: at least the average of one report.
 
-    Returns
-    -------
-    (...) float64 ndarray
-        Threshold in mean noise powers. If fewer averages than that contain any report at all, the
-        smallest average that one report gives.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
-    See Also
-    --------
-    segment : Apply the threshold.
-    ncti.irar.receiver.noise_below : Distribution of one look.
-
-    Notes
-    -----
     A method of this project, as no threshold is published. The sea returns nothing, so a
     peak-detecting sensor reports the largest intensity of its noise there, with the distribution
     `noise_below`. Averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a pulse
-    of 4.5 m, that no number of looks removes. The distribution of the sum over the looks is that of
-    one look convolved with itself, computed by its Fourier transform on a grid of 1/32 noise power,
-    which changes the threshold by less than 1e-4 of itself. The threshold falls with the number of
-    looks, except for dropouts: where few peaks are reported, the number of reports that make an
-    alarm rises in steps.
-
-    Examples
-    --------
-    One false alarm in 1,000 pixels, for 1, 8 and 64 looks:
-
-    >>> noise = {"depth": 300.0, "pulse_length": 4.5, "dropout": 4.0}
-    >>> noise_threshold([1, 8, 64], **noise, false_alarm=1e-3).round(2)
-    array([12.49,  7.56,  6.26])
+    of 4.5 m, whatever the number of looks. The distribution of the sum over looks is that of one
+    look convolved with itself, by its Fourier transform on a grid of 1/32 noise power, which
+    changes the threshold by less than 1e-4 of itself. The threshold falls with the number of looks,
+    except for dropouts: where few peaks are reported, the number of reports that make an alarm
+    rises in steps.
     """
     counts = require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
     require("depth", depth, minimum=0.0)

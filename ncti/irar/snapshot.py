@@ -153,13 +153,7 @@ class ShipPixels:
 
 
 def centres(first: int, count: int, cells: int) -> Floats:
-    """Return centres of pixels cut into cells, (count * cells,), from pixel `first` [pixel].
-
-    Examples
-    --------
-    >>> centres(-1, 2, 2)
-    array([-1.25, -0.75, -0.25,  0.25])
-    """
+    """Return centres of pixels cut into cells, (count * cells,), from pixel `first` [pixel]."""
     return first - 0.5 + (np.arange(count * cells, dtype=np.float64) + 0.5) / cells
 
 

@@ -14,24 +14,8 @@ INDEPENDENT = 1e-3
 
 
 def speckle_correlation(flight: Flight) -> float:
-    """Return the correlation of the received field between one line and the next.
+    """Return the correlation of the received field between one line and the next, 0 to 1.
 
-    Parameters
-    ----------
-    flight : Flight
-        The pass.
-
-    Returns
-    -------
-    float
-        Correlation, from 0 for independent looks to 1 for identical speckle.
-
-    See Also
-    --------
-    speckle : Draw speckle with this correlation.
-
-    Notes
-    -----
     A beam and a receiver matched to it, both Gaussian with 1/e^2 intensity diameter phi R on the
     ship, weight its rough surface with the field E(x)^2. When the sensor moves by D across the line
     of sight, the phase of E^2 tilts; as the beam keeps its direction, the footprint also moves by
@@ -43,14 +27,6 @@ def speckle_correlation(flight: Flight) -> float:
     lobe of lambda / phi = 5 cm, and mu is 1e-4 or less; at a hundredth of the speed mu is nearly 1
     and averaging lines gains nothing. The footprints of neighbouring samples are a whole IFOV
     apart, with mu = exp(-4), and are drawn independently.
-
-    Examples
-    --------
-    At the default speed successive lines are independent:
-
-    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0)
-    >>> speckle_correlation(flight) < 1e-3
-    True
     """
     across = math.hypot(flight.climb, flight.drift) / flight.line_rate
     lobe = math.pi * flight.ifov * across / (2 * WAVELENGTH)
@@ -60,37 +36,11 @@ def speckle_correlation(flight: Flight) -> float:
 def speckle(
     shape: tuple[int, int, int], *, correlation: float, rng: np.random.Generator
 ) -> NDArray[np.complex64]:
-    """Draw circular complex Gaussian amplitudes, correlated along the lines.
+    """Draw (line, column, ray) circular complex Gaussian amplitudes, correlated along the lines.
 
-    Parameters
-    ----------
-    shape : (int, int, int)
-        Lines, columns and rays.
-    correlation : float
-        Correlation from line to line, as from `speckle_correlation`.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    (line, column, ray) complex64 ndarray
-        Amplitudes of unit mean power.
-
-    See Also
-    --------
-    speckle_correlation : Correlation of a flight.
-
-    Notes
-    -----
-    A first-order Markov sequence of lines: the correlation of lines k apart is mu^k, while that of
-    the surface is mu^(k^2). For partly correlated frames this understates the gain of averaging;
-    for independent or identical frames it is exact.
-
-    Examples
-    --------
-    >>> drawn = speckle((200, 10, 25), correlation=0.0, rng=np.random.default_rng(0))
-    >>> print(f"{np.mean(np.abs(drawn) ** 2):.1f}")
-    1.0
+    Their mean power is 1. In this first-order Markov sequence lines k apart correlate by mu^k,
+    while those of the surface do by mu^(k^2). For partly correlated frames this understates the
+    gain of averaging; for independent or identical frames it is exact.
     """
     drawn = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     drawn *= np.float32(math.sqrt(0.5))

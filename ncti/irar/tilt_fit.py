@@ -54,32 +54,13 @@ def fit_place(
     place: Floats,
     least: float,
 ) -> tuple[Floats, Floats] | None:
-    """Fit the place of a truth to an image by robust least squares, from a start.
+    """Return the place of a truth in an image (6,), by robust least squares, and its covariance.
 
-    Parameters
-    ----------
-    seen : (channel, row, column) float64 ndarray
-        Image, in units of the ship's brightness.
-    known : (channel, row, column) bool ndarray
-        Pixels to fit.
-    view : Truth
-        The truth.
-    looks : Looks
-        Looks that the pixels average.
-    place : (6,) float64 ndarray
-        Start; see `START`.
-    least : float
-        Least scatter of residuals, as a share of the model.
-
-    Returns
-    -------
-    (6,) and (6, 6) float64 ndarray, or None
-        Place and its covariance; None if a channel shows too little of the ship.
-
-    Notes
-    -----
-    Gauss-Newton steps with Tukey's biweight. The noise floor falls in stages: a high floor keeps
-    every residual an inlier while the start is still wrong.
+    `seen` (channel, row, column) is in units of the ship's brightness, `known` masks the pixels to
+    fit; `place` (6,) is the start, as of `START`; `least` the least scatter of residuals, as a
+    share of the model. Returns None if a channel shows too little of the ship. Gauss-Newton steps
+    with Tukey's biweight; the noise floor falls in stages, since a high floor keeps every residual
+    an inlier while the start is still wrong.
     """
     channels = len(seen)
     fit = _Estimate(place, np.ones(channels), np.zeros(channels), np.ones(channels))

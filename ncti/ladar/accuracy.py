@@ -24,34 +24,9 @@ def exact_extent(
     bin_width: float,
     window: float,
 ) -> RangeExtent:
-    """Return the sampling-free range extent of a ship.
+    """Return the sampling-free range extent of a ship, of `reference_range_extent`.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        Closed mesh with outward winding.
-    aspect, depression : float
-        View angles [deg].
-    slant_range, ifov, bin_width, window : float
-        As of `ncti.ladar.range_extent` [m, rad, m, m].
-
-    Returns
-    -------
-    RangeExtent
-        As accurate as `ncti.ladar.reference.reference_range_extent`.
-
-    See Also
-    --------
-    ncti.ladar.range_extent : The fast, sampled computation.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from ncti.ladar.accuracy import exact_extent
-    >>> block = trimesh.creation.box(extents=(40.0, 10.0, 10.0))
-    >>> beam = {"slant_range": 100e3, "ifov": 150e-6, "bin_width": 1.0, "window": 60.0}
-    >>> print(f"{exact_extent(block, aspect=0, depression=30, **beam).fraction.sum():.3f}")
-    1.274
+    Angles are in degrees, other arguments as of `ncti.ladar.range_extent`.
     """
     centres = bin_centres(window, bin_width)
     side = ifov * (slant_range / 1e3) * 1e3  # in this order, by which results are stored
@@ -65,36 +40,10 @@ def exact_extent(
 def extent_errors(
     extent: RangeExtent, exact: RangeExtent, *, pulse_width: float
 ) -> dict[str, float]:
-    """Return the relative errors of a range extent, sum |p - q| over sum q.
+    """Return the relative errors of a range extent, sum |p - q| over sum q, against the exact q.
 
-    Parameters
-    ----------
-    extent, exact : RangeExtent
-        That of p, and that of q, of the same bins.
-    pulse_width : float
-        Full width of a pulse at 1/e^2 [s].
-
-    Returns
-    -------
-    dict of str to float
-        extent_error, of the sums over IFOVs; ifov_error, of all IFOVs, each compared with its own;
-        profile_error, of the sums after convolution with the pulse's power response.
-
-    See Also
-    --------
-    RangeExtent.error_after : Bound on the last of these, without a reference.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from dataclasses import replace
-    >>> from ncti.ladar import no_return
-    >>> from ncti.ladar.accuracy import extent_errors
-    >>> exact = replace(no_return(20.0, 1.0), fraction=np.eye(20)[9:11], cell=np.eye(2, dtype=int))
-    >>> half = replace(exact, fraction=exact.fraction[:1], cell=exact.cell[:1])
-    >>> errors = extent_errors(half, exact, pulse_width=30e-9)
-    >>> errors["extent_error"], errors["ifov_error"]
-    (0.5, 0.5)
+    `extent_error` is of the sums over IFOVs; `ifov_error` of all IFOVs, each compared with its own;
+    `profile_error` of the sums after the power response of a pulse. `pulse_width` [s].
     """
     p, q = extent.fraction.sum(axis=0), exact.fraction.sum(axis=0)
     rows = {tuple(cell): row for cell, row in zip(exact.cell.tolist(), exact.fraction, strict=True)}
@@ -120,39 +69,9 @@ def profile_noise(
     draws: int,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return draws of the deviation of averaged frames from their expectation.
+    """Return (draw, bin) Gaussian deviations of averaged frames, of the exact covariance.
 
-    They are Gaussian, of the exact covariance, and the same for every sampling: answers then change
-    by the error of the sampling and by nothing else.
-
-    Parameters
-    ----------
-    extent : RangeExtent
-        The exact one.
-    pulse_width, cnr, target_free_ifovs, frame_count
-        As of `ncti.ladar.frame_moments`.
-    draws : int
-        Number of draws.
-    rng : numpy.random.Generator
-        Source of the noise.
-
-    Returns
-    -------
-    (draw, bin) float64 ndarray
-        In noise magnitudes.
-
-    See Also
-    --------
-    ncti.ladar.frame_moments : The covariance.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ncti.ladar import no_return
-    >>> from ncti.ladar.accuracy import profile_noise
-    >>> signal = {"pulse_width": 30e-9, "cnr": 1.0, "target_free_ifovs": 9, "frame_count": 4}
-    >>> profile_noise(no_return(20.0, 1.0), draws=3, rng=np.random.default_rng(1), **signal).shape
-    (3, 20)
+    Every sampling gets the same noise, so that answers change by the sampling error alone.
     """
     _, covariance = frame_moments(
         extent,

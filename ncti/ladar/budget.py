@@ -125,48 +125,11 @@ def faintest(
 ) -> float:
     """Return the carrier-to-noise ratio below which single precision loses a ship in the floor.
 
-    Parameters
-    ----------
-    size : (3,) sequence of float
-        Length, beam and height of the ship [m].
-    slant_range, ifov
-        Distance [m], and side of an IFOV [rad].
-    target_free_ifovs : int
-        Number of IFOVs without target that are added to each frame.
-
-    Returns
-    -------
-    float
-        CNR of a filled IFOV at the slant range, as a power ratio. Below it an end-on view rises
-        above its noise floor by a few steps of float32, or by none.
-
-    See Also
-    --------
-    carrier_to_noise : Carrier-to-noise ratio by range.
-    expected_profile : The profile that sweeps store in single precision.
-
-    Notes
-    -----
-    The end of the box around the ship, its area spread over the length L, adds
-    A = (pi/2) CNR (W H / side^2) / L per metre of range to Equation C of [1]_ and raises the
-    profile by A / (2 sqrt(B)). The floor is sqrt(B) for each IFOV, and its steps are 2^-23 of it.
-    The peaks of real ships end-on are three to eight times as high.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, Appendix 1, Equation C.
-
-    Examples
-    --------
-    A destroyer at 100 km beside 4,000 target-free IFOVs:
-
-    >>> import math
-    >>> from ncti.ladar.budget import faintest
-    >>> sight = {"slant_range": 100e3, "ifov": 150e-6}
-    >>> least = faintest((142.0, 15.0, 33.0), **sight, target_free_ifovs=4000)
-    >>> print(f"{10 * math.log10(least):.0f} dB")
-    -14 dB
+    `size` (3,) is length, beam and height [m], `slant_range` [m], `ifov` [rad]; the CNR is a power
+    ratio of a filled IFOV. The end of the box around the ship, its area spread over the length L,
+    adds A = (pi/2) CNR (W H / side^2) / L per metre to Equation C of the article, and raises the
+    profile by A / (2 sqrt(B)); float32 resolves 2^-23 of the floor, sqrt(B) for each IFOV. Real
+    ships end-on peak three to eight times as high.
     """
     length, beam, height = size
     density = beam * height / (ifov * slant_range) ** 2 * REFERENCE_BIN / length

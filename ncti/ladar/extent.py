@@ -156,7 +156,7 @@ class RangeExtent:
         )
 
     def packed(self) -> dict[str, Any]:
-        """Return what `unpacked` takes: its attributes, without the bins that hold nothing.
+        """Return its attributes as arrays for `unpacked`, without empty bins.
 
         Returns
         -------
@@ -356,7 +356,7 @@ def binned_extent(
     reflectance: str = "projected_area",
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> RangeExtent:
-    """Return `range_extent` of parameters that are checked, of lines however far apart."""
+    """Return `range_extent` of checked parameters, for lines at any spacing."""
     side = ifov * slant_range
     half_window, bin_count = bins_of(window, bin_width)
     right, up = shift
@@ -421,13 +421,7 @@ def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: f
 
 
 def bins_of(window: float, bin_width: float) -> tuple[float, int]:
-    """Return half the length of the range window [m] and its number of bins.
-
-    Raises
-    ------
-    ValueError
-        If there would be too many.
-    """
+    """Return half the length of the range window [m] and its number of bins."""
     require("window", window, positive=True)
     require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
     bin_count = max(1, round(window / bin_width))

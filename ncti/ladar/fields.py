@@ -86,9 +86,9 @@ class Noise(NamedTuple):
 class Waveforms:
     """Detector outputs |l| of IFOVs, computed in memory that is reused.
 
-    The normals of an IFOV in a frame are a stream of its own, named by its cell. They come in
-    pairs, one for each quadrature: that of the speckle of a bin stands at the number of the bin,
-    those of the noise follow.
+    The normals of an IFOV in a frame are its own stream, named by its cell. They come in pairs, one
+    for each quadrature: that of the speckle of a bin has the number of the bin, those of the noise
+    follow.
     """
 
     def __init__(

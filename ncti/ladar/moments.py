@@ -22,50 +22,16 @@ Floats = NDArray[np.float64]
 
 
 def magnitude_covariance(field: Floats) -> Floats:
-    """Return the covariance of the magnitudes of a circular complex Gaussian vector.
+    """Return the (..., bin, bin) covariance of magnitudes of a circular complex Gaussian vector.
 
-    Parameters
-    ----------
-    field : (..., bin, bin) float64 ndarray
-        Covariance of each quadrature.
-
-    Returns
-    -------
-    (..., bin, bin) float64 ndarray
-        Cov(|l_n|, |l_m|).
-
-    See Also
-    --------
-    ncti.ladar.frame_moments : Moments of frames, which are sums of such magnitudes.
-
-    Notes
-    -----
-    With sigma_n^2 = field[n, n] and rho = field[n, m] / (sigma_n sigma_m),
+    `field` (..., bin, bin) is the covariance of each quadrature. With sigma_n^2 = field[n, n] and
+    rho = field[n, m] / (sigma_n sigma_m), the bivariate Rayleigh moment (Middleton, An Introduction
+    to Statistical Communication Theory, 1960, section 9.1) gives
 
         Cov = sigma_n sigma_m [2 E(rho^2) - (1 - rho^2) K(rho^2) - pi/2],
 
-    K and E the complete elliptic integrals of parameter rho^2 (the bivariate Rayleigh moment
-    [1]_). The bracket suffers from cancellation as rho vanishes, so below m = rho^2 = 0.01 its
-    series (pi/2)(m/4 + m^2/64 + m^3/256) is used, with a relative error of at most 6.2e-9.
-
-    References
-    ----------
-    .. [1] D. Middleton, An Introduction to Statistical Communication Theory, McGraw-Hill, 1960,
-       section 9.1.
-
-    Examples
-    --------
-    The variance of a Rayleigh magnitude is 2 - pi/2 times that of a quadrature. Magnitudes of
-    uncorrelated fields are uncorrelated; for a correlation of 0.5 they are at 0.23, close to its
-    square:
-
-    >>> import numpy as np
-    >>> from ncti.ladar.moments import magnitude_covariance
-    >>> covariance = magnitude_covariance(np.array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0, 0, 1]]))
-    >>> print(f"{covariance[0, 0]:.4f} {2 - np.pi / 2:.4f}")
-    0.4292 0.4292
-    >>> (covariance[0] / covariance[0, 0]).round(2)
-    array([1.  , 0.23, 0.  ])
+    K and E the complete elliptic integrals of parameter rho^2. The bracket cancels as rho vanishes,
+    so below m = rho^2 = 0.01 its series (pi/2)(m/4 + m^2/64 + m^3/256) replaces it, to 6.2e-9.
     """
     sigma = np.sqrt(np.diagonal(field, axis1=-2, axis2=-1))
     scale = sigma[..., :, None] * sigma[..., None, :]
@@ -262,42 +228,10 @@ def banded_frame_moments(
 def frame_variance(
     extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
 ) -> Floats:
-    """Return the variance of the bins of one frame, the zero lag of `banded_frame_moments`.
+    """Return the (bin,) variance of one frame, the zero lag of `banded_frame_moments`.
 
-    Parameters
-    ----------
-    extent, pulse_width, cnr, target_free_ifovs
-        See `frame_moments`.
-
-    Returns
-    -------
-    (bin,) float64 ndarray
-        Variance, in the units of a frame squared.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
-    See Also
-    --------
-    banded_frame_moments : Covariances, too, in more time.
-
-    Notes
-    -----
     IFOVs are independent, and the variance of a Rayleigh magnitude is 4 / pi - 1 times its mean
     squared.
-
-    Examples
-    --------
-    A hundred target-free IFOVs:
-
-    >>> from ncti.ladar import no_return, noise_floor
-    >>> from ncti.ladar.moments import frame_variance
-    >>> nothing = no_return(250.0, 1.0)
-    >>> variance = frame_variance(nothing, pulse_width=30e-9, cnr=1e3, target_free_ifovs=100)
-    >>> print(f"{variance.mean() / noise_floor() ** 2:.2f}")
-    27.32
     """
     require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
     require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
@@ -325,7 +259,7 @@ def floor_reach(*, pulse_width: float, bin_width: float) -> int:
 def _reached(
     live: NDArray[np.bool_], first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return lag, IFOV and bin n of all pairs of bins n, n + lag of which a target reaches one.
+    """Return lag, IFOV and bin n of all pairs of bins n, n + lag one of which a target reaches.
 
     Lags are from `first` to below `last`; pairs are sorted by lag, IFOV and bin.
     """
@@ -357,9 +291,9 @@ def _reach(peak: float, *, n_z: float, bin_count: int) -> int:
     """Return the number of lags, zero included, over which a frame is correlated.
 
     The bracket is at most (2 - pi/2) m, so the covariance of two bins is at most (2 - pi/2) f^2/v,
-    with f the covariance of their fields and v the variance of the noise. The noise has a narrower
-    correlation than the target, so f is at most (peak + 1) v exp(-2 l^2 / N_z^2). The peak is that
-    of an IFOV filled in one bin, so that all views have the same lags.
+    f that of their fields and v the variance of the noise. Noise correlates over fewer lags than
+    the target, so f is at most (peak + 1) v exp(-2 l^2 / N_z^2). A common peak, that of an IFOV
+    filled in one bin, gives all views the same lags.
     """
     farthest = n_z * math.sqrt(math.log((peak + 1) / math.sqrt(NEGLIGIBLE)) / 2)
     return min(bin_count, math.floor(farthest) + 1)

@@ -23,36 +23,14 @@ MOST_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
 def shortest_pulse(bin_width: float) -> float:
-    """Return the shortest pulse [s] that range bins of width `bin_width` [m] sample, N_z = 2.
-
-    See Also
-    --------
-    target_kernel : Response that must be sampled.
-
-    Examples
-    --------
-    Bins of 1 m sample pulses of 9.4 ns and longer:
-
-    >>> from ncti.ladar.pulse import shortest_pulse
-    >>> print(f"{1e9 * shortest_pulse(1.0):.1f} ns")
-    9.4 ns
-    """
+    """Return the shortest pulse [s] that range bins of width `bin_width` [m] sample, N_z = 2."""
     return MIN_BINS * math.sqrt(2) * bin_width / SPEED_OF_LIGHT
 
 
 def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float64]:
-    """Return the field response to one scatterer over the range bins around it.
+    """Return the field response to one scatterer over the (bin,) range bins around it.
 
-    Parameters
-    ----------
-    pulse_width, bin_width
-        See `target_kernel`.
-
-    Returns
-    -------
-    (bin,) float64 ndarray
-        The part of a row of `target_kernel` above exp(-16) of its peak; an odd number of bins,
-        the scatterer in the middle one.
+    It is a row of `target_kernel` where that is above exp(-16) of its peak, in the middle bin.
     """
     n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
     reach = math.ceil(2 * n_z)
@@ -73,58 +51,12 @@ def _check(pulse_width: float, bin_width: float, bin_count: int) -> None:
 
 @lru_cache(maxsize=32)
 def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
-    """Return the field response in every range bin to a scatterer in every range bin.
+    """Return the field response (bin, bin) of every range bin to a scatterer in every range bin.
 
-    Parameters
-    ----------
-    pulse_width : float
-        Full width of pulse and filter at 1/e^2 of the intensity [s].
-    bin_width : float
-        Width of a range bin [m].
-    bin_count : int
-        Number of bins.
-
-    Returns
-    -------
-    (bin, bin) float64 ndarray
-        Read-only. K[n, k] = exp(-4 (n - k)^2 / N_z^2) / sqrt(N_z).
-
-    Raises
-    ------
-    ValueError
-        If a width is out of range, or there are too many bins.
-
-    Warns
-    -----
-    UserWarning
-        If the pulse is too short for the bins to sample, N_z < 2.
-
-    See Also
-    --------
-    noise_covariance : Covariance of the noise behind the same filter.
-
-    Notes
-    -----
-    Equation B of [1]_, with N_z = c T / (sqrt(2) dR): pulse and matched filter are the same
-    Gaussian, so the filtered pulse is sqrt(2) wider in time.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, Appendix 1, Equation B.
-
-    Examples
-    --------
-    A pulse of 30 ns spreads over N_z = 6.4 bins of 1 m. The power response to one scatterer sums
-    to sqrt(pi/8), however wide the pulse:
-
-    >>> from ncti.ladar.pulse import target_kernel
-    >>> kernel = target_kernel(pulse_width=30e-9, bin_width=1.0, bin_count=101)
-    >>> print(f"{(kernel[50] ** 2).sum():.4f}")
-    0.6267
-    >>> kernel = target_kernel(pulse_width=60e-9, bin_width=1.0, bin_count=101)
-    >>> print(f"{(kernel[50] ** 2).sum():.4f}")
-    0.6267
+    K[n, k] = exp(-4 (n - k)^2 / N_z^2) / sqrt(N_z), Equation B of the article's Appendix 1, with
+    N_z = c T / (sqrt(2) dR), T the `pulse_width` at 1/e^2 of the intensity [s]: pulse and matched
+    filter are the same Gaussian, so the filtered pulse is sqrt(2) wider. Its power sums to
+    sqrt(pi/8). Read-only. Warns of pulses too short for the bins to sample, N_z < 2.
     """
     _check(pulse_width, bin_width, bin_count)
     if pulse_width < shortest_pulse(bin_width) * (1 - 1e-12):
@@ -143,42 +75,15 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
 def noise_covariance(
     *, pulse_width: float, bin_width: float, bin_count: int
 ) -> NDArray[np.float64]:
-    """Return the covariance between range bins of one quadrature of the filtered shot noise.
+    """Return the (bin, bin) covariance of one quadrature of the filtered shot noise.
 
-    Parameters
-    ----------
-    pulse_width, bin_width, bin_count
-        See `target_kernel`.
+    White noise through the matched filter of the article's Appendix 1 has the covariance
 
-    Returns
-    -------
-    (bin, bin) float64 ndarray
-        sqrt(pi/8) exp(-2 (n - m)^2 / N_t^2).
+        sqrt(pi/8) exp(-2 (n - m)^2 / N_t^2),     N_t = c T / (2 dR).
 
-    See Also
-    --------
-    target_kernel : Response of the same filter to the target.
-
-    Notes
-    -----
-    White noise through the matched filter h of [1]_, N_t = c T / (2 dR). The article sums the noise
-    over samples one bin apart, yet its constant B in Equation C is the integral; at 10 ns and 1 m
-    the sum gives 6 % more amplitude, and it depends on the bin width. We use the integral, so that
-    samples agree with the printed B and nothing depends on the bin width.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, Appendix 1.
-
-    Examples
-    --------
-    The variance is sqrt(pi/8) in every bin, and the correlation falls to 1/e over N_t / sqrt(2)
-    bins, 3.2 m at 30 ns:
-
-    >>> from ncti.ladar.pulse import noise_covariance
-    >>> noise_covariance(pulse_width=30e-9, bin_width=1.0, bin_count=4)[0].round(3)
-    array([0.627, 0.568, 0.422, 0.257])
+    The article sums the noise over samples one bin apart, yet its constant B in Equation C is the
+    integral; at 10 ns and 1 m the sum gives 6 % more amplitude, and it depends on the bin width. We
+    use the integral, so that samples agree with the printed B at any bin width.
     """
     by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
     return _by_bins(by_lag)
@@ -191,18 +96,7 @@ def _by_bins(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
-    """Return the first row of `noise_covariance`: covariance of two bins by their distance.
-
-    Parameters
-    ----------
-    pulse_width, bin_width, bin_count
-        See `target_kernel`.
-
-    Returns
-    -------
-    (bin,) float64 ndarray
-        sqrt(pi/8) exp(-2 l^2 / N_t^2).
-    """
+    """Return the (bin,) first row of `noise_covariance`, sqrt(pi/8) exp(-2 l^2 / N_t^2)."""
     _check(pulse_width, bin_width, bin_count)
     n_t = SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
     return math.sqrt(math.pi / 8) * np.exp(-2 * np.arange(bin_count) ** 2 / n_t**2)
@@ -247,27 +141,14 @@ def noise_floor() -> float:
 def mirrored_factors(
     by_lag: NDArray[np.float64], *, tolerance: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the rows of a factor of a stationary covariance that are even, and odd, by halves.
+    """Return the even and odd rows of a factor F of a stationary covariance F' F, by halves.
 
-    Parameters
-    ----------
-    by_lag : (bin,) float64 ndarray
-        Covariance of two bins by their distance, as of `noise_by_lag`.
-    tolerance : float
-        See `low_rank_factor`.
-
-    Returns
-    -------
-    even, odd : (rank, half) float32 ndarray
-        Rows in the lower half of the window, a middle bin included, which is 0 in odd ones. Rows
-        F of the whole window, each with its mirror image or the negative of it, have the
-        covariance F.T @ F.
-
-    Notes
-    -----
-    Such a covariance is symmetric about the middle of the window, too, so that its eigenvectors
-    are even or odd about it. The matched filter limits the band: the noise of 250 bins of 1 m has
-    far fewer degrees of freedom than bins, about 500 sqrt(2 ln(1/tolerance)) / (pi N_t).
+    `by_lag` (bin,) is the covariance by lag, as of `noise_by_lag`. Both results are (rank, half)
+    rows over the lower half of the window, a middle bin included, which is 0 in odd ones; the upper
+    half mirrors them, negated if odd. A stationary covariance is symmetric about the middle of the
+    window, so its eigenvectors are even or odd. The matched filter limits the band: the noise of
+    250 bins of 1 m has some 500 sqrt(2 ln(1/tolerance)) / (pi N_t) degrees of freedom, far fewer
+    than bins.
     """
     bins = by_lag.size
     half = np.arange((bins + 1) // 2)
@@ -280,27 +161,13 @@ def mirrored_factors(
 
 
 def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDArray[np.float32]:
-    """Return a factor F of a covariance, F.T @ F, without its negligible eigenvalues.
+    """Return a (rank, bin) factor F of a (bin, bin) covariance F' F without negligible eigenvalues.
 
-    Parameters
-    ----------
-    covariance : (bin, bin) float64 ndarray
-        Symmetric, positive semi-definite up to rounding.
-    tolerance : float
-        Eigenvalues up to this, relative to the largest, are dropped.
-
-    Returns
-    -------
-    (rank, bin) float32 ndarray
-        Read-only.
-
-    Notes
-    -----
-    A Cholesky decomposition with pivots, L L.T, stops at a rank near that of F; the eigenvectors of
-    the small matrix L.T L then rotate L to F. For a rank r of n bins it takes some n r^2 steps,
-    where the eigenvectors of the whole matrix take 10 n^3. An eigenvector's sign is arbitrary, and
-    LAPACK's hangs on rounding; here its sum over bins, weighted by 1 / (bin + 1), is positive, so
-    that the same random numbers make the same noise when a pulse width changes by rounding.
+    Those up to `tolerance` times the largest are dropped. A pivoted Cholesky decomposition L L'
+    stops at a rank near that of F, and the eigenvectors of the small matrix L' L rotate L to F: n
+    r^2 steps for rank r of n bins instead of 10 n^3. The sign of an eigenvector, arbitrary in
+    LAPACK, makes its sum over bins, weighted by 1 / (bin + 1), positive here, so that the same
+    random numbers make the same noise when a pulse width changes by rounding. Read-only.
     """
     # Imported here because scipy takes a tenth of a second.
     from scipy.linalg.lapack import dpstrf

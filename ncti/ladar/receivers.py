@@ -19,56 +19,13 @@ def detect(
     receiver: str,
     false_alarm: float = FALSE_ALARM,
 ) -> NDArray[np.floating]:
-    """Return waveforms as a receiver reports them.
+    """Return (..., bin) waveforms as a receiver reports them, 0 where it reports nothing.
 
-    Parameters
-    ----------
-    amplitude : (..., bin) ndarray
-        Detector output |l(n)| of one IFOV and frame along the last axis.
-    receiver : str
-        `full_profile` keeps the waveform. `peak_pulse` keeps only the largest value, in the bin
-        where it occurs. `first_pulse` keeps only the first value above a threshold, and nothing
-        if no value exceeds it.
-    false_alarm : float
-        Probability that noise alone exceeds the first-pulse threshold in one bin, in (0, 1).
-
-    Returns
-    -------
-    (..., bin) ndarray
-        Amplitude reported in each bin, 0 elsewhere.
-
-    Raises
-    ------
-    ValueError
-        If the receiver is unknown or the probability is outside (0, 1).
-
-    See Also
-    --------
-    ncti.ladar.sample_frames : Random frames of any of these receivers.
-
-    Notes
-    -----
-    The receivers are those named in [1]_. The magnitude of noise alone has a Rayleigh distribution
-    with variance s^2 = sqrt(pi/8) in each quadrature, so the threshold is
-    s sqrt(-2 ln false_alarm).
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, section "Model for Laser Radar Range Profiles".
-
-    Examples
-    --------
-    The threshold is 4.16 at a false-alarm probability of 1e-6, so the first pulse is the weaker
-    return in front of the peak:
-
-    >>> import numpy as np
-    >>> from ncti.ladar.receivers import detect
-    >>> waveform = np.array([1.0, 6.0, 1.0, 9.0])
-    >>> detect(waveform, receiver="first_pulse")
-    array([0., 6., 0., 0.])
-    >>> detect(waveform, receiver="peak_pulse")
-    array([0., 0., 0., 9.])
+    `full_profile` keeps the waveform, `peak_pulse` its largest value in its bin, and `first_pulse`
+    the first value above a threshold, if any. The article names them in "Model for Laser Radar
+    Range Profiles". The magnitude of noise has a Rayleigh distribution with the variance s^2 =
+    sqrt(pi/8) in each quadrature, so noise exceeds s sqrt(-2 ln false_alarm) in a bin with
+    probability `false_alarm`.
     """
     require_word("receiver", receiver, RECEIVERS)
     if receiver == "full_profile":

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 ON_EDGE = 1e-9
-"""Distance [m] from the edge of a bin up to which a corner lies on it: what lies on an edge is in
-the bin behind it, and rounding must not decide."""
+"""Distance [m] from the edge of a bin up to which a corner lies on it, and so in the bin
+behind, whatever the rounding."""
 
 MISPLACED = 1e-5
 """Share of the area that chords in place of bent lines of equal range may put into a wrong bin;
@@ -30,15 +30,10 @@ facets are divided until they put less."""
 
 @dataclass(frozen=True, eq=False)
 class ReferenceExtent:
-    """Visible projected area by IFOV and range bin.
+    """Visible projected area (ifov, bin) [m^2] of the IFOVs that see some of a mesh.
 
-    Attributes
-    ----------
-    area : (ifov, bin) float64 ndarray
-        Visible projected area [m^2] of the IFOVs that see some of the mesh.
-    cell : (ifov, 2) int64 ndarray
-        Column and row of each IFOV; the cells (-1, -1) and (0, 0) share the corner on the line of
-        sight through the ship origin.
+    `cell` (ifov, 2) is their column and row; cells (-1, -1) and (0, 0) share the corner on the line
+    of sight through the ship origin.
     """
 
     area: Floats
@@ -54,63 +49,24 @@ def reference_range_extent(
     side: float | None = None,
     slant_range: float | None = None,
 ) -> ReferenceExtent:
-    """Return the exact visible projected area of a mesh, by range bin.
+    """Return the exact visible projected area of a mesh, by IFOV and range bin.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        Closed mesh with outward winding, or a sheet wound towards the sensor.
-    aspect, depression : float
-        View angles [deg].
-    bin_edges : (bin + 1,) float64 ndarray
-        Increasing down-range edges [m]; the last one beyond the whole mesh.
-    side : float, optional
-        Side of a square IFOV [m]; by default one IFOV, cell (0, 0), sees everything.
-    slant_range : float, optional
-        Distance from the sensor to the ship origin [m]; the far field when not given.
+    `mesh` is closed with outward winding, or a sheet wound towards the sensor; angles are in
+    degrees; `bin_edges` (bin + 1,) are down-range [m], the last one beyond the mesh; `side` is that
+    of a square IFOV [m], by default one that sees everything; without `slant_range` [m] it is the
+    far field.
 
-    Returns
-    -------
-    ReferenceExtent
-        Accurate to the 1e-8 m grid of the polygon clipper along every outline. At a finite range
-        at most 1e-5 of the area of facets is in a wrong bin besides.
+    Outlines are united, never solids: trimming a solid and projecting it would be shorter, but is
+    wrong by percents for hulls with slivers. Areas are accurate to the clipper's grid of 1e-8 m
+    along outlines, and those at the range of the ship origin.
 
-    Raises
-    ------
-    ValueError
-        If the mesh reaches beyond the last edge, or as far as the sensor.
-
-    See Also
-    --------
-    ncti.ladar.range_extent : The fast, sampled computation.
-
-    Notes
-    -----
-    Only outlines are united, never solids. Trimming a solid and projecting it would be shorter,
-    but is wrong by percents for hulls with slivers.
-
-    At a finite range R, a point (h, v, z) to the right, up and away from the sensor is seen at
-    h / (1 + z/R) and v / (1 + z/R), where straight edges stay straight, at the down-range
-    sqrt(h^2 + v^2 + (R + z)^2) - R. Areas are those at the range of the ship origin. Lines of equal
-    range are curved, and chords between their exact ends stand for them. Within a facet of an
-    extent L, range differs from a linear function by at most L^2 / 8R, and this share of what it
-    spans in range may be on the wrong side of a chord: facets that reach over the edge of a bin
-    are halved until all of it is within 1e-5 of the area.
-
-    A face that lies on the edge of two bins counts in the bin behind.
-
-    Examples
-    --------
-    A block of 40 m x 10 m x 10 m seen 30 degrees from above shows its deck and its near face:
-
-    >>> import numpy as np
-    >>> import trimesh
-    >>> from ncti.ladar.reference import reference_range_extent
-    >>> block = trimesh.creation.box(extents=(40.0, 10.0, 10.0))
-    >>> edges = np.arange(-30.0, 31.0)
-    >>> exact = reference_range_extent(block, aspect=0, depression=30, bin_edges=edges)
-    >>> print(f"{exact.area.sum():.4f} {400 * 0.5 + 100 * 0.75**0.5:.4f}")
-    286.6025 286.6025
+    At a finite range R, a point (h, v, z) to the right, up and away from the sensor is seen at h /
+    (1 + z/R) and v / (1 + z/R), where straight edges stay straight, at the down-range sqrt(h^2 +
+    v^2 + (R + z)^2) - R. Chords between their exact ends replace the curved lines of equal range.
+    Over a facet of extent L, range differs from a linear function by at most L^2 / 8R, and this
+    share of its depth may lie on the wrong side of a chord: facets across the edge of a bin are
+    halved until at most 1e-5 of their area does. A face on the edge of two bins counts in the bin
+    behind.
     """
     reach = float(np.linalg.norm(mesh.vertices, axis=1).max(initial=0.0))
     if slant_range is not None and not slant_range > reach:
@@ -156,7 +112,7 @@ def _project(mesh: trimesh.Trimesh, aspect: float, depression: float, curvature:
 
 
 def _seen(points: Floats, curvature: float) -> Floats:
-    """Return where (..., 3) points are seen, (..., 2), at the range of the ship origin."""
+    """Return the projection (..., 2) of points (..., 3), at the range of the ship origin."""
     return points[..., :2] / (1.0 + curvature * points[..., 2:])
 
 

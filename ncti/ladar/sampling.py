@@ -28,47 +28,25 @@ SLOPE = 1.6
 def sampling_error(
     strands: Floats, line_count: int, pulse_width: float, *, bin_width: float
 ) -> float:
-    """Return a bound on the error of the sum of strands after convolution with a pulse.
+    """Return a bound on the error sum |p - q| / sum q of lines, after a pulse's power response.
 
-    Parameters
-    ----------
-    strands : (16, bin) float64 ndarray
-        Extent of the ship by every sixteenth line; strand k is of the lines k, k + 16 ...
-    line_count : int
-        Lines across the ship.
-    pulse_width : float
-        Full width of pulse and matched filter at 1/e^2 of the intensity [s]; 0 for none.
-    bin_width : float
-        Width of a range bin [m].
+    `strands` (16, bin) are the extents p by every sixteenth line, strand k by the lines k, k + 16
+    ...; q is exact; `pulse_width` [s] is at 1/e^2, 0 for none. NaN if nothing is visible.
 
-    Returns
-    -------
-    float
-        Bound on sum |p - q| / sum q, p the sum of the strands, q the exact extent, both after the
-        power response of the pulse; NaN if nothing is visible, or there are no lines.
+    Lines at the spacing d sample the extent as a function f(y) of the place across the lines, and
+    by Poisson's summation formula their sum errs by the components of f at the frequencies 1/d, 2/d
+    ... A Fourier sum over the strands measures those below 1/2d: A(j) is the sum over bins of its
+    magnitude at j/16d, over the sum of the extent. With a the mean of A at 6, 7 and 8, the bound
+    for n lines is
 
-    Notes
-    -----
-    Lines at the spacing d sample the extent of the ship as a function f(y) of the place across
-    the lines. Their sum errs by what f has at the frequencies 1/d, 2/d ... (Poisson's summation
-    formula). What it has below 1/2d can be read from the lines themselves, by a Fourier sum over
-    the strands: A(j) is the sum over bins of its magnitude at j/16d, over the sum of the extent.
-    The harmonics 6, 7 and 8 (8 is the difference of odd and even lines) are averaged to a, and the
-    bound is
+        0.95 (1 + (34/n)^2) a (a n^1.6)^-0.148.
 
-        0.95 (1 + (34/n)^2) a (a n^1.6)^-0.148
-
-    for n lines. The last factor draws a towards that of a typical ship, whose a falls as n^-1.6;
-    and few lines may agree by chance. Range along a line is exact, so nothing else is to bound.
-
-    Fitted by quantile regressions on true errors: of lines 1 m to 1/32 m apart in random views and
-    in views nearly end-on and abeam, with and without a pulse, and of extents within tolerances,
-    since adding lines until a bound is small enough favours bounds that are too small. Other views
-    judge it in docs/accuracy.md.
-
-    The logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after long
-    pulses, where few range bins share it: where the lines lie decides the phase of the
-    harmonics at 1/d.
+    The last factor draws a towards that of a typical ship, which falls as n^-1.6, and the first
+    allows for few lines that agree by chance. Quantile regressions on true errors gave the
+    constants, also on errors of extents within tolerances, since adding lines until a bound is
+    small enough favours bounds that are too small; docs/accuracy.md judges them in other views. The
+    logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after long pulses:
+    the phase of the harmonics at 1/d depends on where the lines lie.
     """
     if line_count < 1:
         return math.nan
@@ -79,37 +57,20 @@ def sampling_error(
 
 
 def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_width: float) -> float:
-    """Return a bound on the error of an extent by pixels after convolution with a pulse.
+    """Return a bound on the error sum |p - q| / sum q of pixels, after a pulse's power response.
 
-    Parameters
-    ----------
-    strands : (4, bin) float64 ndarray
-        Extent of the ship by every second row and column, each a quarter of one by an image of
-        pixels twice as wide.
-    extent : (bin,) float64 ndarray
-        That by all pixels.
-    pulse_width : float
-        Full width of pulse and matched filter at 1/e^2 of the intensity [s]; 0 for none.
-    bin_width : float
-        Width of a range bin [m].
-
-    Returns
-    -------
-    float
-        Bound on sum |p - q| / sum q, p the extent, q the exact one, both after the power response
-        of the pulse; NaN if nothing is visible.
-
-    Notes
-    -----
-    With s_k the strands after the pulse, the bound is
+    `strands` (4, bin) are the extents by every second row and column, each a quarter of an image
+    with pixels twice as wide; `extent` (bin,) is p, by all pixels; q is exact; `pulse_width` is at
+    1/e^2 [s], 0 for none. NaN if nothing is visible. With s_k the strands after the pulse, the
+    bound is
 
         0.6 sum sqrt(mean over k of (4 s_k - p)^2) / sum p.
 
-    What it is 0.6 of is an error by pixels twice as wide. Errors fall as the pixel to the power of
+    The sum estimates the error of pixels twice as wide. Errors fall as the pixel to the power of
     some 1.5, and that of spreading pixels in range, which all strands share, as fast or faster, so
-    that errors by all pixels are a third of it in the median. Where the pixels lie decides how much
-    more they are: 98 of 100 are within 0.6 of it, by pixels of 0.09 to 1.4 m and spreads of 0 to 1,
-    in the views that the factor was set on. Other views judge it in docs/accuracy.md.
+    that the error of all pixels is a third of it in the median. Its scatter depends on where the
+    pixels lie: 98 of 100 are within 0.6 of it, for pixels of 0.09 to 1.4 m and spreads of 0 to 1,
+    in the views that the factor was set on. docs/accuracy.md judges it by others.
     """
     total = float(extent.sum())
     if not total > 0:

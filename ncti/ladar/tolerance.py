@@ -223,7 +223,7 @@ def _within(
     bin_width: float,
     spacing: float,
 ) -> tuple[LineImage, Binned]:
-    """Return lines that are as fine as a tolerance takes, and what they are binned to."""
+    """Return lines fine enough for a tolerance, and their binned extent."""
     require("tolerance", tolerance, positive=True)
     require("pulse_width", pulse_width, minimum=0.0)
     require("bin_width", bin_width, positive=True)
@@ -244,33 +244,15 @@ def _within(
 def first_spacing(
     mesh: trimesh.Trimesh, view: View, *, tolerance: float, resolution: float
 ) -> float:
-    """Return the distance between lines [m] that a view of a typical ship takes.
+    """Return the spacing of lines [m] with which a typical ship meets a tolerance, to two digits.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        Ship of the view.
-    view : View
-        View of it.
-    tolerance : float
-        Largest error of the range extent.
-    resolution : float
-        Distance down-range over which the extent is blurred [m].
-
-    Returns
-    -------
-    float
-        Of two digits, so that rounding does not part mirrored views.
-
-    Notes
-    -----
-    With the extents h across the lines, w along them and l down-range of the box around the ship,
-    and a resolution of r,
+    For the extents h across the lines, w along them and l down-range of the box around the ship,
+    and a `resolution` r [m] over which the extent is blurred, it is
 
         0.34 tolerance^(1/1.6) r^0.375 h^0.725 w^0.2 l^-0.3,
 
-    fitted to the spacings at which the bounds of 90 random views meet six tolerances, from which it
-    differs by 19 %. As a length it scales with the ship.
+    fitted to the spacings at which the bounds of 90 random views meet six tolerances, to 19 %. It
+    scales with the ship. Two digits give mirrored views the same spacing in spite of rounding.
     """
     along, across, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
     across, depth = max(across, FINEST), max(depth, resolution)

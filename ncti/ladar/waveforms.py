@@ -20,24 +20,14 @@ def put_magnitudes(
     response: Singles,
     out: Singles,
 ) -> None:
-    """Write the detector output |l| of each IFOV and frame to `out`.
+    """Write the detector output |l| of each IFOV and frame to `out`, (frame, ifov, bin) float32.
 
-    Parameters
-    ----------
-    noise : two (frame, quadrature, half) float32 ndarrays
-        Even and odd part of the noise in the lower half of the window, a middle bin included;
-        two quadratures per IFOV.
-    normals : (frame, 2, place) float32 ndarray
-        Standard normals of the speckle of each occupied bin, from ``first[0]`` on, two quadratures.
-    first : (ifov + 1,) int64 ndarray
-        Start of the occupied bins of each IFOV in the arrays of `target`.
-    target : three (place,) ndarrays
-        Occupied bins of all IFOVs, their amplitudes, and the number of bins that they affect on
-        each side, their own included.
-    response : (2 bin - 1,) float32 ndarray
-        Field of a scatterer of unit amplitude by lag, the most negative lag first.
-    out : (frame, ifov, bin) float32 ndarray
-        Output.
+    `noise`, two (frame, quadrature, half) float32, are the even and odd part of the noise in the
+    lower half of the window, a middle bin included, two quadratures per IFOV. `normals` (frame, 2,
+    place) float32 are those of the speckle of occupied bins from ``first[0]`` on, and `first` (ifov
+    + 1,) where those of each IFOV begin in `target`: three (place,) arrays of bin, amplitude, and
+    number of bins affected on each side, their own included. `response` (2 bin - 1,) float32 is the
+    field of a unit scatterer by lag, the most negative first.
     """
     (even, odd), (occupied, amplitude, reach) = noise, target
     bins, half = out.shape[2], even.shape[2]

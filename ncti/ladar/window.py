@@ -10,34 +10,10 @@ EDGE = 0.08  # share of the window, at each end, that no ship reaches
 
 
 def shortest_window(reach: float, pulse_width: float) -> float:
-    """Return the shortest range window that leaves both its edges free of a ship.
+    """Return the shortest range window [m] that leaves both its edges free of a ship.
 
-    Parameters
-    ----------
-    reach : float
-        Largest distance of a point of the ship from its origin [m].
-    pulse_width : float
-        Full width of the pulse at 1/e^2 of the intensity [s].
-
-    Returns
-    -------
-    float
-        Length of the window, centred on the ship origin [m].
-
-    See Also
-    --------
-    ncti.features.profile.estimated_floor : The noise floor, read off the edges.
-
-    Notes
-    -----
-    The returned pulse reaches beyond the ship, and the edges must stay free of it for the noise
-    floor to be read there.
-
-    Examples
-    --------
-    >>> from ncti.ladar.window import shortest_window
-    >>> print(f"{shortest_window(90.0, 30e-9):.0f} m")
-    222 m
+    `reach` is the largest distance of a point of the ship from its origin [m], `pulse_width` [s] at
+    1/e^2. The noise floor is read at the edges, which the returned pulse must not reach.
     """
     return (2 * reach + pulse_width * SPEED_OF_LIGHT / math.sqrt(2)) / (1 - 2 * EDGE)
 

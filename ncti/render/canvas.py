@@ -43,23 +43,10 @@ class Canvas:
         clip: NDArray[np.float64],
         shape: tuple[int, int],
     ) -> NDArray[np.float32]:
-        """Return the number of the facet behind each pixel, -1 where there is none.
+        """Return the (row * col,) facet numbers behind pixels, row 0 the lowest, -1 for none.
 
-        Parameters
-        ----------
-        solid : Solid
-            The ship.
-        facets : (facet,) int32 ndarray
-            Those of its facets that are drawn, in their order.
-        clip : (4, 4) float64 ndarray
-            From its vertices to clip coordinates.
-        shape : (int, int)
-            Rows and columns of the image, which fills the clip volume.
-
-        Returns
-        -------
-        (row * col,) float32 ndarray
-            Facet numbers, row 0 the lowest.
+        `facets` (facet,) are drawn in their order; `clip` (4, 4) leads from vertices to clip
+        coordinates, whose volume the image of `shape` fills.
         """
         return self._renderer.draw(self._uploaded(solid), facets, clip, shape)
 
@@ -99,7 +86,7 @@ class _Facets(pyrender.Primitive):
         )
 
     def draw(self, facets: NDArray[np.int32]) -> None:
-        """Draw some of them, in the current context."""
+        """Draw some of the facets, in the current context."""
         self._bind()
         content = self._numbers.take(facets, axis=0)
         if len(content):  # PyOpenGL makes no buffer of nothing
@@ -109,12 +96,12 @@ class _Facets(pyrender.Primitive):
 
 
 class _FacetRenderer(pyrender.Renderer):
-    """pyrender's renderer with a depth pass of our own.
+    """pyrender's renderer with our own depth pass.
 
-    pyrender's walks through the scene, and queries and sets constant state for every image; that
+    pyrender's walks through the scene, and queries and sets constant state for every image, which
     takes a tenth of the time of a small image. Its framebuffer has four samples a pixel, of which
-    it then picks one that is not at the centre, and a depth buffer of 24 bits. It multiplies
-    projection, view and model in the shader, in float32; here they are one matrix.
+    it picks one off the centre, and a depth buffer of 24 bits. It multiplies projection, view and
+    model in the shader, in float32; here they are one matrix.
     """
 
     def __init__(self) -> None:
@@ -171,7 +158,7 @@ class _FacetRenderer(pyrender.Renderer):
 
 
 def _make_context(platform: str) -> Any:
-    """Return a current context, of one pixel: images have framebuffers of their own."""
+    """Return a current context of one pixel: images have their own framebuffers."""
     context = OSMesaPlatform(1, 1) if platform == "osmesa" else _software_egl()
     context.init_context()
     context.make_current()

@@ -66,25 +66,10 @@ def available_engines() -> tuple[str, ...]:
 
 
 def choose_engine(name: str) -> str:
-    """Return the name of an engine that can run here.
+    """Return the name of an engine that can run here, or raise `EngineError`.
 
-    Parameters
-    ----------
-    name : str
-        An engine, or "auto": the first of osmesa, egl and embree that is available, and that is
-        not ruled out by OpenGL being bound to another platform in this process.
-
-    Returns
-    -------
-    str
-        The engine's name.
-
-    Raises
-    ------
-    ValueError
-        If there is no engine of that name.
-    EngineError
-        If it cannot run here.
+    "auto" is the first available of osmesa, egl and embree that OpenGL, which binds to one platform
+    in a process, does not rule out.
     """
     if name == "auto":
         with _lock:  # an engine that another thread is starting rules out others
@@ -104,12 +89,8 @@ def choose_engine(name: str) -> str:
 def start_engine(name: str) -> Engine:
     """Return the engine of a name, started on first use and kept for this process.
 
-    Threads may call this at once: one starts the engine, and the others wait for it.
-
-    Raises
-    ------
-    ValueError, EngineError
-        As `choose_engine`; also if the libraries are there but cannot draw.
+    Threads may call this at once: one starts the engine, and the others wait for it. Raises
+    `EngineError` if its libraries are missing or cannot draw.
     """
     with _lock:
         name = choose_engine(name)

@@ -171,7 +171,7 @@ def refined(mesh: trimesh.Trimesh, lines: LineImage, factor: int = 2) -> LineIma
 def _drawn(
     surfaces: Surfaces, view: View, spacing: float, phase: float, every: int = 0, kept: int = 0
 ) -> LineImage:
-    """Return the pieces of lines, without those of every so many that are kept from before."""
+    """Return the pieces of lines, but not of every `every`-th one, which a coarser view has."""
     from ncti.render.line_sweep import cross, face, project
 
     axes = view.axes

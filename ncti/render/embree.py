@@ -26,7 +26,7 @@ class EmbreeEngine:
     """Embree, one ray through each pixel centre between the first and the last on the ship.
 
     Rays pass through facets that face away from the sensor, as a rasteriser leaves them out: a
-    closed ship shows none, an open one what is behind its holes.
+    closed ship shows none, an open one shows surfaces behind its holes.
     """
 
     def __init__(self) -> None:

@@ -38,18 +38,8 @@ class Engine(Protocol):
     def visible(
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
     ) -> NDArray[np.float32] | NDArray[np.int32]:
-        """Return the facet that each pixel sees.
+        """Return the (row * col,) facets that pixels see, as rows of `solid.faces`; -1 for none.
 
-        Parameters
-        ----------
-        solid, view, lattice
-            Ship, view and pixels.
-        points : (3, vertex) float64 ndarray
-            Vertices along the axes of the view, from the ship origin [m].
-
-        Returns
-        -------
-        (row * col,) float32 or int32 ndarray
-            Index into `solid.faces` of the facet nearest to the sensor; -1 where there is none.
+        `points` (3, vertex) are vertices along the axes of the view, from the ship origin [m].
         """
         ...

@@ -77,8 +77,8 @@ def reach_of(vertices: ArrayLike) -> float:
 
 
 def sampling_tolerance(tolerance: float, drawn: float | None) -> float:
-    """Return what a tolerance leaves to the sampling of a view that is drawn at some range.
+    """Return the part of a tolerance that is left to sampling, given the range of a view.
 
-    All of it at a slant range [m], and what its share leaves in the far field (None).
+    It is all of it at a slant range [m], and 1 - `SHARE` of it in the far field (None).
     """
     return tolerance if drawn is not None else (1.0 - SHARE) * tolerance

@@ -27,7 +27,7 @@ def _open_canvas(platform: str) -> Any:
 class PyrenderEngine:
     """pyrender on one OpenGL platform: one context, renderer and scene, kept.
 
-    An OpenGL context belongs to one thread. The engine has a thread of its own for it, so it may
+    An OpenGL context belongs to one thread. The engine has its own thread for it, so it may
     be called from any; images are drawn one at a time.
     """
 

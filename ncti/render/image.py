@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Places of the pixels of a range image across the line of sight.
-
-    Attributes
-    ----------
-    pixel, origin, roll
-        As of `RangeImage`.
-    """
+    """Positions of the pixels of a range image across the line of sight, as of `RangeImage`."""
 
     pixel: float
     origin: tuple[float, float]

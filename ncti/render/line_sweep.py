@@ -24,7 +24,7 @@ NEARER = 1e-9
 coincident surfaces must not."""
 
 CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "u4"), ("begins", "u4")])
-"""Where a line crosses an edge: the coordinate along the line, q there, and the surface that ends
+"""Crossing of a line and an edge: the coordinate along the line, q there, and the surface that ends
 and that begins there. One record, so that one place in memory is touched."""
 
 ONCE = 1 << 32
@@ -62,9 +62,9 @@ def project(
 
 @compiled
 def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Places:
-    """Return (surface + 1,) the number of each surface that faces the sensor, else that of none.
+    """Return the number (surface + 1,) of each surface, or that of none if it faces away.
 
-    None is the number of surfaces.
+    That of none is the number of surfaces.
     """
     none = len(area)
     seen = np.full(none + 1, none, np.uint32)
@@ -76,9 +76,9 @@ def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Pla
 
 @inlined
 def rank_of(number: Any, every: Any, kept: Any) -> Any:
-    """Return how many lines to be drawn have numbers from that of a line that is kept up to one.
+    """Return the rank of a line's number among lines to be drawn, relative to a kept line.
 
-    Every so many lines are kept, and not drawn; of 0, all are drawn.
+    Every `every`-th line is kept, and not drawn; if that is 0, all are drawn.
     """
     if every == 0:
         return number
@@ -88,7 +88,7 @@ def rank_of(number: Any, every: Any, kept: Any) -> Any:
 
 @inlined
 def number_of(rank: Any, every: Any, kept: Any) -> Any:
-    """Return the number of a line to be drawn, of which `rank_of` is the rank."""
+    """Return the number of the line to be drawn that has a rank of `rank_of`."""
     if every == 0:
         return rank
     turn, rest = divmod(rank, every - 1)
@@ -99,18 +99,12 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 def by_lines(
     unsorted: NDArray[np.void], of: Places, strip: Places, strips: Places, start: NDArray[np.int64]
 ) -> NDArray[np.void]:
-    """Return crossings line by line, and of a line strip by strip.
+    """Return crossings line by line, and on each line strip by strip.
 
-    Parameters
-    ----------
-    unsorted : (crossing,) CROSSING ndarray
-        Crossings in any order.
-    of, strip : (crossing,) uint32 ndarray
-        Line and strip of each.
-    strips : (STRIPS,) uint32 ndarray
-        Number of crossings of each strip; overwritten.
-    start : (line + 1,) int64 ndarray
-        How many more crossings each line has than the one before; then where each begins.
+    `unsorted` (crossing,) CROSSING; `of`, `strip` (crossing,) uint32 are the line and strip of
+    each; `strips` (STRIPS,) uint32 counts the crossings of each strip, and is overwritten; `start`
+    (line + 1,) has how many more crossings each line has than the one before, then where each
+    begins.
     """
     first = np.uint32(0)
     for s in range(STRIPS):
@@ -146,20 +140,10 @@ def cross(
 ) -> tuple[np.int64, NDArray[np.int64], NDArray[np.void]]:
     """Return where lines y = (k + phase) spacing cross the edges of surfaces that face the sensor.
 
-    Parameters
-    ----------
-    every, kept : int
-        Lines whose number k differs from `kept` by a multiple of `every` are left out; none of 0.
-
-    Returns
-    -------
-    line : int
-        Rank of the first line, as of `rank_of`; those that follow have the next ranks.
-    start : (line + 1,) int64 ndarray
-        Where in `crossing` each line begins.
-    crossing : (crossing,) CROSSING ndarray
-        Crossings, line by line, and nearly in order along it; the number of surfaces stands for
-        none.
+    Lines whose number k differs from `kept` by a multiple of `every` are left out; none if that is
+    0. Returns the rank of the first line, as of `rank_of`, of which the next ones follow; (line +
+    1,) where each line begins among the crossings; and (crossing,) CROSSING, line by line and
+    nearly in order along it, in which the number of surfaces stands for none.
     """
     # A line is crossed by an edge if it separates the levels of its vertices. Levels are of
     # vertices, not of edges: so every surface begins on a line as often as it ends.
@@ -217,7 +201,7 @@ def cross(
 def sort(crossing: NDArray[np.void]) -> None:
     """Put the crossings of a line in order; those at one place stay in theirs.
 
-    They nearly are in order, so insertion is quick.
+    They are nearly sorted, so insertion is quick.
     """
     for m in range(1, len(crossing)):
         c = crossing[m]
@@ -240,21 +224,14 @@ def outline(
     opened: Places,
     begun: NDArray[np.int64],
 ) -> None:
-    """Write where each surface that begins on a line will end, and so how it slopes.
+    """Write where each surface that begins on a line ends, and its slope in depth.
 
-    An outline is closed, so that a surface ends as often as it begins, and leaves no mark. Within a
-    merged surface seams may end and begin it again: only its first and last crossing count.
-
-    Parameters
-    ----------
-    crossing : (crossing,) CROSSING ndarray
-        Crossings of the line, in order.
-    slope, stop : (crossing,) float64 ndarray
-        Of what begins at each: how its depth grows along the line, and where it ends.
-    opened : (crossing,) uint32 ndarray
-        Of what ends at each: the crossing at which it began; their number if nothing ends.
-    begun : (surface + 1,) int64 ndarray
-        How often each has begun more than ended, over the crossing where it began.
+    `crossing` (crossing,) are those of the line, in order. Written are `slope`, `stop` (crossing,)
+    of the surface that begins at each, and `opened` (crossing,), where the one that ends at it
+    began; their number if none ends. `begun` (surface + 1,) counts beginnings less ends, in the
+    bits above the crossing of the first. An outline is closed, so that a surface ends as often as
+    it begins, and leaves no mark. Seams within a merged surface may end and begin it again: only
+    its first and last crossing count.
     """
     for m in range(len(crossing)):
         c = crossing[m]
@@ -275,14 +252,9 @@ def outline(
 class Active(NamedTuple):
     """Surfaces that a line is over, in no order.
 
-    Attributes
-    ----------
-    crossing : (most,) uint32 ndarray
-        Number of the crossing where each began.
-    origin, base, tilt : (most,) float64 ndarray
-        Coordinate and depth there, and how the depth grows along the line.
-    slot : (most + 1,) int32 ndarray
-        Place in the list of what began at each crossing; -1 if it is not there.
+    `crossing` (most,) uint32 is where each began, `origin`, `base`, `tilt` (most,) coordinate and
+    depth there and slope along the line; `slot` (most + 1,) int32 finds a surface in the list by
+    its first crossing, -1 if absent.
     """
 
     crossing: Places
@@ -310,21 +282,10 @@ def depth_of(active: Active, place: int, now: float) -> float:
 def overtaking(
     active: Active, count: int, front: int, since: float, now: float
 ) -> tuple[int, float]:
-    """Return which surface that a line is over is the first to get before the front one, and where.
+    """Return the first surface on a line to pass in front of the seen one, and where.
 
-    Parameters
-    ----------
-    active, count
-        The list, and how many are in it.
-    front : int
-        Place in the list of the surface that is seen.
-    since, now : float
-        Where the front one came to be seen, and a place by which the other is ahead.
-
-    Returns
-    -------
-    place, when
-        Its place in the list, -1 if there is none; and the coordinate.
+    `front` is the place of the seen surface in the list of `count`, `since` where it came to be
+    seen, `now` a coordinate by which the other is ahead. The place is -1 if there is none.
     """
     seen_at, first, when = depth_of(active, front, now), -1, now
     for i in range(count):
@@ -342,10 +303,10 @@ def overtaking(
 def overtaking_matters(
     active: Active, slot: int, front: int, nearest: float, begins: float, now: float
 ) -> bool:
-    """Return whether it matters at a crossing which surface is in front.
+    """Return whether the order of surfaces in depth matters at a crossing.
 
-    Surfaces that run through one another change places between crossings. It matters where the
-    nearest ends, or seems to be hidden by one that begins, or what was hidden ends.
+    Surfaces that run through one another change places between crossings. It matters if the nearest
+    or a hidden one ends, or if one that begins seems to hide the nearest.
     """
     if slot == front or begins < nearest:
         return True
@@ -383,7 +344,7 @@ def nearest_of(active: Active, count: int, now: float) -> int:
 def write(
     pieces: Pieces, number: int, own: Any, began: Any, slope: float, since: float, until: float
 ) -> int:
-    """Write the piece of a line along which the surface is seen that began at a crossing.
+    """Write the piece from `since` to `until` of the surface that began at a crossing.
 
     Returns the number of pieces.
     """
@@ -406,20 +367,9 @@ def sweep_line(
 ) -> int:
     """Write the visible pieces of one line, and return the number of all; -1 without room.
 
-    Parameters
-    ----------
-    some : (crossing,) CROSSING ndarray
-        Its crossings, in order.
-    surfaces : int
-        Number of surfaces.
-    outlines : three ndarrays
-        Slopes, ends and beginnings, as of `outline`.
-    active : Active
-        Room for the surfaces that it is over.
-    pieces, number : Pieces, int
-        The pieces, and how many there are.
-    own : int32
-        Number of the line.
+    `some` (crossing,) are its crossings, in order; `outlines` its slopes, ends and beginnings, as
+    of `outline`; `active` has room for the surfaces below; `own` is the number of the line, and
+    `number` that of the pieces so far.
     """
     slope, stop, opened = outlines
     # `shown` began what is seen, from `since` on; it is at `front` in the list.
@@ -484,31 +434,12 @@ def sweep(
     every: np.int64,
     kept: np.int64,
 ) -> tuple[bool, Indices, Floats, Indices]:
-    """Return the visible pieces of lines.
+    """Return the visible pieces of lines, and before them whether there was room for all.
 
-    Parameters
-    ----------
-    start, crossing
-        As of `cross`; `start` may be a part of its.
-    surfaces : int
-        Number of surfaces.
-    room : int
-        Pieces a crossing to have room for.
-    lowest : int
-        Rank of the first line, as of `rank_of`.
-    every, kept : int
-        As of `cross`.
-
-    Returns
-    -------
-    whole : bool
-        False where there was no room for all.
-    line : (piece,) int32 ndarray
-        Number of the line.
-    piece : (piece, 4) float64 ndarray
-        Begin and end along the line, and q there.
-    seen : (piece,) int32 ndarray
-        Surface.
+    `start` (line + 1,), possibly a part, and `crossing` are as of `cross`, as are `every` and
+    `kept`; `room` is the number of pieces a crossing to allow for, `lowest` the rank of the first
+    line. Pieces have their line (piece,) int32; (piece, 4), begin and end along it and q there; and
+    their surface (piece,) int32.
     """
     lines = len(start) - 1
     most = 1

@@ -136,7 +136,7 @@ class LineImage:
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Least and greatest horizontal, and vertical, coordinate of pieces [m]; empty of none."""
+        """Least and greatest horizontal, and vertical, coordinate of pieces [m]; empty for none."""
         if not self.line.size:
             return np.zeros(0), np.zeros(0)
         from ncti.render.pieces import bounds_of  # numba takes long to import

@@ -13,7 +13,7 @@ _VIEW: dict[str, Any] = {"aspect": 30.0, "depression": 10.0}
 
 
 def of_engine(engine: str) -> Loops:
-    """Return the loops that an engine runs, "mask" or "lines", of which others compile the rest."""
+    """Return the loops of an engine, or of "mask" or "lines": those that compile all others."""
     if engine == MASK:
         return Loops("silhouettes", ("render.mask.snapped", "render.mask.fill"), _draw_mask)
     what = f"the engine {engine}"

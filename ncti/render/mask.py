@@ -30,15 +30,7 @@ EXACT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Mask:
-    """Pixels that show a ship, on the lattice of `RangeImage`.
-
-    Attributes
-    ----------
-    hit : (row, col) bool ndarray
-        True where the line of sight meets the ship.
-    pixel, origin, roll
-        As of `RangeImage`.
-    """
+    """Pixels `hit` (row, col) that show a ship, on the lattice of `RangeImage`."""
 
     hit: NDArray[np.bool_]
     pixel: float
@@ -55,38 +47,12 @@ def ship_mask(
     roll: float = ROLL,
     slant_range: float | None = None,
 ) -> Mask:
-    """Return the pixels of `ncti.render.range_image` that show a ship.
+    """Return the hits of the range image that OSMesa draws, in a fraction of the time.
 
-    Parameters
-    ----------
-    mesh, aspect, depression, pixel, roll, slant_range
-        As of `range_image`.
-
-    Returns
-    -------
-    Mask
-        The hits of the range image that OSMesa draws, in a fraction of the time.
-
-    Raises
-    ------
-    ValueError
-        As of `range_image`.
-
-    Notes
-    -----
-    Mesa places vertices in float32 and snaps them to 1/256 pixel. A centre on a border belongs to
-    the facet on its right, or above it if the border is level. All of this is done alike, so that
-    masks agree to the last pixel, except for how a processor or a release of Mesa may round.
-
-    Examples
-    --------
-    The side of a box of 40 m by 6 m, in pixels of 0.5 m:
-
-    >>> import trimesh
-    >>> from ncti.render.mask import ship_mask
-    >>> box = trimesh.creation.box((40.0, 8.0, 6.0))
-    >>> int(ship_mask(box, aspect=90, depression=0, pixel=0.5, roll=0).hit.sum())
-    960
+    Arguments are those of `ncti.render.range_image`. Mesa places vertices in float32 and snaps them
+    to 1/256 pixel; a centre on a border belongs to the facet on its right, or above if the border
+    is level. The same steps here make masks agree to the last pixel, but for the rounding of other
+    processors or releases of Mesa.
     """
     require("pixel", pixel, positive=True)
     view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
@@ -101,16 +67,10 @@ def ship_mask(
 
 @compiled
 def snapped(vertices: Singles, clip: Singles, shape: tuple[int, int]) -> Floats:
-    """Return (vertex, 2) places of vertices, in pixels from the centre of pixel [0, 0].
+    """Return (vertex, 2) positions of vertices, in pixels from the centre of pixel [0, 0].
 
-    Parameters
-    ----------
-    vertices : (vertex, 3) float32 ndarray
-        Vertices relative to the centre of the solid [m].
-    clip : (4, 4) float32 ndarray
-        From there to clip coordinates.
-    shape : (int, int)
-        Rows and columns of the image.
+    `vertices` (vertex, 3) are relative to the centre of the solid, in metres; `clip` (4, 4) leads
+    to clip coordinates.
     """
     places = np.empty((len(vertices), 2))
     for i in range(len(vertices)):
@@ -133,19 +93,11 @@ def fill(
     chosen: NDArray[np.int32],
     hit: NDArray[np.bool_],
 ) -> None:
-    """Set the pixels whose centre is within a facet that faces the sensor.
+    """Set the pixels of `hit` (row, col) whose centre is within a facet that faces the sensor.
 
-    Parameters
-    ----------
-    corners : (vertex, 2) float64 ndarray
-        Places of vertices, multiples of 1/256 pixel: then products are exact, and so is the order
-        of a border and a centre.
-    faces : (facet, 3) int32 ndarray
-        Vertices of each facet, counter-clockwise from outside.
-    chosen : (number,) int32 ndarray
-        Facets to draw.
-    hit : (row, col) bool ndarray
-        Written.
+    `corners` (vertex, 2) are multiples of 1/256 pixel, which makes products, and so the side of a
+    border on which a centre lies, exact. `faces` (facet, 3) are counter-clockwise from outside,
+    `chosen` (number,) those to draw.
     """
     rows, columns = hit.shape
     x, y = np.empty(4), np.empty(4)

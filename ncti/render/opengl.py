@@ -15,18 +15,10 @@ _process: int | None = None
 
 
 def bind_platform(name: str) -> None:
-    """Make PyOpenGL load its functions from OSMesa or from EGL; before pyrender is imported.
+    """Make PyOpenGL load its functions from "osmesa" or "egl"; before pyrender is imported.
 
-    Parameters
-    ----------
-    name : {"osmesa", "egl"}
-        Platform.
-
-    Raises
-    ------
-    EngineError
-        If PyOpenGL is already bound to another platform in this process, or was bound before
-        this process was forked.
+    Raises `EngineError` if it is bound to another platform in this process, or was bound before
+    this process was forked.
     """
     global _process
     if _process not in (None, os.getpid()):
@@ -70,19 +62,10 @@ def bound_platform() -> str | None:
 def mend_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
     """Add to PyOpenGL the parts of OSMesa that pyrender needs.
 
-    pyrender pins PyOpenGL 3.1.0, where the binding has no `OSMesaCreateContextAttribs`, without
-    which there is no OpenGL 3.3, none of its constants, and no hash of a context, by which pyrender
-    and PyOpenGL keep the objects of one. Later versions have these, but there too two handles of
-    one context are not equal, so that pyrender would compile its shaders anew for every image.
-
-    Parameters
-    ----------
-    binding : module
-        `OpenGL.osmesa`.
-    context_type : type
-        `OSMesaContext`, a ctypes pointer.
-    library : ctypes.CDLL
-        The OSMesa library.
+    pyrender pins PyOpenGL 3.1.0, whose binding has no `OSMesaCreateContextAttribs`, needed for
+    OpenGL 3.3, none of its constants, and no hash of a context, by which pyrender and PyOpenGL keep
+    the objects of one. Later versions have these, but there too two handles of one context are not
+    equal, so that pyrender would compile its shaders anew for every image.
     """
     constants = {
         "OSMESA_DEPTH_BITS": 0x30,

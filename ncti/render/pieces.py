@@ -17,23 +17,16 @@ NOTHING = 1e-8
 """Area, in squares of the spacing, below which a cell sees nothing."""
 
 ON_EDGE = 1e-9
-"""Distance [m] from the edge of a bin up to which a piece lies on it: what lies on an edge is in
-the bin behind it, and rounding must not decide."""
+"""Distance [m] from the edge of a bin up to which a piece lies on it, and so in the bin
+behind, whatever the rounding."""
 
 
 class Parts(NamedTuple):
     """Area of a ship by square cell and range bin.
 
-    Attributes
-    ----------
-    cell : (cell, 2) int64 ndarray
-        Column and row of the cells that see some of it, by rows.
-    area : (cell, bin) float64 ndarray
-        Area by range bin [m^2].
-    strands : (16, bin) float64 ndarray
-        Area of all cells [m^2] of the lines number 0, 16, 32 ..., of 1, 17, 33 ..., and so on.
-    reach : float
-        Largest distance down-range from the ship origin, either way [m].
+    `cell` (cell, 2) is column and row of the cells that see some of it, by rows; `area` (cell, bin)
+    [m^2]; `strands` (16, bin) [m^2] the area of all cells by the lines 0, 16, 32 ..., by 1, 17, 33
+    ..., and so on; `reach` the largest distance down-range from the ship origin, either way [m].
     """
 
     cell: NDArray[np.int64]
@@ -45,14 +38,8 @@ class Parts(NamedTuple):
 class Grid(NamedTuple):
     """Square cells across a view.
 
-    Attributes
-    ----------
-    turn : (float, float)
-        Cosine and sine of the roll.
-    side : float
-        Side of a cell [m].
-    shift : (float, float)
-        Where in a cell the ship origin lies, right and up from its corner [cell].
+    `turn` is cosine and sine of the roll, `side` that of a cell [m], and `shift` the position of
+    the ship origin, right and up from the corner of its cell [cell].
     """
 
     turn: tuple[float, float]
@@ -61,20 +48,11 @@ class Grid(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """How the range along pieces becomes range bins.
+    """Parameters that turn the range along pieces into range bins.
 
-    Attributes
-    ----------
-    curvature : float
-        1 / slant range of the view [1/m], 0 in the far field: w = 1 / (1 - curvature q).
-    wavefront : float
-        1 / slant range to which down-range is reckoned, 0 for plane waves.
-    edge : float
-        Down-range of the first bin's edge [m].
-    bin_width : float
-        Width of a bin [m].
-    bins : int
-        Number of bins.
+    `curvature` is 1 / slant range of the view [1/m], 0 in the far field, with w = 1 / (1 -
+    curvature q); `wavefront` is 1 / slant range to which down-range is reckoned, 0 for plane waves;
+    `edge` is the down-range of the first bin's edge [m], `bin_width` [m].
     """
 
     curvature: float
@@ -126,7 +104,7 @@ def bounds_of(
     turn: tuple[float, float],
     shift: tuple[float, float],
 ) -> tuple[float, float, float, float]:
-    """Return the least and greatest column and row that pieces reach, in cells; `turn` is too.
+    """Return the least and greatest column and row that pieces reach; `turn` is per cell, too.
 
     Pieces of a line are in order: its first begin and its last end bound it.
     """
@@ -156,9 +134,10 @@ def cells_reached(
     origin: tuple[float, float],
     shape: tuple[int, int],
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
-    """Return numbers of the cells that pieces may reach, -1 of others, so that none has room.
+    """Return the numbers of the cells that pieces may reach, -1 for others, which get no memory.
 
-    Also the cells, by rows, in which each piece begins and ends, and how many cells there are.
+    Also returned are the cells, by rows, in which each piece begins and ends, and the number of
+    cells.
     """
     (cos, sin), (columns, rows) = turn, shape
     pieces = len(line)
@@ -313,23 +292,11 @@ def bin_pieces(
     grid: Grid,
     depths: Depths,
 ) -> tuple[NDArray[np.int64], Floats, Floats, float]:
-    """Return the area that pieces cover, by cell and range bin.
+    """Return the area that pieces cover by cell and range bin, as the fields of `Parts`.
 
-    Parameters
-    ----------
-    line : (piece,) int32 ndarray
-        Number k of each piece's line, y = (k + phase) spacing.
-    piece : (piece, 4) float64 ndarray
-        Begin and end along the line, and q = r/w there, as of `line_sweep.sweep`.
-    weight : (piece,) float64 ndarray
-        Area that a metre of a piece stands for.
-    grid, depths
-        Where cells and bins lie.
-
-    Returns
-    -------
-    cell, area, strands, reach
-        As of `Parts`. What lies beyond the bins is in the first and the last.
+    `line` (piece,) is the number k of each piece's line, y = (k + phase) spacing; `piece` (piece,
+    4) has begin and end along it, and q = r/w there; `weight` (piece,) is the area of a metre of
+    piece. Area beyond the bins counts in the first and the last.
     """
     curvature, wavefront, edge, bin_width, bins = depths
     per_bin, last_bin = 1.0 / bin_width, bins - 1e-9

@@ -30,18 +30,11 @@ COVERS, MORE = 1, 2
 
 @compiled
 def place(points: Floats, curvature: float, pixel: float, column: float, row: float) -> Floats:
-    """Return (vertex, 2) places of vertices, in pixels from the centre of pixel [0, 0].
+    """Return (vertex, 2) positions of vertices, in pixels from the centre of pixel [0, 0].
 
-    Parameters
-    ----------
-    points : (3, vertex) float64 ndarray
-        Coordinates along the axes of the view [m].
-    curvature : float
-        Curvature of the wavefront [1/m].
-    pixel : float
-        Pixel side [m].
-    column, row : float
-        Coordinates of the centre of pixel [0, 0] [pixel].
+    `points` (3, vertex) [m] lie along the axes of the view; `curvature` is that of the wavefront
+    [1/m], `pixel` [m] the side of one, and `column`, `row` [pixel] the coordinates of the centre of
+    [0, 0].
     """
     seen = np.empty((points.shape[1], 2))
     for i in range(len(seen)):
@@ -55,23 +48,14 @@ def place(points: Floats, curvature: float, pixel: float, column: float, row: fl
 def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
     """Return the facets, ascending, that face the sensor and have a pixel centre within them.
 
-    Parameters
-    ----------
-    seen : (vertex, 2) float64 ndarray
-        Places of vertices [pixel].
-    faces : (facet, 3) int32 ndarray
-        Vertices of each facet, counter-clockwise from outside.
-    margin : float
-        Largest distance by which an engine may move vertices along either axis [pixel]. Facets
-        that then have a centre within them are kept.
+    `seen` (vertex, 2) are positions of vertices [pixel], `faces` (facet, 3) counter-clockwise from
+    outside, `margin` the largest distance by which an engine may move vertices along either axis
+    [pixel]. Moved vertices leave a triangle within its Minkowski sum with a square: its bounding
+    box, wider by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy
+    x.
 
-    Notes
-    -----
-    Moved vertices leave a triangle within its Minkowski sum with a square: its bounding box, wider
-    by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy x.
-
-    The loops of `_in_front` and `_covering` hold arithmetic alone, so that they are compiled to
-    vector instructions; facets are chosen and looked up between them.
+    The loops of `_in_front` and `_covering` hold arithmetic alone, which compiles to vector
+    instructions; the loops between them look facets up and choose them.
     """
     chosen = np.empty(len(faces) + 1, np.int32)
     # Typed, for a plain 0 would have what takes it as an argument compiled once more.
@@ -111,16 +95,8 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
 def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]) -> None:
     """Set the state of facets to 1 if they may face the sensor and their bounding box has a centre.
 
-    Parameters
-    ----------
-    corner : (6, facet) float64 ndarray
-        Column and row of the three corners [pixel].
-    size : int
-        How many facets there are.
-    margin : float
-        As of `sampled`.
-    state : (facet,) uint8 ndarray
-        Written: 0 or 1.
+    `corner` (6, facet) has column and row of three corners [pixel]; `state` (facet,) uint8 is
+    written.
     """
     for e in range(size):
         ax, ay, bx, by = corner[0, e], corner[1, e], corner[2, e], corner[3, e]
@@ -138,14 +114,7 @@ def _covering(
 ) -> None:
     """Set the state of facets to COVERS, MORE, both or 0, by the next of their rows.
 
-    Parameters
-    ----------
-    corner, margin, state
-        As of `_in_front`.
-    begin, end : int
-        First facet, and one past the last.
-    tried : float
-        Rows of each that have been tried before.
+    Facets from `begin` to before `end` have had `tried` rows tried; see `_in_front`.
     """
     for number in range(end - begin):
         e = np.uintp(begin + number)  # unsigned, as above
@@ -224,35 +193,12 @@ def rays(
     near: float,
     start: Floats,
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]:
-    """Return the rays of some pixels of each row.
+    """Return flat pixel index (ray,), start and direction (ray, 3) of the rays of an image.
 
-    Parameters
-    ----------
-    span : (row, 2) int64 ndarray
-        First column of each row, and one past the last.
-    columns : int
-        Columns of the image.
-    origin : (float, float)
-        Coordinates of the centre of pixel [0, 0] along column and row [m].
-    pixel : float
-        Pixel side [m].
-    axes : (3, 3) float64 ndarray
-        Axes of the view.
-    curvature : float
-        Curvature of the wavefront [1/m].
-    near : float
-        Down-range at which rays start [m].
-    start : (3,) float64 ndarray
-        Start of the ray through the ship origin [m].
-
-    Returns
-    -------
-    index : (ray,) int64 ndarray
-        Flat index of the pixels, ascending.
-    start : (ray, 3) float32 ndarray
-        Starts of the rays [m].
-    direction : (ray, 3) float32 ndarray
-        Directions of the rays; one for all in the far field.
+    `span` (row, 2) is the first column of each row, and one past the last; `origin` the coordinates
+    of the centre of pixel [0, 0] along column and row [m], `pixel` [m] the side of one; rays start
+    at the down-range `near` [m], that through the ship origin at `start` (3,) [m]. `curvature`
+    [1/m] is that of the wavefront; the far field has one direction for all.
     """
     number = np.sum(span[:, 1] - span[:, 0])
     index = np.empty(number, np.int64)
@@ -286,20 +232,10 @@ def surface(
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
 
-    Parameters
-    ----------
-    facet : (row * col,) ndarray
-        The facet that each pixel sees, below 0 where there is none.
-    shape : (int, int)
-        Rows and columns.
-    lattice : (float, float, float)
-        Column and row of the first pixel's centre [pixel], and side of a pixel [m].
-    sight : ((3, 3) float64 ndarray, float)
-        Axes of the view, and curvature of the wavefront [1/m].
-    planes
-        Normals, offsets and faces, as of `ncti.render.solid.Solid`.
-    away : (vertex,) float64 ndarray
-        Down-range of vertices [m].
+    `facet` (row * col,) is seen by each pixel, below 0 for none; `lattice` has column and row of
+    the first pixel's centre [pixel] and the side of one [m]; `sight` (axes, curvature) those of the
+    view; `planes` normals, offsets and faces of `Solid`; `away` (vertex,) [m] is the down-range of
+    vertices.
     """
     (rows, columns), (first_column, first_row, pixel) = shape, lattice
     (axes, curvature), (normals, offsets, faces) = sight, planes

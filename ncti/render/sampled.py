@@ -24,8 +24,8 @@ FINEST = 0.25
 """Finest pixel of the given one: more would not pay for the few samples of a thin pole."""
 
 VISIBLE = 0.9
-"""Share of what faces the sensor that is visible, at most: 0.45 to 0.65 of ships seen end-on, up to
-0.9 abeam."""
+"""Largest visible share of the area that faces the sensor: 0.45 to 0.65 for ships seen end-on, up
+to 0.9 abeam."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +115,6 @@ class Sampling:
         return area < self.samples * spacing**2 and spacing > FINEST * self.pixel
 
     def _most_visible(self, mesh: trimesh.Trimesh, aspect: float, depression: float) -> float:
-        """Return the most that is visible of a ship [m^2]."""
+        """Return an upper bound on the visible area of a ship [m^2]."""
         sight = View(aspect, depression).axes[2]
         return VISIBLE * Surfaces.of(mesh).facing(-sight)

@@ -23,18 +23,10 @@ KEPT = 8
 class Solid:
     """Facets of a closed mesh, with their planes.
 
-    Attributes
-    ----------
-    centre : (3,) float64 ndarray
-        Middle of the bounding box, in the ship frame [m].
-    vertices : (vertex, 3) float64 ndarray
-        Vertices relative to `centre` [m], which engines may round to float32.
-    faces : (facet, 3) int32 ndarray
-        Vertices of each facet, counter-clockwise from outside.
-    normals : (facet, 3) float64 ndarray
-        Outward unit normals; zero for a facet without area.
-    offsets : (facet,) float64 ndarray
-        Distance of each facet's plane from the ship origin, along its normal [m].
+    `centre` (3,) [m] is the middle of the bounding box, in the ship frame; `vertices` (vertex, 3)
+    [m] are relative to it, so that engines may round them to float32; `faces` (facet, 3) are
+    counter-clockwise from outside; `normals` (facet, 3) are outward, zero for a facet without area;
+    `offsets` (facet,) [m] are the distances of planes from the ship origin, along the normals.
     """
 
     centre: NDArray[np.float64]
@@ -45,13 +37,7 @@ class Solid:
 
     @classmethod
     def of(cls, mesh: trimesh.Trimesh) -> Solid:
-        """Return the solid of a mesh, made once for each content of the mesh.
-
-        Raises
-        ------
-        ValueError
-            When the mesh has no facets, none with an area, or a vertex that is not finite.
-        """
+        """Return the solid of a mesh, made once for each content of the mesh."""
         key = hash(mesh)
         with _lock:
             solid = _kept.pop(key, None) or cls._prepare(mesh)
@@ -97,45 +83,25 @@ def surface(
     points: NDArray[np.float64],
     facet: NDArray[np.float32] | NDArray[np.int32],
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return down-range and its gradient where lines of sight meet facets, exactly.
+    """Return down-range (row, col) [m] and its gradient (row, col, 2), exact on the facets seen.
 
-    Parameters
-    ----------
-    solid : Solid
-        The ship.
-    view : View
-        The view.
-    lattice : Lattice
-        The image.
-    points : (3, vertex) float64 ndarray
-        Coordinates of the solid's vertices along the axes of the view [m].
-    facet : (row * col,) float32 or int32 ndarray
-        Which facet each pixel sees, -1 for none. One that faces away counts as edge-on: a
-        rasteriser's grid turned it, at the outline.
+    `points` (3, vertex) [m] are the vertices along the axes of the view, `facet` (row * col,) the
+    facet of each pixel, -1 for none, where down-range is NaN. A facet that faces away counts as
+    edge-on: a rasteriser's grid turned it, at the outline.
 
-    Returns
-    -------
-    down_range : (row, col) float64 ndarray
-        Distance to the sensor less slant range [m]; in the far field, the coordinate along `away`.
-        NaN where there is no facet.
-    gradient : (row, col, 2) float32 ndarray
-        Its derivative along column and row [m/m].
-
-    Notes
-    -----
     A facet's plane n.q = c and a line of sight q = (H w, V w, r), w = 1 + k r, meet at
 
         r = (s - c) / a,   s = n_h H + n_v V,   a = -(n_r + k s),   grad r = w (n_h, n_v) / a,
 
-    where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that
-    faces the sensor. With S = H^2 + V^2
-    and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t, so that
+    where k = 1/R0 is the wavefront's curvature, 0 in the far field, and a > 0 on a facet that faces
+    the sensor. With S = H^2 + V^2 and t = sqrt(1 + k^2 S) the distance there is (R0 + r) t, so that
 
         down-range = r + k w S / (1 + t),   gradient = t grad r + k w (H, V) / t,
 
-    which cancels nowhere, whatever R0. At the silhouette a pixel centre may lie a little outside
-    the facet it was given (a rasteriser's vertices are on a grid of 1/256 pixel); r is kept
-    within the facet's own extent, which on a steep facet matters.
+    which cancels nowhere, whatever R0; in the far field down-range is the coordinate along `away`.
+    At the silhouette a pixel centre may lie a little outside its facet (a rasteriser's vertices are
+    on a grid of 1/256 pixel), so r is kept within the facet's extent, which matters on a steep
+    facet.
     """
     from ncti.render import pixels  # numba takes long to import
 
@@ -162,11 +128,6 @@ def sampled(
     """Return the (facet,) facets that have a pixel centre, hidden ones included, as int32.
 
     All others are seen from behind or lie between the centres, and drawing them changes nothing.
-
-    Parameters
-    ----------
-    solid, view, lattice, points
-        As of `surface`.
     """
     from ncti.render import pixels
 
@@ -176,13 +137,7 @@ def sampled(
 def covered(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """Return (row, 2) int64: first column of each row that may see the ship, and past the last.
-
-    Parameters
-    ----------
-    solid, view, lattice, points
-        As of `surface`.
-    """
+    """Return (row, 2) int64: first column of each row that may see the ship, and past the last."""
     from ncti.render.spans import spans
 
     seen, faces, margin = _placed(solid, view, lattice, points)

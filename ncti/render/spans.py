@@ -21,12 +21,7 @@ def spans(
 ) -> NDArray[np.int64]:
     """Return (row, 2): the first column of each row that may see the ship, and one past the last.
 
-    Parameters
-    ----------
-    seen, faces, margin
-        As of `ncti.render.pixels.sampled`; facets are seen from either side.
-    shape : (int, int)
-        Rows and columns of the image.
+    Arguments are those of `ncti.render.pixels.sampled`, but facets count from either side.
     """
     rows, columns = shape
     strips = (rows - 1) // STRIP + 1

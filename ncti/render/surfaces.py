@@ -30,19 +30,10 @@ FLAT = 1e-4
 class Surfaces:
     """Flat surfaces of a mesh, and their edges.
 
-    Attributes
-    ----------
-    centre : (3,) float64 ndarray
-        Middle of the solid, in the ship frame [m].
-    vertices : (vertex, 3) float64 ndarray
-        Relative to the middle of the solid [m].
-    edge : (edge, 4) uint32 ndarray
-        The two vertices that it runs between, and the surfaces left and right of it as seen from
-        outside; the number of surfaces stands for none.
-    area : (surface, 3) float64 ndarray
-        Area vector [m^2], outward.
-    moment : (surface,) float64 ndarray
-        Area vector times a point of the plane, from the ship origin [m^3].
+    `vertices` (vertex, 3) [m] are relative to `centre` (3,) [m], the middle of the solid in the
+    ship frame; `edge` (edge, 4) has two vertices, and the surfaces left and right as seen from
+    outside, their number for none; `area` (surface, 3) [m^2] are outward area vectors, and `moment`
+    (surface,) [m^3] their products with a point of the plane, from the ship origin.
     """
 
     centre: Floats

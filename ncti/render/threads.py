@@ -20,25 +20,9 @@ FEWEST = 64
 def swept(
     crossings: Sequence[Any], *, surfaces: int, every: int = 0, kept: int = 0
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
-    """Return the pieces of all lines, swept in as many parts as there are threads.
+    """Return line, piece and surface of the pieces of all lines, swept by as many parts as threads.
 
-    Parameters
-    ----------
-    crossings : (lowest, start, crossing)
-        Crossings of lines with edges, as of `ncti.render.line_sweep.cross`.
-    surfaces : int
-        Number of surfaces.
-    every, kept : int
-        As of `ncti.render.line_sweep.cross`.
-
-    Returns
-    -------
-    line : (piece,) int32 ndarray
-        Number of each piece's line.
-    piece : (piece, 4) float64 ndarray
-        As of `ncti.render.LineImage`.
-    surface : (piece,) int32 ndarray
-        Surface that is seen.
+    `crossings` are those of `cross`; the results those of `sweep` in `ncti.render.line_sweep`.
     """
     from ncti.render.line_sweep import sweep
 

@@ -41,16 +41,9 @@ MAX_SIDE = 16384
 class View:
     """Direction and distance from which a ship is seen.
 
-    Attributes
-    ----------
-    aspect : float
-        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
-    depression : float
-        Angle of the line of sight below the horizontal [deg].
-    roll : float
-        Rotation of the pixel lattice about the line of sight [deg].
-    slant_range : float or None
-        Distance from the sensor to the ship origin [m]; None in the far field.
+    `aspect` [deg] is the bearing of the sensor from the ship, 0 at the bow, growing to port;
+    `depression` [deg] that of the line of sight; `roll` [deg] rotates the pixel lattice about it;
+    `slant_range` [m] leads to the ship origin, None in the far field.
     """
 
     aspect: float
@@ -62,13 +55,7 @@ class View:
     def checked(
         cls, *, aspect: float, depression: float, roll: float, slant_range: float | None
     ) -> View:
-        """Return the view of some angles [deg] and a slant range [m].
-
-        Raises
-        ------
-        ValueError
-            If one of them is out of its range.
-        """
+        """Return the view of some angles [deg] and a slant range [m], all within their ranges."""
         require("aspect", aspect, minimum=-360.0, maximum=360.0)
         require("depression", depression, minimum=0.0, maximum=90.0)
         require("roll", roll, minimum=-360.0, maximum=360.0)
@@ -83,13 +70,7 @@ class View:
         return 0.0 if self.slant_range is None else 1.0 / self.slant_range
 
     def check_clear(self, nearest: float) -> None:
-        """Raise unless the sensor is clear of the ship, whose nearest point is given [m].
-
-        Raises
-        ------
-        ValueError
-            If the ship reaches the sensor.
-        """
+        """Raise `ValueError` if the ship, whose nearest point is given [m], reaches the sensor."""
         if self.slant_range is not None and self.slant_range <= -nearest:
             raise ValueError(
                 f"slant_range is {self.slant_range:g} m, and the ship reaches {-nearest:g} m "
@@ -123,7 +104,7 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
     Parameters
     ----------
     reach : float
-        Largest distance down-range from the ship origin of what is seen, either way [m].
+        Largest down-range distance of a visible point from the ship origin, either way [m].
     slant_range : float
         Distance from the sensor to the ship origin [m], at which the ship is not drawn.
     across : float
@@ -147,7 +128,7 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
 
     Notes
     -----
-    At a finite range, what lies at a distance r behind the ship origin shrinks to 1 / (1 + r/R) of
+    At a finite range, a part at a distance r behind the ship origin shrinks to 1 / (1 + r/R) of
     its width and height, and the direction of the line of sight changes over the ship, by s / R
     at a distance s across it: decks show more or less of themselves, and other parts obscure them.
     The error is 1.1 reach / range in the median. Abeam the parts across count more than those
@@ -179,17 +160,8 @@ class Lattice:
 
     Pixel centres are at odd multiples of half a pixel from the line of sight through the ship
     origin: the lattice is fixed to the ship, and the image is the part of it that the ship covers.
-
-    Attributes
-    ----------
-    pixel : float
-        Pixel side [m].
-    first_column, first_row : int
-        Index in the unbounded lattice of the image's first column and row.
-    columns, rows : int
-        Size of the image.
-    near, far : float
-        Down-range coordinates [m] that the ship lies between.
+    `pixel` [m] is the side of one, `first_column` and `first_row` are indices in the unbounded
+    lattice, and `near` and `far` [m] the down-range coordinates that the ship lies between.
     """
 
     pixel: float
@@ -202,22 +174,7 @@ class Lattice:
 
     @classmethod
     def around(cls, points: NDArray[np.float64], view: View, pixel: float) -> Lattice:
-        """Return the smallest lattice that covers `points`.
-
-        Parameters
-        ----------
-        points : (3, n) float64 ndarray
-            Coordinates along the axes of the view [m].
-        view : View
-            The view.
-        pixel : float
-            Pixel side [m].
-
-        Raises
-        ------
-        ValueError
-            If the sensor is not clear of the ship, or the image would be too large.
-        """
+        """Return the smallest lattice that covers (3, n) points along the axes of the view [m]."""
         low, high = points.min(axis=1), points.max(axis=1)
         nearest, farthest = float(low[2]), float(high[2])
         view.check_clear(nearest)
@@ -262,28 +219,13 @@ class Lattice:
 def clip_matrix(
     view: View, lattice: Lattice, *, centre: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return projection, view and model in one matrix, composed in float64.
+    """Return projection, view and model in one (4, 4) matrix, composed in float64.
 
-    Parameters
-    ----------
-    view : View
-        The view.
-    lattice : Lattice
-        The image, which fills the clip volume.
-    centre : (3,) float64 ndarray
-        Point of the ship frame [m] that the vertices are relative to.
-
-    Returns
-    -------
-    (4, 4) float64 ndarray
-        Clip coordinates (x, y, z, w) from (vertex - centre, 1).
-
-    Notes
-    -----
-    w = 1 + r / R0; x and y are (h, v) moved and scaled such that x / w and y / w run from -1 to 1
-    over the image; z is affine in r with z / w = -1 at `near` and 1 at `far`. Nothing in it is of
-    the size of the slant range, so rounding the product to float32 costs a part in 10^7 of the
-    ship, not of the distance to it.
+    It gives clip coordinates (x, y, z, w) of (vertex - centre, 1), with `centre` (3,) in the ship
+    frame [m]. w = 1 + r / R0; x and y are (h, v) moved and scaled such that x / w and y / w run
+    from -1 to 1 over the image; z is affine in r with z / w = -1 at `near` and 1 at `far`. No
+    element is of the size of the slant range, so rounding to float32 costs a part in 10^7 of the
+    ship, not of its distance.
     """
     curvature, near, far = view.curvature, lattice.near, lattice.far
     column, row, away = np.column_stack([view.axes, view.axes @ centre])

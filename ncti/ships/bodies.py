@@ -1,4 +1,4 @@
-"""Closed bodies of a mesh: told apart where they touch, turned outward, small openings closed."""
+"""Closed bodies of a mesh: separated where they touch, turned outward, small openings closed."""
 
 from __future__ import annotations
 
@@ -33,14 +33,9 @@ WITHIN = 1e-6  # of a body's volume, which rounding leaves outside the body arou
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A closed surface; with its cavities, if it has any.
+    """A closed surface, with its cavities if it has any.
 
-    Attributes
-    ----------
-    vertices : (vertex, 3) float64 ndarray
-        Corners [m].
-    faces : (facet, 3) int64 ndarray
-        Corners of each facet, counter-clockwise from outside.
+    `vertices` (vertex, 3) [m]; `faces` (facet, 3) are counter-clockwise from outside.
     """
 
     vertices: Floats
@@ -120,33 +115,13 @@ def closed_bodies(
     locate: Callable[[Floats], Floats] | None = None,
     repair: bool = False,
 ) -> tuple[list[Body], tuple[str, ...]]:
-    """Return the closed bodies of a mesh, wound outward, and its faults that are mended.
+    """Return the closed bodies of a mesh, wound outward, and its mended faults.
 
-    Parameters
-    ----------
-    vertices : (vertex, 3) float64 ndarray
-        Corners [m], all different; z = 0 is the waterline.
-    faces : (facet, 3) integer ndarray
-        Corners of each facet, all different.
-    where : str
-        Name of the mesh in messages.
-    locate : callable, optional
-        Returns points in the file's coordinates, in which messages say where something is.
-    repair : bool
-        Whether openings of at most `MOST_OPEN` of the surface, and any below the waterline, are
-        closed.
-
-    Returns
-    -------
-    bodies : list of Body
-        Those with a volume first.
-    faults : tuple of str
-        What was wrong, as "1 of 2 bodies inside out".
-
-    Raises
-    ------
-    ShipError
-        If the mesh is open, or has a side that is both inner and outer.
+    Bodies with a volume come first. `vertices` (vertex, 3) [m] and `faces` (facet, 3) are all
+    different; z = 0 is the waterline. `where` names the mesh in messages, and `locate` turns points
+    into the file's coordinates there. `repair` closes openings of at most `MOST_OPEN` of the
+    surface, and any below the waterline. Faults are text, as "1 of 2 bodies inside out". Refuses
+    (`ShipError`) a mesh that is open or has a side that is both inner and outer.
     """
     work = Workshop(where, locate, repair)
     surface = surface_of(vertices, _wound_alike(vertices, np.asarray(faces, np.int64), work))

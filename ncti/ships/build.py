@@ -56,14 +56,8 @@ class Piece:
 class Ship:
     """A built ship in ship axes.
 
-    Attributes
-    ----------
-    vertices : (n, 3) float64 ndarray
-        Corners [m].
-    faces : (m, 3) int32 ndarray
-        Facets, counter-clockwise from outside.
-    loa, beam : float
-        Length and beam of the hull itself [m], without overhanging parts.
+    `vertices` (n, 3) [m]; `faces` (m, 3) are counter-clockwise from outside; `loa` and `beam` [m]
+    are those of the hull itself, without overhanging parts.
     """
 
     vertices: NDArray[np.float64]
@@ -136,23 +130,10 @@ def piece(sheet: Sheet, component: Component) -> Piece:
 
 
 def build(sheet: Sheet) -> Ship:
-    """Build a ship from its sheet.
+    """Build a ship from its sheet: one watertight solid in ship axes, clipped at the waterline.
 
-    Parameters
-    ----------
-    sheet : Sheet
-        The ship, see `sheets.parse`.
-
-    Returns
-    -------
-    Ship
-        One watertight solid in ship axes, clipped at the waterline.
-
-    Raises
-    ------
-    ShipError
-        If nothing has a volume, or a component floats: a part of it touches neither the hull nor
-        anything attached to it.
+    Refuses (`ShipError`) a component that floats: a part of it touches neither the hull nor
+    anything attached to it.
     """
     hull = sheet.hull.solid()
     pieces = [piece(sheet, component) for component in sheet.components]

@@ -43,22 +43,8 @@ class _Loader(LOADER):  # type: ignore[valid-type, misc]
 def read(where: str, text: str) -> Any:
     """Return the value of a YAML text.
 
-    Parameters
-    ----------
-    where : str
-        Name of the text in messages.
-    text : str
-        One document of plain YAML.
-
-    Returns
-    -------
-    dict, list, str, int, float, bool, date or None
-        Its value.
-
-    Raises
-    ------
-    ShipError
-        If it is not YAML, has a key twice, or is larger or nested deeper than any sheet.
+    Refuses (`ShipError`) text that is not YAML, has a key twice, or is larger or nested deeper than
+    any sheet; `where` names it in messages.
     """
     try:
         _check_size(where, text)

@@ -101,14 +101,8 @@ def windows(
 ) -> Manifold:
     """Return the cut for panes in the front and sides of a house, sills at z = 0.
 
-    Parameters
-    ----------
-    plan : ((n, 2), (n, 2)) float64 ndarrays
-        Bottom and top polygon of the house, see `solids.house_plan` [m].
-    house_height : float
-        Height of the house [m].
-    sill, height, width, pitch, depth : float
-        Sill above the foot of the house, size, distance and depth of the panes [m].
+    `plan` is the bottom and top polygon (n, 2) of the house [m], of `solids.house_plan`; `sill` [m]
+    is above its foot; `height`, `width`, `pitch` and `depth` [m] are of the panes.
     """
     bottom, top = plan
     panes = []

@@ -28,19 +28,11 @@ LEVELS = np.linspace(0, 1, 8)
 class Hull:
     """Lines of a hull.
 
-    Attributes
-    ----------
-    loa : float
-        Length overall [m].
-    stations : (n, 4) float64 ndarray
-        Distance from the stem, height of the weather deck at side, half-breadth at the deck
-        and at the waterline [m]; the last is NaN where the section does not reach the water.
-    stem_foot : float
-        Distance from the stem's head to where it meets the water [m].
-    transom_head : float
-        Height of the transom's upper edge, which is the aftermost point [m].
-    transom_angle : float
-        Angle between the transom and the vertical [deg]; its foot is further forward.
+    `loa` [m] is the length overall. `stations` (n, 4) [m] have distance from the stem, height of
+    the weather deck at side, half-breadth at the deck and at the waterline, NaN where the section
+    does not reach the water. `stem_foot` [m] is the distance from the stem's head to where it meets
+    the water, `transom_head` [m] the height of the transom's upper edge, the aftermost point, and
+    `transom_angle` [deg] that to the vertical; its foot is further forward.
     """
 
     loa: float

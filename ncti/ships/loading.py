@@ -205,7 +205,7 @@ def variants(
     scale: float = 1.0,
     cache: str | Path | None = None,
 ) -> tuple[trimesh.Trimesh, ...]:
-    """Return ships that may have been meant by a sheet: perturbed within its uncertainty.
+    """Return meshes of variants of a ship: its sheet perturbed within its uncertainty.
 
     Parameters
     ----------
@@ -241,16 +241,15 @@ def variants(
 
     Notes
     -----
-    A line of a sheet states how far its place may be off, or its provenance tag does
-    (`ncti/ships/sheets/README.md`). Length, beam and equipment are published, and stay. Everything
-    else is moved by a smooth map of the ship's space, of as many metres as the most certain line
-    may be off, so that what touches goes on touching. Each component with all that it carries is
-    then moved on its carrier by what its line is less certain, but not off it; a carrier is as
-    certain as the most certain component on it. Parts which carry nothing have sizes of their own.
-    Normal deviates are cut off at two sigma. Port and starboard are moved alike, and what stands
-    amidships stays there.
+    A line of a sheet, or its provenance tag, states the uncertainty of its place
+    (`ncti/ships/sheets/README.md`). Length, beam and equipment are published, and stay. A smooth
+    map of the ship's space, with the uncertainty of the most certain line, moves everything else,
+    so that components in contact stay in contact. Each component, with all that it carries, then
+    moves on its carrier by the rest of its uncertainty, but not off it; a carrier is as certain as
+    the most certain component on it. Sizes of parts that carry nothing vary, too. Normal deviates
+    are cut off at two sigma. Port and starboard move alike, and parts amidships stay there.
 
-    A variant that does not build, because something has lost its hold, is drawn again: the random
+    A variant that does not build, because a part has lost contact, is drawn again: the random
     stream is keyed by the ship, the seed, the number and the try.
 
     Examples
@@ -337,7 +336,7 @@ def describe(
     repair: bool = False,
     cache: str | Path | None = None,
 ) -> Description:
-    """Return the measures of a ship, and what looks wrong with the axes or origin of its mesh.
+    """Return the measures of a ship, and signs that axes or origin of its mesh are wrong.
 
     Parameters
     ----------
@@ -399,7 +398,7 @@ def describe(
 
 
 def _whole(given: Transform, diagnosis: Diagnosis) -> Transform | None:
-    """Return the transform of a file that mends what a given one leaves wrong."""
+    """Return the transform of a file, with the faults that a given one leaves corrected."""
     return None if diagnosis.mend is None else given.then(diagnosis.mend)
 
 
@@ -519,7 +518,7 @@ def _templates() -> bytes:
 
 @memoised
 def _builder() -> bytes:
-    """Return what a mesh depends on besides its sheet: this package's code, the solid modeller."""
+    """Return the dependencies of a mesh besides its sheet: this package, the solid modeller."""
     modules = sorted(
         (entry.name, entry.read_bytes())
         for entry in resources.files("ncti.ships").iterdir()

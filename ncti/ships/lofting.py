@@ -17,22 +17,10 @@ def union(solids: list[Manifold]) -> Manifold:
 def loft(
     rings: ArrayLike, *, closed: bool = False, cap: NDArray[np.int64] | None = None
 ) -> Manifold:
-    """Return the skin through a sequence of rings.
+    """Return the closed skin through (n, m, 3) rings of m corresponding vertices [m].
 
-    Parameters
-    ----------
-    rings : (n, m, 3) array_like
-        n rings of m corresponding vertices [m]; either sense of rotation.
-    closed : bool
-        Join the last ring to the first instead of capping both.
-    cap : (k, 3) int ndarray, optional
-        Triangles that fill a ring, in its sense of rotation; a fan from vertex 0 by default,
-        which suits rings that are star-shaped about it.
-
-    Returns
-    -------
-    Manifold
-        Closed solid, wound outward.
+    Rings may turn either way. `closed` joins the last to the first; otherwise `cap` (k, 3)
+    triangles, or a fan from vertex 0 that suits star-shaped rings, fill both ends.
     """
     rings = np.asarray(rings, dtype=np.float64)
     count, sides = rings.shape[:2]
@@ -60,18 +48,9 @@ def loft(
 
 
 def tube(path: ArrayLike, radius: ArrayLike, *, sides: int = 6, closed: bool = False) -> Manifold:
-    """Return a round bar along a polyline, mitred at its bends.
+    """Return a round bar of some sides along a polyline, mitred at its bends.
 
-    Parameters
-    ----------
-    path : (n, 3) array_like
-        Axis of the bar [m].
-    radius : float or (n,) array_like
-        Radius [m].
-    sides : int
-        Number of flats.
-    closed : bool
-        The path returns to its start: a hoop.
+    `path` (n, 3) [m] is its axis, a hoop if `closed`; `radius` [m] one, or one for each point.
     """
     path = np.asarray(path, dtype=np.float64)
     if closed:

@@ -31,16 +31,9 @@ SHORTEST_SHIP, LONGEST_SHIP = 10.0, 460.0  # [m]; what a unit is guessed by
 class Placed:
     """A mesh in the ship frame, and signs that it is not.
 
-    Attributes
-    ----------
-    vertices : (vertex, 3) float64 ndarray
-        Corners above the waterline [m].
-    faces : (facet, 3) int32 ndarray
-        Corners of each facet, counter-clockwise from outside.
-    diagnosis : Diagnosis
-        Of the mesh with what lies below the waterline.
-    faults : tuple of str
-        Of the file, which are mended.
+    `vertices` (vertex, 3) [m] lie above the waterline; `faces` (facet, 3) are counter-clockwise
+    from outside; `diagnosis` includes the parts below the waterline; `faults` of the file are
+    mended.
     """
 
     vertices: NDArray[np.float64]
@@ -52,31 +45,11 @@ class Placed:
 def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Placed:
     """Return the mesh of a file: closed, wound outward, above the waterline.
 
-    Closed bodies, of one geometry or several, are united; geometries that are closed only together
-    (a hull split by material) are joined. Parts below the waterline are cut off and the cut is
-    closed.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    suffix : str
-        Its kind: ".stl", ".obj" or ".glb".
-    transform : Transform
-        From the file's coordinates to the ship frame, and whether openings are closed.
-    where : str
-        Name of the mesh in messages.
-
-    Returns
-    -------
-    Placed
-        The mesh, with signs that the transform is wrong.
-
-    Raises
-    ------
-    ShipError
-        If the file is corrupt, or its mesh is empty, not finite, not in metres, open, one-sided or
-        without inside, or lies under water.
+    It unites closed bodies, of one geometry or several, joins geometries that are closed only
+    together (a hull split by material), and cuts off parts below the waterline, closing the cut.
+    `suffix` is ".stl", ".obj" or ".glb"; `where` names the mesh in messages. Refuses (`ShipError`)
+    a file that is corrupt, or a mesh that is empty, not finite, not in metres, open, one-sided,
+    without inside, or under water.
     """
     parts = _in_ship_frame(_parts(data, suffix, where), transform, where)
     bodies, faults = _bodies(parts, transform, where)
@@ -165,7 +138,7 @@ def _above_water(
 
 
 def _check_size(extent: float, scale: float, where: str) -> None:
-    """Refuse what is no ship in metres, and name the units in which it would be one."""
+    """Refuse a mesh that is no ship in metres, and name the units in which it would be one."""
     if SMALLEST <= extent <= LARGEST:
         return
     guesses = ", ".join(

@@ -35,7 +35,7 @@ ENDS = 0.1  # of the length
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Signs that a mesh is not in the ship frame: verb phrases, and what would mend them all."""
+    """Signs that a mesh is not in the ship frame, as verb phrases, and a remedy for all."""
 
     findings: tuple[str, ...] = ()
     mend: Transform | None = None
@@ -44,23 +44,10 @@ class Diagnosis:
 def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
     """Return signs that a mesh is not in the ship frame.
 
-    Parameters
-    ----------
-    vertices : (vertex, 3) float64 ndarray
-        Corners [m], those below the waterline among them.
-    faces : (facet, 3) integer ndarray
-        Corners of each facet of a closed mesh, counter-clockwise from outside.
-
-    Returns
-    -------
-    Diagnosis
-        Nothing for a mesh that may be in the ship frame.
-
-    Notes
-    -----
-    The vertical axis is the one along which areas of sections are least symmetric; its upper end is
-    the one with short sections. Of the two others the longer is the length, and the bow its finer
-    end, which is a guess. A box is as symmetric along all of its axes, and only its extents count.
+    `vertices` (vertex, 3) [m] include those below the waterline; `faces` (facet, 3) are of a closed
+    mesh. The vertical axis is the one along which areas of sections are least symmetric; its upper
+    end has short sections. The longer of the two others is the length, and the bow its finer end,
+    which is a guess. A box is as symmetric along all of its axes, and only its extents count.
 
     Not found: a bow that points aft, a mirror image, a ship on its side that is as symmetric that
     way, and a flat-bottomed hull that stands on its keel.
@@ -77,7 +64,7 @@ def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
 
 
 def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list[str]]:
-    """Return the rotation to ship axes, and what is wrong with those of the mesh."""
+    """Return the rotation to ship axes, and the faults of the mesh's own axes."""
     extent = np.ptp(vertices, axis=0)
     areas = [section_areas(vertices, faces, axis) for axis in range(3)]
     vertical, along = _vertical_and_length(extent, [_asymmetry(area) for area in areas])
@@ -119,7 +106,7 @@ def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, i
 def _points_down(
     vertices: Floats, faces: NDArray[np.integer], vertical: int, along: int, areas: Floats
 ) -> bool:
-    """Return whether what is short and light is at the lower end of the vertical axis."""
+    """Return whether the short and light end of the vertical axis is the lower one."""
     middles = (np.arange(SECTIONS) + 0.5) / SECTIONS
     if float(middles @ areas) <= HEAVY * float(areas.sum()):
         return False
@@ -202,30 +189,14 @@ def section_areas(
     *,
     places: Floats | None = None,
 ) -> Floats:
-    """Return areas of sections of a closed mesh across one of its axes.
+    """Return the areas (section,) of sections of a closed mesh across one of its axes [m2].
 
-    Parameters
-    ----------
-    vertices : (vertex, 3) float64 ndarray
-        Corners [m].
-    faces : (facet, 3) integer ndarray
-        Corners of each facet, counter-clockwise from outside.
-    axis : int
-        0, 1 or 2.
-    places : (section,) float64 ndarray, optional
-        Where sections are, as a share of the extent; `SECTIONS` evenly spaced ones by default.
-
-    Returns
-    -------
-    (section,) float64 ndarray
-        Areas [m2], 0 or more.
-
-    Notes
-    -----
-    The part of the surface beyond a section and the section itself are closed, so the area is the
-    sum of normal components along the axis over all facets beyond it. A facet that the section
-    cuts counts by the share of its extent that is beyond it: exact for a facet along the axis or
-    across it, and for the mean over all sections that cut it to the order of its size.
+    `vertices` (vertex, 3) [m], `faces` (facet, 3); `places` (section,) are shares of the extent,
+    `SECTIONS` evenly spaced ones by default. The surface beyond a section and the section itself
+    are closed, so the area is the sum of normal components along the axis over all facets beyond
+    it. A facet that the section cuts counts by the share of its extent beyond: exact for a facet
+    along the axis or across it, and for the mean over all sections that cut it to the order of its
+    size.
     """
     if places is None:
         places = (np.arange(SECTIONS) + 0.5) / SECTIONS

@@ -1,7 +1,7 @@
-"""Variants of ships: sheets perturbed within what they say they may be off.
+"""Variants of ships: sheets perturbed within their stated uncertainty.
 
-What touches in a sheet has to touch in its variants. So the sheet's space is warped as a whole
-first, and components are moved on what carries them after that. A variant is built as any sheet.
+Components that touch in a sheet have to touch in its variants. So the sheet's space is warped as a
+whole first, and components are then moved on their carriers. A variant is built as any sheet.
 """
 
 from __future__ import annotations
@@ -96,23 +96,17 @@ class Variant:
         return variant
 
     def stream(self, attempt: int) -> np.random.Generator:
-        """Return the random stream of a try, which scale and size have no part in."""
+        """Return the random stream of a try, the same for any scale and size."""
         ship = int.from_bytes(hashlib.sha256(self.base.encode()).digest()[:8])
         return np.random.default_rng([ship, self.seed, self.number, attempt])
 
 
 @dataclass(frozen=True, eq=False)
 class Carriage:
-    """What carries what: a tree over the components of a sheet, whose root is the hull.
+    """Tree over the components of a sheet by which each carries others; the hull is its root.
 
-    Attributes
-    ----------
-    order : tuple of int
-        Numbers of all components, each after its carrier.
-    carrier : tuple of int
-        Number of the carrier of each component; -1 is the hull.
-    contact : tuple of float64 ndarray
-        Volume that each copy of a component shares with the carrier [m^3].
+    `order` has the numbers of all components, each after its carrier; `carrier` the number of each
+    one's, -1 for the hull; `contact` the volume that each copy shares with it [m^3].
     """
 
     order: tuple[int, ...]
@@ -157,10 +151,10 @@ def _bounds(solids: list[Manifold]) -> Floats:
 
 
 def carriage(sheet: Sheet) -> Carriage:
-    """Return what carries what on a ship: each component hangs on its strongest contacts.
+    """Return the carriers of a ship's components: each hangs on its strongest contacts.
 
     It is the spanning tree of most common volume, grown from the hull (Prim's algorithm). Cuts
-    carry nothing. A component that touches nothing is carried by the hull.
+    carry nothing. The hull carries a component that touches nothing.
     """
     count = len(sheet.components)
     solids = [_copies(sheet, component) for component in sheet.components]
@@ -248,7 +242,7 @@ class _Warp:
         return half * (1 + wave(x) * np.clip(1 - half / widest, 0, 1))
 
     def y(self, x: Any, y: Any) -> Floats:
-        """Move what lies between middle line and deck edge, and the edge as the hull's is."""
+        """Return y warped within the hull, and scaled with the deck edge."""
         edge, _ = self.hull.deck_edge(x)
         edge = np.maximum(edge, 0.5)
         share = np.abs(np.asarray(y, dtype=np.float64)) / edge
@@ -285,7 +279,7 @@ def _middle(component: Component) -> float:
 
 
 def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, float, float]:
-    """Return by how much the space about a component is stretched along x, y and z."""
+    """Return the stretch of the space about a component along x, y and z."""
     (x, y, z), sizes = component.at, component.sizes
     length, width, height = (sizes.get(key, 0.1) for key in ("length", "width", "height"))
     along = np.ptp(warp.x([x - length / 2, x + length / 2])) / length
@@ -297,8 +291,8 @@ def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, f
 def _warped(component: Component, warp: _Warp, column: float) -> Component:
     """Return a component where the warp puts it, and as the warp stretches it.
 
-    `column` is the place along the ship [m] of what carries it on the hull: heights and breadths
-    are moved as there, so that what stands on it goes on standing on it.
+    `column` is the place along the ship [m] of its carrier on the hull: heights and breadths move
+    as there, so that components on top of one another stay so.
     """
     (x, y, z), sizes = component.at, dict(component.sizes)
     at = (
@@ -357,35 +351,13 @@ def _own_size(component: Component, factor: float, beam: float) -> Component:
 
 
 def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale: float) -> Sheet:
-    """Return a sheet with places and sizes moved within their uncertainty.
+    """Return a sheet with places and sizes moved within their uncertainty, times `scale`.
 
-    Parameters
-    ----------
-    sheet : Sheet
-        The ship.
-    borne : Carriage
-        What carries what on it.
-    rng : numpy.random.Generator
-        Source of the draw; the same for any scale.
-    scale : float
-        Factor of all uncertainties.
-
-    Returns
-    -------
-    Sheet
-        Of the same hull length and beam, and the same components. It need not build: what hangs
-        together by little may be torn apart.
-
-    Raises
-    ------
-    ShipError
-        If the warp folds the hull.
-
-    Notes
-    -----
-    A component's own move is halved until each of its copies keeps half of its contact with its
-    carrier and none reaches farther out than the hull, or than it did; after some halvings there
-    is none.
+    Hull length, beam and components stay; the draw is the same for any scale. The sheet need not
+    build: thin contacts may be torn apart. A component's own move is halved until each of its
+    copies keeps half of its contact with its carrier and none reaches farther out than the hull, or
+    than it did; after some halvings there is none. Refuses (`ShipError`) a warp that folds the
+    hull.
     """
     common = scale * min((component.sigma for component in sheet.components), default=0.5)
     warp = _Warp.drawn(rng, sheet.hull, common, scale)

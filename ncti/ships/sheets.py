@@ -61,7 +61,7 @@ class Part:
 class Component(Part):
     """A named part of a ship with its copies: plan offsets [m], mirrored or not.
 
-    `sigma` is how far its place may be off along x [m], `size_sigma` its sizes, relative.
+    `sigma` is the uncertainty of its place along x [m], `size_sigma` that of its sizes, relative.
     """
 
     name: str
@@ -191,7 +191,7 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
 
 
 def _uncertainty(src: str) -> tuple[float, float]:
-    """Return how far place [m] and sizes (relative) may be off, of the least certain tag."""
+    """Return the uncertainty of place [m] and sizes (relative), that of the least certain tag."""
     tags = [UNCERTAINTY[tag] for tag in re.findall(r"\b[PMGE]\b", src)]
     place, size = np.max(tags or [UNCERTAINTY["E"]], axis=0)
     return float(place), float(size)
@@ -254,21 +254,11 @@ def _stations(where: str, given: Any) -> np.ndarray:
 
 
 def parse(text: str, templates: str, *, where: str) -> Sheet:
-    """Read a sheet.
+    """Return the sheet of a YAML text; `sheets/README.md` has its rules.
 
-    Parameters
-    ----------
-    text : str
-        YAML of the sheet; `sheets/README.md` has its rules.
-    templates : str
-        YAML of the equipment templates; the sheet's own `templates` come on top.
-    where : str
-        Name of the sheet in messages.
-
-    Raises
-    ------
-    ShipError
-        When a key is missing, unknown or given twice, or a value is not allowed.
+    `templates` is the YAML of equipment templates, which the sheet's own extend; `where` names it
+    in messages. Refuses (`ShipError`) a key that is missing, unknown or given twice, or a wrong
+    value.
     """
     sheet = _known(where, read(where, text), SHEET)
     known = _templates("templates", read("templates", templates))

@@ -1,4 +1,4 @@
-"""Surfaces: facets with their neighbours, which tell touching bodies apart, and openings."""
+"""Surfaces: facets with their neighbours, which separate touching bodies, and openings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Surface:
         return components(linked // 3, self.partners[linked] // 3, len(self.faces))
 
     def split(self) -> Surface:
-        """Return it with vertices of their own where facets meet that are no neighbours."""
+        """Return it with separate vertices where facets meet that are no neighbours."""
         linked = np.flatnonzero(self.partners >= 0)
         mine, theirs = linked, self.partners[linked]
         starts = np.concatenate([mine, following(mine)])
@@ -82,8 +82,7 @@ def neighbours(
 def _sorted_edges(
     count: int, faces: Faces
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the ends of all edges, an order in which those on one line follow each other,
-    and where in it each line begins and how many edges it has."""
+    """Return the ends of all edges, their order line by line, and start and length of each line."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     key = ends.min(axis=1) * count + ends.max(axis=1)
     order = np.argsort(key, kind="stable")
@@ -109,9 +108,8 @@ def _around_solid(
 
     Going round a line, a facet whose edge runs backward opens a solid and one whose edge runs
     forward closes the one opened last, as brackets do. A patch of facets that are neighbours
-    elsewhere is matched by itself where as many of it open as close. Of facets that lie on each
-    other, those that close come first; of equal ones, copies of a body are matched in the order of
-    the file.
+    elsewhere is matched by itself if as many of it open as close. Of coincident facets, those that
+    close come first; of equal ones, copies of a body are matched in the order of the file.
     """
     start, end = faces.ravel()[edges], faces.ravel()[following(edges)]
     apex = faces.ravel()[before(edges)]

@@ -131,7 +131,7 @@ class Transform:
         return hashlib.sha256(given.encode()).hexdigest()
 
     def __str__(self) -> str:
-        """Return what differs from the identity, as a configuration has it: "up: y"."""
+        """Return the differences from the identity, as a configuration has them: "up: y"."""
         words = [f"up: {self.up}"] if self.up != "z" else []
         if self.forward != _default_forward(self.up):
             words.append(f"forward: {self.forward}")

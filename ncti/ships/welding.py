@@ -20,7 +20,7 @@ MOST_PASSES = 10  # over open edges that others' vertices lie on
 def welded(surface: Surface) -> tuple[Surface, list[str]]:
     """Return a surface in which close vertices along open edges are one, and edges end at them.
 
-    Returns what was wrong, too.
+    Also returns its faults.
     """
     from scipy.spatial import cKDTree  # slow to import
 

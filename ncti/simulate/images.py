@@ -162,7 +162,7 @@ def infrared_image(
         "vertical": bottom + footprint * np.arange(rows),
         "horizontal": left + footprint * np.arange(columns),
     }
-    coords = coordinates(mesh, aspect=aspect)
+    coords = coordinates(mesh, aspect=aspect, range=slant_range, frame_count=frames)
     for name, place in places.items():
         coords[name] = labelled(name, place, "m", f"{name} cross-range")
     return xr.DataArray(temperature, coords, dims=tuple(places), name="image", attrs=attrs)

@@ -194,7 +194,14 @@ def range_profile(
         **_achieved(extents, pulse_width, accuracy),
     }
     profiles = (extents[0].down_range, averaged, expected)
-    return _labelled(profiles, coordinates(mesh, aspect=aspect), attributes)
+    coords = coordinates(
+        mesh,
+        aspect=aspect,
+        range=slant_range,
+        frame_count=frames,
+        pulse_width=pulse_width,
+    )
+    return _labelled(profiles, coords, attributes)
 
 
 def _above_floor(
@@ -209,7 +216,7 @@ def _above_floor(
 
 
 def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -> dict[str, Any]:
-    """Return attributes that say how accurate the extents are."""
+    """Return attributes with the accuracy of the extents."""
     error = max(extent.error_after(pulse_width) for extent in extents)
     return {
         "accuracy": float(accuracy),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.checks import require
+from ncti.labels import labelled
 from ncti.render.view import ROLL
 from ncti.ships import digest, load
 
@@ -34,13 +35,7 @@ NARROWEST = 0.1
 
 
 def check_sight(slant_range: float, ifov: float) -> None:
-    """Raise unless a ship at a slant range [m] is within reach of beams of some width [rad].
-
-    Raises
-    ------
-    ValueError
-        If the range is out of bounds, or a beam is too narrow there.
-    """
+    """Raise `ValueError` unless slant range [m] and width of a beam [rad] are within bounds."""
     require("slant_range", slant_range, minimum=NEAREST, maximum=FARTHEST)
     require("ifov", ifov, positive=True, maximum=1.0)
     if ifov * slant_range < NARROWEST * (1 - 1e-9):  # a hair less is a rounding of it
@@ -63,11 +58,6 @@ def mesh_of(ship: Ship) -> trimesh.Trimesh:
 
     Meshes of names and paths are kept while their files have the same content, and are not for
     callers of this package, who might change them.
-
-    Raises
-    ------
-    ValueError
-        If it is none of these, cannot be loaded, or is not a closed surface.
     """
     if isinstance(ship, str | Path):
         return _loaded(ship, digest(ship))
@@ -95,17 +85,28 @@ def _loaded(ship: str | Path, digest: str) -> trimesh.Trimesh:
     return mesh
 
 
-def coordinates(mesh: trimesh.Trimesh, *, aspect: Any) -> dict[str, Any]:
-    """Return coordinates of a result: the ship, and the aspect [deg].
+SINGLE = {
+    "range": (1e-3, "km", "slant range"),
+    "frame_count": (1, "1", "frames averaged"),
+    "pulse_width": (1e9, "ns", "pulse width, full width at 1/e^2"),
+}
+"""Factor from SI, unit and label of coordinates that have one value, by their names in stores."""
+
+
+def coordinates(mesh: trimesh.Trimesh, *, aspect: Any, **single: float) -> dict[str, Any]:
+    """Return coordinates of a result: the ship, the aspect [deg], and some of `SINGLE` in SI.
 
     xarray makes the title of a plot from those that are single values, in at most 50 characters.
     """
     dims = ("aspect",) if np.ndim(aspect) else ()
-    degrees = {"units": "degree", "long_name": "aspect"}
-    return {
+    found = {
         "ship": ((), mesh.metadata.get("name", "mesh"), {"long_name": "ship"}),
-        "aspect": (dims, np.asarray(aspect, dtype=np.float64), degrees),
+        "aspect": labelled(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
     }
+    for name, value in single.items():
+        factor, unit, label = SINGLE[name]
+        found[name] = labelled((), round(value * factor, 9), unit, label)
+    return found
 
 
 def roll_at(aspect: float) -> float:
@@ -125,13 +126,8 @@ def check_frames(frames: int) -> int:
 def generator(rng: int | np.random.Generator, *, aspect: float) -> np.random.Generator:
     """Return the source of randomness of one view.
 
-    A seed gives each aspect a stream of its own, so that a result does not depend on which other
-    aspects are asked for; a generator is used as it is.
-
-    Raises
-    ------
-    ValueError
-        If it is neither.
+    A seed gives each aspect its own stream, so that a result does not depend on the other aspects
+    simulated; a generator is used as it is.
     """
     if isinstance(rng, np.random.Generator):
         return rng
@@ -145,7 +141,7 @@ def generator(rng: int | np.random.Generator, *, aspect: float) -> np.random.Gen
 
 
 def seed_of(rng: int | np.random.Generator) -> dict[str, int]:
-    """Return the seed as an attribute; nothing of a generator, which has none to repeat."""
+    """Return the seed as an attribute; none for a generator."""
     return {} if isinstance(rng, np.random.Generator) else {"seed": int(rng)}
 
 
@@ -157,7 +153,7 @@ def attributes_of(
     frames: int,
     ifov: float,
 ) -> dict[str, Any]:
-    """Return what all simulated images and profiles say of their view, and their seed if any."""
+    """Return the attributes that all simulated images and profiles have: view, and seed if any."""
     return {
         "slant_range_km": slant_range / 1e3,
         "depression_deg": float(depression),

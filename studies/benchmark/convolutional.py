@@ -33,59 +33,15 @@ Floats = NDArray[np.float64]
 
 
 class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
-    """Classify profiles by a small convolutional network, trained on shifted copies.
+    """Classify profiles by a small convolutional network, trained for `epochs` on shifted copies.
 
-    Parameters
-    ----------
-    epochs : int, default=30
-        Presentations of the training set.
-    shift : int, default=2
-        Largest shift of a profile in training [bin], anew each time that it is presented.
-    random_state : int, RandomState instance or None, default=None
-        Source of the initial weights, of the order of the rows and of their shifts.
-
-    Attributes
-    ----------
-    classes_ : (class,) ndarray
-        The labels seen in training.
-    network_ : torch.nn.Sequential
-        The fitted network.
-    centre_, scale_ : float
-        Mean and standard deviation of all inputs of the training.
-    loss_curve_ : list of float
-        Mean loss of each epoch.
-
-    See Also
-    --------
-    GainAnnealedNetwork : A network of one hidden layer, trained at a rising gain.
-    ncti.features.profile_vector : Profiles as vectors.
-
-    Notes
-    -----
-    Three layers of 16, 32 and 64 convolutions over nine bins, each with a step of two bins, batch
-    normalisation [1]_ and a rectifier; the mean of the last one in eighths of the profile, so that
-    it is known where along the ship a feature lies; and a linear layer. Trained by Adam with
-    decoupled weight decay [2]_ and a learning rate that rises and falls once. Bins that a shift
-    uncovers repeat the edge.
-
-    One thread computes, and numpy draws all that is random: a seed gives the same answers, to the
-    bit, wherever the library and the processor are the same.
-
-    References
-    ----------
-    .. [1] S. Ioffe and C. Szegedy, "Batch normalization: accelerating deep network training by
-       reducing internal covariate shift", Proceedings of Machine Learning Research 37, 448-456
-       (2015).
-    .. [2] I. Loshchilov and F. Hutter, "Decoupled weight decay regularization", International
-       Conference on Learning Representations (2019).
-
-    Examples
-    --------
-    ``ConvolutionalNetwork(random_state=0).fit(X, y).predict_proba(X)``, with the extra ``torch``.
-
-    >>> from studies.benchmark.convolutional import ConvolutionalNetwork
-    >>> ConvolutionalNetwork(epochs=60)
-    ConvolutionalNetwork(epochs=60)
+    Three layers of 16, 32 and 64 convolutions over nine bins, each with a stride of two bins, batch
+    normalisation (Ioffe and Szegedy, PMLR 37, 448 (2015)) and a rectifier; the mean of the last one
+    in eighths of the profile, which keeps the place of a feature along the ship; and a linear
+    layer. Adam with decoupled weight decay (Loshchilov and Hutter, ICLR 2019) trains it, at a
+    learning rate that rises and falls once; each presentation shifts a profile by up to `shift`
+    bins, repeating its edge. One thread computes and numpy draws: a seed gives the same answers, to
+    the bit, wherever library and processor are the same.
     """
 
     _parameter_constraints: ClassVar[dict] = {
@@ -107,27 +63,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
 
     @fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
-        """Train the network on X, with one output for every label in y.
-
-        Parameters
-        ----------
-        X : (sample, feature) array_like
-            Training vectors.
-        y : (sample,) array_like
-            Labels of the vectors.
-
-        Returns
-        -------
-        ConvolutionalNetwork
-            The fitted network itself.
-
-        Raises
-        ------
-        ValueError
-            If X or y is malformed, or holds NaN, infinity or a number beyond 1e15.
-        ImportError
-            If PyTorch is not installed.
-        """
+        """Train the network on X (sample, feature) and labels y (sample,), an output each."""
         vectors, labels = validate_data(self, X, y, dtype=np.float64)
         check_classification_targets(labels)
         _require_moderate(vectors)
@@ -141,23 +77,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         return self
 
     def predict_proba(self, X: ArrayLike) -> Floats:
-        """Return the probability of each class.
-
-        Parameters
-        ----------
-        X : (sample, feature) array_like
-            Vectors to classify.
-
-        Returns
-        -------
-        (sample, class) float64 ndarray
-            Probabilities.
-
-        Raises
-        ------
-        ValueError
-            If X is malformed, or holds NaN, infinity or a number beyond 1e15.
-        """
+        """Return (sample, class) probabilities of X (sample, feature), ordered as `classes_`."""
         check_is_fitted(self)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
         _require_moderate(vectors)
@@ -170,18 +90,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         return likely
 
     def predict(self, X: ArrayLike) -> NDArray:
-        """Return the label of the largest probability.
-
-        Parameters
-        ----------
-        X : (sample, feature) array_like
-            Vectors to classify.
-
-        Returns
-        -------
-        (sample,) ndarray
-            Labels; of equal probabilities the first in `classes_`.
-        """
+        """Return the most probable (sample,) labels; of equals, the first in `classes_`."""
         best = self.predict_proba(X).argmax(axis=1)
         return self.classes_[best]
 
@@ -249,7 +158,7 @@ def _network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential
 
 @contextmanager
 def one_thread() -> Iterator[Any]:
-    """Yield torch, which computes by one thread meanwhile; `ImportError` where there is none."""
+    """Yield torch, limited to one thread meanwhile; `ImportError` if it is not installed."""
     try:
         import torch
     except ImportError as error:

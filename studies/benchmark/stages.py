@@ -115,13 +115,13 @@ TESTS = Group(f"{SENSOR}/tests", looks(SENSOR), USED, DIMS)
 
 @plain(uses=(Benchmark,))
 def learned_split(split: str) -> str:
-    """Return the split whose training a split has: equal ones are learned once."""
+    """Return the first split with the same training, so that equal ones are learned once."""
     return trained_as(split)
 
 
 @plain()
 def unknown_hulls() -> tuple[Hull, ...]:
-    """Return the sources of the ships that are never learned."""
+    """Return the sources of the ships absent from training."""
     return tuple(views.hull.function(ShipName(name, name)) for name in OUTSIDERS.values())
 
 
@@ -238,11 +238,11 @@ def fit(function: Callable[..., Model]) -> Stage:
 
 
 def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[Table, ...]]:
-    """Return the stages and tables of a classifier of the benchmark, by the function that fits it.
+    """Return the stages and tables of a benchmark classifier, from the function that fits it.
 
-    `learns` says what it learns from. The classifier has `predict` and, if it can, `predict_proba`,
-    `match` or `decision_function`, of which the first that there is tells unknown ships from known
-    ones; or `posterior`, which takes averages and numbers of frames.
+    `learns` names its training data. The classifier has `predict` and, if it can, `predict_proba`,
+    `match` or `decision_function`, the first of which rejects unknown ships; or `posterior`, which
+    takes averages and numbers of frames.
     """
     name = fitted.name.removeprefix("fit_")
 
@@ -454,7 +454,7 @@ DIFFERENCE = Display(
 
 
 def with_seeds(data: xr.Dataset) -> xr.Dataset:
-    """Return a group of the store with the dimension of seeds, if there is but one, too."""
+    """Return a group of the store with a dimension of seeds, even for a single one."""
     seed = Run.seed.name
     return data if seed in data.dims else data.expand_dims(seed)
 
@@ -467,7 +467,7 @@ def tabulate(answers: xr.Dataset, tests: xr.Dataset, choices: Choices) -> xr.Dat
 def tabulate_difference(
     answers: xr.Dataset, others: xr.Dataset, tests: xr.Dataset, choices: Choices
 ) -> xr.Dataset:
-    """Return how much more often one classifier is right than the reference."""
+    """Return the difference in accuracy between one classifier and the reference."""
     return tabulate_differences(*map(with_seeds, (answers, others, tests)))
 
 
@@ -482,7 +482,7 @@ ENTERED = tuple(
 
 
 def loops(choices: Choices) -> list[Loops]:
-    """Return the loops that rows take."""
+    """Return the compiled loops that simulate rows."""
     return [FRAMES, of_engine(LINES)] if looks(SENSOR)(choices) else []
 
 
@@ -503,10 +503,7 @@ TABLES = tuple(table for _, tables in ENTERED for table in tables)
 
 
 def check_first(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ships that no split can learn, before any is built.
-
-    So are classifiers whose package is not installed.
-    """
+    """Refuse (`ConfigurationError`) ships that no split can learn, and missing classifiers."""
     if looks(SENSOR)(choices):
         for name in choices.one(Benchmark.classifier):
             if name in EXTRAS and find_spec(EXTRAS[name]) is None:

@@ -25,28 +25,11 @@ CALIBRATION = 96
 
 @dataclass(frozen=True)
 class Trial:
-    """What is tested, and what is known of profiles.
+    """Size of a test, and prior knowledge of profiles.
 
-    Attributes
-    ----------
-    tests, resamples : int
-        Views that are identified of any number of ships, and resamples of them.
-    bin_width : float
-        Width of a range bin [m].
-    target_free_ifovs : int
-        Target-free IFOVs accumulated in a frame.
-    gain_sigma, floor_sigma : float
-        Prior standard deviations of gain and noise floor, as of `log_evidence` and `ProfileMatch`.
-
-    See Also
-    --------
-    identify : Takes it.
-
-    Examples
-    --------
-    >>> from studies.operate import Trial
-    >>> Trial(192, 100, 1.0, 4000, 1.0, 1.0).tests
-    192
+    `tests` views of a fleet are identified, and drawn again `resamples` times. `bin_width` [m];
+    `target_free_ifovs` add their noise to each frame; `gain_sigma` and `floor_sigma` are the priors
+    of `log_evidence` and `ProfileMatch`.
     """
 
     tests: int
@@ -60,25 +43,9 @@ class Trial:
 def in_order(
     arrays: NDArray[Any], ship: Sequence[Any], learned: int, tests: int
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the templates and the tests of all ships, in the order of `fleet_order`.
+    """Return (ship, template, ...) templates and (test, ...) tests, in the order of `fleet_order`.
 
-    Parameters
-    ----------
-    arrays : (ship, view, ...) ndarray
-        Something of every view, templates first.
-    ship : sequence
-        Names of the ships.
-    learned : int
-        Number of templates of a ship.
-    tests : int
-        As of `views_of_ships`.
-
-    Returns
-    -------
-    (ship, template, ...) ndarray
-        Templates.
-    (test, ...) ndarray
-        Tests, ship by ship.
+    `arrays` (ship, view, ...) holds the `learned` templates first.
     """
     rows = views_of_ships(tests, len(ship))
     ships = [arrays[k] for k in fleet_order([str(one) for one in ship])]
@@ -89,33 +56,10 @@ def in_order(
 def planned_views(
     aspect: Sequence[float], tests: int, rng: np.random.Generator
 ) -> dict[str, NDArray[np.float64]]:
-    """Return the views of a ship: templates, random ones to identify, and `LEFT_OUT` others.
+    """Return `aspects` (view,) [deg] and `places` (view, 2) of a ship's views, as of `seen_views`.
 
-    Parameters
-    ----------
-    aspect : sequence of float
-        Aspects of the templates [deg], which have the places `PLACES` in turn.
-    tests : int
-        As of `views_of_ships`; there are as many random views to identify as a first ship has. All
-        lie between the ends of the aspects.
-    rng : numpy.random.Generator
-        Draws the random views.
-
-    Returns
-    -------
-    dict
-        `aspects`, (view,) [deg], and `places`, (view, 2), as of `seen_views`.
-
-    See Also
-    --------
-    draw_views, seen_views : Draw them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.operate import planned_views
-    >>> planned_views([0, 45, 90], 40, np.random.default_rng(0))["places"].shape
-    (21, 2)
+    Templates come first, at the given aspects and at `PLACES` in turn, then random views to
+    identify between the first and last aspect, then `LEFT_OUT` random ones for calibration.
     """
     most = views_of_ships(tests, 1)[0] + LEFT_OUT
     drawn, places = random_views(min(aspect), max(aspect), most, rng)
@@ -127,25 +71,7 @@ def planned_views(
 
 
 def packed(shown: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
-    """Return silhouettes as `match_silhouettes` takes them, a bit for a pixel.
-
-    Parameters
-    ----------
-    shown : (view, row, column) bool ndarray
-        As of `silhouettes`.
-
-    Returns
-    -------
-    dict
-        `shown`, (view, byte), and `shape`, (2,), of a window.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.operate import packed
-    >>> packed(np.ones((2, 3, 4), bool))["shown"].shape
-    (2, 2)
-    """
+    """Return silhouettes (view, row, column) as bits, `shown` (view, byte), and their `shape`."""
     bits = np.packbits(shown.reshape(len(shown), -1), axis=1)
     return {"shown": bits, "shape": np.array(shown.shape[1:], dtype=np.int32)}
 
@@ -157,24 +83,9 @@ def match_silhouettes(
     tests: int,
     rng: np.random.Generator,
 ) -> SilhouetteMatch:
-    """Return the silhouettes of all ships, matched.
+    """Return the match of all ships' silhouettes, `packed` as `shown` (ship, view, byte).
 
-    Parameters
-    ----------
-    shown : mapping
-        `shown`, (ship, view, byte), pixels as bits, and `shape`, (ship, 2), of the window.
-    ship : sequence
-        Names of the ships.
-    aspect : sequence of float
-        Aspects of the templates [deg], the first views.
-    tests : int
-        As of `views_of_ships`.
-    rng : numpy.random.Generator
-        Draws the noise.
-
-    See Also
-    --------
-    SilhouetteMatch : Does it.
+    `aspect` are those of the templates, the first views of each ship.
     """
     rows, columns = shown["shape"][0].tolist()
     bits = np.unpackbits(shown["shown"], axis=-1, count=rows * columns).astype(bool)
@@ -200,46 +111,13 @@ def identify(
     rng: np.random.Generator,
     valid: NDArray[np.bool_],
 ) -> dict[str, NDArray[np.float64]]:
-    """Return the share of views identified for several pulses, frames and numbers of ships.
+    """Return the share of views identified, by pulse width, frame count, fleet and channel.
 
-    Parameters
-    ----------
-    signatures : mapping
-        Arrays of `signatures` for each pulse width and ship.
-    silhouettes : SilhouetteMatch
-        Silhouettes of the same views.
-    imager : Imager
-        The imager.
-    trial : Trial
-        What is tested.
-    cnr : float
-        Carrier-to-noise ratio of a filled IFOV at the slant range, as a power ratio.
-    slant_range : float
-        Slant range [m].
-    pulse_width, frame_count, fleet : sequence
-        Pulse widths [s], frames averaged by both sensors, and numbers of ships.
-    ship, aspect : sequence
-        Names of all ships, and aspects of their templates [deg].
-    rng : numpy.random.Generator
-        Draws noise and resamples, the same for every setting.
-    valid : (ship,) bool ndarray
-        Ships that are there.
-
-    Returns
-    -------
-    dict
-        `share`, (pulse, frames, fleet, channel), and `resampled`, with the resamples last; channels
-        are those of `CHANNELS`. Both sensors see one view, so their evidence for a template adds,
-        that of the silhouette at any place (`over_places`).
-
-    Raises
-    ------
-    ValueError
-        If a ship is not there.
-
-    See Also
-    --------
-    fleet_shares : The shares of one setting.
+    `share` is (pulse, frames, fleet, channel), and `resampled` has the resamples as its last axis.
+    `signatures` are those of every pulse width and ship; `cnr` is a power ratio at `slant_range`
+    [m]; `pulse_width` [s]. Noise and resamples are the same for every setting. Both sensors see one
+    view, so their log densities of a template add, that of the silhouette averaged over places
+    (`over_places`).
     """
     if not valid.all():
         raise ValueError("valid has a ship that failed, but all of the list must be there")

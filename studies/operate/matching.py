@@ -1,4 +1,4 @@
-"""Evidence for templates and ships, of what is measured with Gaussian noise and unknown gain."""
+"""Evidence for templates and ships from measurements with Gaussian noise and unknown gain."""
 
 from __future__ import annotations
 
@@ -19,50 +19,14 @@ STEP = 0.5**0.5  # between the inverse temperatures tried
 
 
 def log_evidence(product: ArrayLike, energy: ArrayLike, *, gain_sigma: float = 1.0) -> Singles:
-    """Return the log density of measurements under templates of unknown gain.
+    """Return the (sample, template) log density of measurements under templates of unknown gain.
 
-    Parameters
-    ----------
-    product : (sample, template) array_like
-        Scalar product of each measurement and each template, both whitened.
-    energy : (template,) array_like
-        Squared length of each whitened template.
-    gain_sigma : float
-        Prior standard deviation of the gain about 1; 0 if it is known.
-
-    Returns
-    -------
-    (sample, template) float32 ndarray
-        Natural logarithm, up to a constant for each sample.
-
-    Raises
-    ------
-    ValueError
-        If an energy or the deviation is negative, or a number is not finite.
-
-    See Also
-    --------
-    ship_evidence : Evidence for ships, each of several templates.
-    ncti.classify.GaussianTemplates : Templates with a covariance of their own each.
-
-    Notes
-    -----
-    A measurement x = g s + n with white unit noise n and g ~ N(1, sigma^2) has the covariance
-    1 + sigma^2 s s', so that up to a term of x alone
+    `product` (sample, template) holds scalar products of whitened measurements and templates,
+    `energy` (template,) the squared lengths of the templates. A measurement x = g s + n with unit
+    white noise n and g ~ N(1, sigma^2) has the covariance 1 + sigma^2 s s', so that up to a term of
+    x alone
 
         2 log p = [2 (x.s) - (s.s) + sigma^2 (x.s)^2] / (1 + sigma^2 s.s) - log(1 + sigma^2 s.s).
-
-    Examples
-    --------
-    Half of a template is as good as the template itself where the gain is unknown, and less so
-    where it is known; a measurement across the template is evidence against it:
-
-    >>> from studies.operate import log_evidence
-    >>> x_s, s_s = [[100.0], [50.0], [0.0]], [100.0]
-    >>> log_evidence(x_s, s_s, gain_sigma=0.0).ravel().round(1).tolist()
-    [50.0, 0.0, -50.0]
-    >>> log_evidence(x_s, s_s, gain_sigma=10.0).ravel().round(1).tolist()
-    [45.4, 7.9, -4.6]
     """
     x_s = np.asarray(product, dtype=np.float32)
     s_s = require_all("energy", energy, minimum=0.0)
@@ -79,37 +43,10 @@ def log_evidence(product: ArrayLike, energy: ArrayLike, *, gain_sigma: float = 1
 
 
 def relative_densities(evidence: NDArray[np.floating], ships: int) -> Densities:
-    """Return the density of measurements under templates, relative to the best of each ship.
+    """Return each ship's best log density (sample, ship), and densities relative to it.
 
-    Parameters
-    ----------
-    evidence : (sample, template) ndarray
-        Log density under each template, those of a ship in a row, as many for each.
-    ships : int
-        Number of ships.
-
-    Returns
-    -------
-    best : (sample, ship) float32 ndarray
-        Largest log density among the templates of each ship.
-    density : (sample, ship, template) float32 ndarray
-        Densities over the exponential of it, 1 at most.
-
-    Raises
-    ------
-    ValueError
-        If the number of templates is no multiple of the number of ships.
-
-    See Also
-    --------
-    joint_evidence : Takes those of several sensors.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.operate.matching import relative_densities
-    >>> relative_densities(np.log([[0.5, 0.1, 0.2, 0.2]]), 2)[1].round(2).tolist()
-    [[[1.0, 0.20000000298023224], [1.0, 1.0]]]
+    `evidence` (sample, template) holds log densities, equally many of each ship, ship by ship; the
+    relative densities are (sample, ship, template), at most 1.
     """
     samples, templates = evidence.shape
     if ships < 1 or templates % ships:
@@ -122,74 +59,21 @@ def relative_densities(evidence: NDArray[np.floating], ships: int) -> Densities:
 
 
 def ship_evidence(evidence: NDArray[np.floating], ships: int) -> Singles:
-    """Return the log density of measurements under ships, each the mean over its templates.
+    """Return the (sample, ship) log of the mean density over the templates of each ship.
 
-    Parameters
-    ----------
-    evidence : (sample, template) ndarray
-        Log density under each template, those of a ship in a row, as many for each.
-    ships : int
-        Number of ships.
-
-    Returns
-    -------
-    (sample, ship) float32 ndarray
-        Natural logarithm.
-
-    Raises
-    ------
-    ValueError
-        If the number of templates is no multiple of the number of ships.
-
-    See Also
-    --------
-    log_evidence : The evidence for templates.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.operate import ship_evidence
-    >>> np.exp(ship_evidence(np.log([[0.5, 0.1, 0.2, 0.2]]), 2)).round(2).tolist()
-    [[0.30000001192092896, 0.20000000298023224]]
+    `evidence` (sample, template) holds log densities, equally many of each ship, ship by ship.
     """
     return joint_evidence(relative_densities(evidence, ships))
 
 
 def over_places(density: Singles, places: int) -> Singles:
-    """Return the mean density under neighbouring templates, which have all places on the IFOVs.
+    """Return (sample, ship, template) densities averaged over neighbouring templates of all places.
 
-    Parameters
-    ----------
-    density : (sample, ship, template) float32 ndarray
-        As of `relative_densities`, in the order of aspects, with the places in turn.
-    places : int
-        Number of places.
-
-    Returns
-    -------
-    (sample, ship, template) float32 ndarray
-        Means over as many templates in a row as there are places: over the two such runs that are
-        centred best on each template, and over the first or the last run at the ends. At least
-        1e-30.
-
-    See Also
-    --------
-    joint_evidence : Takes them.
-
-    Notes
-    -----
-    A template has one place only. If another sensor has found the aspect, few templates remain, and
-    where a silhouette depends on the place more than on a step in aspect, those of the right ship
-    may all be unlike it.
-
-    Examples
-    --------
-    Two places in turn. The view is like the fourth template, and its aspect that of the third:
-
-    >>> import numpy as np
-    >>> from studies.operate.matching import over_places
-    >>> over_places(np.array([[[0, 0, 0, 1, 0, 0]]], dtype=np.float32), 2).round(2).tolist()
-    [[[0.0, 0.0, 0.25, 0.5, 0.25, 0.0]]]
+    `density` is that of `relative_densities`, by aspect with the `places` on the IFOVs in turn.
+    Each mean is over the two runs of `places` templates centred best, at an end over one; at least
+    1e-30. Each template has one place only: once another sensor has found the aspect, a silhouette
+    that changes more with place than from one aspect to the next might match no template of its own
+    ship.
     """
     rows = np.maximum(density, LEAST_DENSITY).reshape(-1, density.shape[2])
     return (rows @ _runs(density.shape[2], places)).reshape(density.shape)
@@ -209,32 +93,10 @@ def _runs(templates: int, places: int) -> Singles:
 
 
 def joint_evidence(*sensors: Densities) -> Singles:
-    """Return the log density of the measurements of several sensors under ships.
+    """Return the (sample, ship) log density of the measurements of several sensors under ships.
 
-    Parameters
-    ----------
-    *sensors : tuple
-        `relative_densities` of each sensor, of the same templates.
-
-    Returns
-    -------
-    (sample, ship) float32 ndarray
-        Natural logarithm of the mean over the templates of a ship, since all sensors see one view.
-
-    See Also
-    --------
-    ship_evidence : That of one sensor.
-
-    Examples
-    --------
-    Each sensor is sure of an aspect of the first ship, but not of the same one:
-
-    >>> import numpy as np
-    >>> from studies.operate.matching import joint_evidence, relative_densities
-    >>> profile, silhouette = np.log([[0.9, 0.1, 0.6, 0.1]]), np.log([[0.1, 0.9, 0.6, 0.1]])
-    >>> both = joint_evidence(relative_densities(profile, 2), relative_densities(silhouette, 2))
-    >>> np.exp(both).round(3).tolist()
-    [[0.09000000357627869, 0.1850000023841858]]
+    Each argument holds the `relative_densities` of one sensor under the same templates. All sensors
+    see one view, so their densities multiply, and a ship has the mean over its templates.
     """
     best = np.sum([best for best, _ in sensors], axis=0)
     densities = [density for _, density in sensors]
@@ -245,41 +107,11 @@ def joint_evidence(*sensors: Densities) -> Singles:
 def fit_inverse_temperature(
     evidence: Singles, ships: int, truth: ArrayLike, *, least: float
 ) -> float:
-    """Return the factor of log densities, at most 1, of the least log loss.
+    """Return the factor of log densities, at most 1, with the least log loss.
 
-    Parameters
-    ----------
-    evidence : (sample, template) float32 ndarray
-        Log density under each template, of views that are neither learned nor tested.
-    ships : int
-        Number of ships.
-    truth : (sample,) array_like of int
-        Number of the ship of each view.
-    least : float
-        Least factor that can be right.
-
-    Returns
-    -------
-    float
-        A power of sqrt(1/2): from 1 down to the first minimum, since the noise of the sensor is
-        known and errors of templates add to it.
-
-    See Also
-    --------
-    ncti.classify.calibration.fit_temperature_and_outliers : The same for any scores.
-
-    Examples
-    --------
-    Each measurement is counted four times:
-
-    >>> import numpy as np
-    >>> from studies.operate.matching import fit_inverse_temperature
-    >>> rng = np.random.default_rng(0)
-    >>> truth = rng.integers(2, size=4000)
-    >>> seen = truth + rng.standard_normal(4000)
-    >>> logs = -np.square(seen[:, None] - np.arange(2)) / 2
-    >>> round(fit_inverse_temperature((4 * logs).astype(np.float32), 2, truth, least=0.01), 2)
-    0.25
+    `evidence` (sample, template) is of views neither learned nor tested, `truth` (sample,) their
+    ships. The search steps down from 1 by sqrt(1/2) to the first minimum, or to `least`: the
+    sensor's noise is known, and errors of templates only add to it.
     """
     own = np.arange(len(evidence)), np.asarray(truth)
 

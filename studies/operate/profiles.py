@@ -39,55 +39,14 @@ def signatures(
 ) -> dict[str, NDArray[Any]]:
     """Return expected range profiles above the noise floor, and the power that reaches each bin.
 
-    Parameters
-    ----------
-    seen : Seen
-        What IFOVs see of a ship, in the views learned and then in others.
-    pulse_width : (pulse,) sequence of float
-        1/e^2 pulse widths [s].
-    cnr : (cnr,) sequence of float
-        Carrier-to-noise ratios of a filled IFOV, as power ratios.
-    bin_width : float
-        Width of a range bin [m].
-    bins : int
-        Number of range bins.
-    learned : int
-        Number of views learned.
+    `pulse_width` is at 1/e^2 [s], `cnr` a power ratio of a filled IFOV; the first `learned` views
+    are templates. `excess` (cnr, pulse, view, bin) is `ncti.ladar.expected_profile` less the floor
+    of each IFOV. `power` (cnr, pulse, 1 + test, bin), in a quadrature over the CNR, summed over
+    IFOVs, has the mean of the templates first. `ifovs` (cnr, pulse, test) see the ship.
 
-    Returns
-    -------
-    dict
-        `excess`, (cnr, pulse, view, bin): `ncti.ladar.expected_profile` less the noise floor of
-        every IFOV. `power`, (cnr, pulse, 1 + test, bin): power in a quadrature over the CNR, summed
-        over IFOVs, first the mean of the views learned, then that of each other view. `ifovs`,
-        (cnr, pulse, test): the number of IFOVs that see the ship in these.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
-    See Also
-    --------
-    ProfileMatch : Identifies ships by them.
-
-    Notes
-    -----
-    Equation C of the article: the mean magnitude of an IFOV is sqrt(pi/2 (CNR p + v)), p the
-    power after the pulse and v the variance of its noise. Bins that no power reaches add
-    nothing to the excess, so that only the others are computed. Of the pulse's response what is
-    below exp(-16) of its peak in field, exp(-32) in power, is left out.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from studies.operate import draw_views, seen_views, signatures
-    >>> views = draw_views(trimesh.creation.box((4, 30, 30)), [0.0], depression=0, spacing=0.5)
-    >>> seen = seen_views(views, [(0.0, 0.0)], footprint=15.0)
-    >>> how = {"pulse_width": [30e-9], "bin_width": 1.0, "bins": 250, "learned": 1}
-    >>> excess = signatures(seen, cnr=[0.0, 10**3.2], **how)["excess"]
-    >>> print(f"{excess[0].max():.1f} {excess[1].max():.1f}")
-    0.0 75.3
+    By Equation C of the article, the mean magnitude of an IFOV is sqrt(pi/2 (CNR p + v)), for power
+    p after the pulse and noise variance v. The pulse's tails below exp(-32) of its peak power are
+    cut.
     """
     ratios = require_all("cnr", cnr, minimum=0.0)
     require("learned", learned, minimum=1, whole=True)
@@ -168,39 +127,10 @@ def frame_noise(
     bin_width: float,
     cnr: float,
 ) -> Floats:
-    """Return the noise of one frame of several views, from standard normals.
+    """Return the (view, bin) noise of one frame of each view, made from standard normals.
 
-    Parameters
-    ----------
-    power : (view, bin) array_like
-        Power of each view, as of `signatures`.
-    ifovs : (view,) array_like
-        IFOVs in a frame, target-free ones included.
-    normals : (view, 2, bin) array_like
-        Standard normals, of target and of noise.
-    pulse_width, bin_width, cnr : float
-        As of `ProfileMatch`.
-
-    Returns
-    -------
-    (view, bin) float64 ndarray
-        Deviation of a frame from its expectation.
-
-    See Also
-    --------
-    ncti.ladar.frame_moments : The exact moments.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.operate.profiles import frame_noise
-    >>> normals = np.random.default_rng(0).standard_normal((400, 2, 50))
-    >>> still = np.zeros((400, 50))
-    >>> noise = frame_noise(
-    ...     still, np.full(400, 4000.0), normals, pulse_width=30e-9, bin_width=1.0, cnr=1.0
-    ... )
-    >>> print(f"{noise.std() / np.sqrt(4000 * (2 - np.pi / 2) * np.sqrt(np.pi / 8)):.1f}")
-    1.0
+    `power` (view, bin) is that of `signatures`, `ifovs` (view,) counts target-free ones too, and
+    `normals` (view, 2, bin) are for target and noise.
     """
     pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
     normal = np.asarray(normals, dtype=np.float64)
@@ -215,61 +145,24 @@ def frame_noise(
 class ProfileMatch:
     """Averaged range profiles and their likelihood under the templates of several ships.
 
-    Parameters
-    ----------
-    templates : (ship, template, bin) array_like
-        Expected profiles above the noise floor, in the order of their aspects.
-    tests : (test, bin) array_like
-        The same of views to identify.
-    power : (test, bin) array_like
-        Power of the tests, as of `signatures`.
-    template_power : (bin,) array_like
-        Mean power of the templates.
-    target_free : (test,) array_like
-        IFOVs of each test, target-free ones included, whose noise the profile has.
-    normals : (test, 2, bin) array_like
-        Standard normals, of target and of noise.
-    pulse_width, bin_width : float
-        As of `signatures` [s, m].
-    cnr : float
-        Carrier-to-noise ratio of a filled IFOV, as a power ratio.
-    floor_sigma : float
-        Prior standard deviation of the noise floor, relative to that of a bin of one frame.
+    `templates` (ship, template, bin) are expected profiles above the floor, by aspect; `tests`
+    (test, bin) those to identify; `power` (test, bin) and its mean over templates, `template_power`
+    (bin,), are as of `signatures`; `target_free` (test,) counts all IFOVs of a test; `normals`
+    (test, 2, bin) make the noise of every frame count, so that percentages are smooth in it. `cnr`
+    is a power ratio, `floor_sigma` the prior deviation of the floor over that of a bin of one
+    frame.
 
-    See Also
-    --------
-    ncti.classify.GaussianTemplates : The likelihood with each template's own exact covariance.
-    log_evidence : The likelihood.
+    Noise is Gaussian with the exact variance of each bin, (2 - pi/2) (CNR p + v) summed over IFOVs,
+    over the number of frames, but with one correlation each for target and noise (`correlations`)
+    instead of one for every IFOV. The likelihood has one covariance for all templates,
 
-    Notes
-    -----
-    The noise of a frame is Gaussian, of exact variance in each bin: target and noise of all IFOVs
-    add (2 - pi/2) (CNR p + v). Between bins target and noise have each their own correlation
-    (`correlations`), instead of one for every IFOV. An average of N frames has 1/N of it. The
-    same normals serve for all N, so that percentages are smooth in N.
+        W = S / N + B,
 
-    The likelihood has one covariance for all templates, W = S / N + B: S that of a frame, mean
-    over templates, B what lies between templates of a ship, a quarter of the mean square of second
-    differences of neighbours, and the unknown floor. With U' S U = 1 and U' B U diagonal, all N
-    share the projections of templates and tests.
-
-    With six ships, 30 ns, 15 m, 32 dB and 4, 16, 64 frames, the exact likelihood has 37, 62, 83 %
-    (240 views, +-6) and this 39, 63, 83 %; at 7.5 m and 38 dB 87, 94, 99 and 88, 96, 98 %.
-
-    Examples
-    --------
-    Two ships of one template each:
-
-    >>> import numpy as np
-    >>> from studies.operate import ProfileMatch, ship_evidence
-    >>> ships = np.zeros((2, 1, 60))
-    >>> ships[0, 0, 20:25], ships[1, 0, 30:35] = 40.0, 40.0
-    >>> match = ProfileMatch(
-    ...     ships, ships[:, 0], np.zeros((2, 60)), np.zeros(60), np.full(2, 100.0),
-    ...     np.zeros((2, 2, 60)), pulse_width=30e-9, bin_width=1.0, cnr=100.0, floor_sigma=1.0,
-    ... )
-    >>> ship_evidence(match.evidence(16, gain_sigma=1.0), 2).argmax(axis=1).tolist()
-    [0, 1]
+    S that of one frame, mean over templates, and B the error between templates, a quarter of the
+    mean square second difference of neighbours, and the unknown floor. With U' S U = 1 and U' B U
+    diagonal, all N share projections. With six ships, 30 ns, 15 m, 32 dB and 4, 16, 64 frames, each
+    template's exact covariance identifies 37, 62, 83 % (240 views, +-6) and this one 39, 63, 83 %;
+    at 7.5 m and 38 dB 87, 94, 99 and 88, 96, 98 %.
     """
 
     def __init__(

@@ -25,46 +25,11 @@ def silhouettes(
     height: float,
     depression: float,
 ) -> NDArray[np.bool_]:
-    """Return the pixels of the imager that show a ship, in a window around its origin.
+    """Return (view, row, column) masks of the pixels that show a ship, in a window around it.
 
-    Parameters
-    ----------
-    seen : Seen
-        What IFOVs see of the ship.
-    footprint : float
-        Side of a pixel on the target [m].
-    coverage_rule : float
-        Share of a pixel that a ship must fill to show.
-    length, height : float
-        Length and height of the largest ship [m], which decide the window.
-    depression : float
-        Depression of the line of sight [deg].
-
-    Returns
-    -------
-    (view, row, column) bool ndarray
-        True on the ship. The pixel of the ship origin is at one place in all windows.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range, or the ship does not fit.
-
-    See Also
-    --------
-    ncti.infrared.silhouette : One view.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from studies.operate import draw_views, seen_views, silhouettes
-    >>> box = trimesh.creation.box((100, 12, 10)).apply_translation((0, 0, 5))
-    >>> seen = seen_views(draw_views(box, [90.0], spacing=1.0), [(0.5, 0.5)], footprint=15.0)
-    >>> shown = silhouettes(
-    ...     seen, footprint=15.0, coverage_rule=0.25, length=120, height=20, depression=3.84
-    ... )
-    >>> shown.shape, int(shown.sum())
-    ((1, 5, 10), 7)
+    The origin lies in the same pixel of every window. `footprint` is the side of a pixel on the
+    target [m], of which a ship must fill the share `coverage_rule`; `length` and `height` of the
+    largest ship [m] and `depression` [deg] set the window.
     """
     require("footprint", footprint, positive=True)
     require("coverage_rule", coverage_rule, positive=True, maximum=1.0)
@@ -89,50 +54,19 @@ def silhouettes(
 class SilhouetteMatch:
     """Averaged infrared images and their likelihood under the silhouettes of several ships.
 
-    Parameters
-    ----------
-    templates : (ship, template, row, column) bool ndarray
-        Silhouettes of the ships, as of `silhouettes`.
-    tests : (test, row, column) bool ndarray
-        Silhouettes of the views to identify.
-    left_out : (ship, view, row, column) bool ndarray
-        Silhouettes of other random views, which say how far the match is to be trusted.
-    rng : numpy.random.Generator
-        Draws the noise of scene and detector.
+    `templates` (ship, template, row, column), `tests` (test, row, column) to identify, and
+    `left_out` (ship, view, row, column), random views for calibration, are masks of `silhouettes`.
 
-    See Also
-    --------
-    ncti.infrared.thermal_images : The images.
-    log_evidence : The likelihood.
+    Each pixel of the ship has its contrast, all others that of the sea, and every pixel independent
+    noise of scene and detector, as in `ncti.infrared.thermal_images`. Ship and sea have the same
+    spread here, so the noise is white. Images are linear in contrast and noise: products of
+    templates with silhouettes, scene and detector noise serve every range and frame count. The
+    pixel of the ship origin is known, its place in the pixel is not.
 
-    Notes
-    -----
-    A pixel that the ship fills to the rule has the contrast of the ship, all others that of the
-    sea, and every pixel has independent noise of the scene and of the detector
-    (`ncti.infrared.thermal_images`). Ship and sea have the same spread here, so the noise is
-    white. Images are linear in contrast and noise, so that products of templates with the
-    silhouettes, the scene and the detector's noise serve for every range and number of frames. The
-    pixel of the ship origin is known, the place within it is not.
-
-    Between templates lies a mean square difference of the nearest of a ship, shared out over the
-    pixels of the ship, that adds to the variance of the noise. It is not white: pixels along an
-    edge err together and count as fewer. All log densities are therefore multiplied by the factor
-    that predicts the ships of views left out best, for each range and number of frames
-    (`studies.operate.matching.fit_inverse_temperature`), but no less than if all pixels of a ship
-    erred together: where noise prevails, it is 1.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ncti.infrared import Imager
-    >>> from studies.operate import SilhouetteMatch, ship_evidence
-    >>> ships = np.zeros((2, 1, 4, 20), bool)
-    >>> ships[0, 0, 1:3, 6:14] = ships[1, 0, 1:3, 2:18] = True
-    >>> match = SilhouetteMatch(ships, ships[:, 0], ships, np.random.default_rng(0))
-    >>> imager = Imager(0.25, 2.16, 0.181e-3, 0.4, 0.1, 0.1)
-    >>> evidence = match.evidence(16, imager=imager, slant_range=50e3, gain_sigma=1.0)
-    >>> ship_evidence(evidence, 2).argmax(axis=1).tolist()
-    [0, 1]
+    The mean square difference between nearest templates of a ship, spread over its pixels, adds to
+    the noise. As pixels along an edge err together, `fit_inverse_temperature` scales all log
+    densities to fit the views left out, for each range and frame count, but no less than if all
+    pixels of a ship erred together.
     """
 
     def __init__(

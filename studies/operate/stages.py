@@ -1,4 +1,4 @@
-"""What sensor suffices: percent identified at random aspects by the settings of both sensors.
+"""Sufficient sensors: percent identified at random aspects by the settings of both sensors.
 
 Profile, silhouette and both, of one view, are matched with dense templates of all ships by
 likelihood, the gain unknown. Both sensors have one aperture: their IFOVs are the same, and so are
@@ -83,7 +83,7 @@ def operate_lines(
 
 @plain(uses=(Ladar,), reads={"slant_range": Grid.range})
 def operate_footprint(slant_range: float, ifov: float) -> float:
-    """Return the side of an IFOV on the target [m]: equal ones share all that is seen."""
+    """Return the side of an IFOV on the target [m]; equal ones share range extents."""
     return round(footprint(slant_range, ifov), 9)
 
 
@@ -100,7 +100,7 @@ BINS = {name: BEAM[name] for name in ("bin_width", "window", "reflectance")}
     reads={"footprint": "operate_footprint", **BINS},
 )
 def operate_seen(operate_lines: list[LineImage], operate_views: Arrays, **beam: Any) -> Arrays:
-    """Return what the IFOVs see of a ship in all views."""
+    """Return the range extents of a ship in all views."""
     return vars(library.seen_views(operate_lines, operate_views["places"], **beam))
 
 
@@ -194,7 +194,7 @@ def operate_channels() -> NDArray[np.str_]:
 
 
 def of_all(operated: xr.Dataset, choices: Choices) -> xr.Dataset:
-    """Return shares over all settings of the laser radar, of one value, too."""
+    """Return shares over all settings of the laser radar, those with a single value included."""
     of_ladar = (Ladar.ifov, Ladar.cnr, Grid.pulse_width)
     absent = [setting for setting in of_ladar if setting.name not in operated.dims]
     return operated.expand_dims({setting.name: [choices.one(setting)] for setting in absent})

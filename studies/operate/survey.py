@@ -1,4 +1,4 @@
-"""Views of a ship that are learned and tested, and what the IFOVs see of it in all of them."""
+"""Learned and tested views of a ship, and their range extents."""
 
 from __future__ import annotations
 
@@ -27,38 +27,12 @@ DRAWN_FOR = 100e3
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Range extents of several views of a ship, without the bins in which nothing is seen.
+    """Range extents of several views of a ship, without empty bins; all attributes are arrays.
 
-    All attributes are arrays, so that `vars` of it can be kept in a file.
-
-    Attributes
-    ----------
-    fraction : (sample,) float32 ndarray
-        Visible projected area in a range bin of an IFOV, over the area of the IFOV.
-    place : (sample,) int16 ndarray
-        Its range bin.
-    samples : (ifov,) int32 ndarray
-        Number of samples of each IFOV.
-    cell : (ifov, 2) int16 ndarray
-        Column and row of each IFOV; the ship origin lies in cell (0, 0).
-    ifovs : (view,) int32 ndarray
-        Number of IFOVs that see the ship in each view.
-
-    See Also
-    --------
-    seen_views : Makes it.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from studies.operate import draw_views, seen_views
-    >>> box = trimesh.creation.box((100, 12, 10)).apply_translation((0, 0, 5))
-    >>> views = draw_views(box, [0.0, 90.0], spacing=1.0)
-    >>> seen = seen_views(views, [(0.5, 0.5), (0.5, 0.5)], footprint=15.0)
-    >>> seen.ifovs.tolist()
-    [2, 14]
-    >>> print(f"{seen.coverage[2:].sum() * 15**2:.0f} m^2")
-    1078 m^2
+    `fraction` (sample,) is the projected area visible in a range bin of an IFOV over the IFOV's
+    area, `place` (sample,) the bin, `samples` (ifov,) the number of samples of each IFOV, `cell`
+    (ifov, 2) its column and row, with the ship origin in (0, 0), and `ifovs` (view,) how many see
+    the ship.
     """
 
     fraction: NDArray[np.float32]
@@ -82,40 +56,10 @@ class Seen:
 def random_views(
     low: float, high: float, count: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """Return random views: aspects between two ends, and places of the ship origin in its IFOV.
+    """Return aspects (view,) [deg], uniform from `low` to `high`, and places (view, 2) in [0, 1).
 
-    Parameters
-    ----------
-    low, high : float
-        Ends of the aspects [deg].
-    count : int
-        Number of views; the first are the same for any number.
-    rng : numpy.random.Generator
-        Source of all random numbers.
-
-    Returns
-    -------
-    aspect : (view,) float64 ndarray
-        Aspects [deg], uniform between the ends.
-    place : (view, 2) float64 ndarray
-        Places right and up from the corner of the IFOV, uniform in [0, 1).
-
-    Raises
-    ------
-    ValueError
-        If an end is not a finite number, the count is below 1, or `rng` is not a generator.
-
-    See Also
-    --------
-    seen_views : What IFOVs see of them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.operate import random_views
-    >>> aspect, place = random_views(0, 90, 3, np.random.default_rng(0))
-    >>> aspect.shape, place.shape
-    ((3,), (3, 2))
+    A place is that of the ship origin in its IFOV, right and up from the corner. The first views do
+    not depend on `count`.
     """
     require("low", low)
     require("high", high, minimum=low)
@@ -128,39 +72,10 @@ def random_views(
 def draw_views(
     mesh: trimesh.Trimesh, aspects: ArrayLike, *, depression: float = 3.84, spacing: float = 0.25
 ) -> list[LineImage]:
-    """Return the visible pieces along lines of several views of a ship in the far field.
+    """Return the line images of a ship in the far field at several aspects [deg].
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        Ship in the ship frame.
-    aspects : (view,) array_like
-        Aspects [deg].
-    depression : float
-        Depression of the line of sight [deg].
-    spacing : float
-        Distance of the lines on the target [m].
-
-    Returns
-    -------
-    list of LineImage
-        A view for each aspect.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
-    See Also
-    --------
-    ncti.render.line_image : One view.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> from studies.operate import draw_views
-    >>> len(draw_views(trimesh.creation.box((40, 8, 6)), [0, 45, 90], spacing=1.0))
-    3
+    `depression` is that of the line of sight [deg], and the lines are `spacing` [m] apart on the
+    target.
     """
     several = require_all("aspects", aspects).ravel().tolist()
     return [line_image(mesh, aspect=a, depression=depression, spacing=spacing) for a in several]
@@ -175,41 +90,12 @@ def seen_views(
     window: float = 250.0,
     reflectance: str = "projected_area",
 ) -> Seen:
-    """Return what IFOVs of a given size on the target see of a ship in several views.
+    """Return the range extents of several far-field views, in IFOVs of one `footprint` [m].
 
-    Parameters
-    ----------
-    views : sequence of LineImage
-        Views of the ship in the far field.
-    places : (view, 2) array_like
-        Places of the ship origin in its IFOV, right and up from the corner [IFOV].
-    footprint : float
-        Side of an IFOV on the target [m].
-    bin_width, window, reflectance
-        As of `ncti.ladar.range_extent`.
-
-    Returns
-    -------
-    Seen
-        What each IFOV sees, view by view.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range, or there is not a place for each view.
-
-    See Also
-    --------
-    ncti.ladar.range_extent : The extent of one view.
-
-    Notes
-    -----
-    Slant range and IFOV enter by their product alone, the footprint: parallax and the wavefront's
-    curvature, 0.1 m at 25 km across half a ship, are left out alike of what is learned and tested.
-
-    Examples
-    --------
-    See `Seen`.
+    `places` (view, 2) are those of the ship origin in its IFOV, right and up from the corner
+    [IFOV]. Slant range and IFOV enter by their product, the footprint, alone: parallax and the
+    curvature of the wavefront, 0.1 m at 25 km across half a ship, are ignored in learned and tested
+    views.
     """
     where = require_all("places", places)
     if where.shape != (len(views), 2):

@@ -22,31 +22,10 @@ ENDS = ("low end of its 95 % interval", "high end of its 95 % interval")
 
 
 def frames_needed(operated: xr.Dataset) -> xr.DataArray:
-    """Return the fewest frames by which `LEVEL` of the views are identified.
+    """Return the fewest frames by which `LEVEL` of the views are identified, interpolated.
 
-    Parameters
-    ----------
-    operated : xarray.Dataset
-        `share`, over `frame_count` and others, and `resampled`, over `resample`, too.
-
-    Returns
-    -------
-    xarray.DataArray
-        Frames over the other axes and `resample`, of which the first is that of all views;
-        infinite where the most frames do not suffice.
-
-    See Also
-    --------
-    ncti.evaluate.crossing : Where a level is reached.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> from studies.operate import frames_needed
-    >>> share = xr.DataArray([0.9, 1.0], {"frame_count": [4, 16]}, ("frame_count",))
-    >>> shares = xr.Dataset({"share": share, "resampled": share.expand_dims(resample=2)})
-    >>> frames_needed(shares).round(1).values.tolist()
-    [8.0, 8.0, 8.0]
+    The result keeps the other axes of `share`, and has `resample`, of which the first is all views
+    and the others are `resampled`; it is infinite where the largest frame count does not suffice.
     """
     import xarray as xr
 
@@ -56,22 +35,9 @@ def frames_needed(operated: xr.Dataset) -> xr.DataArray:
 
 
 def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
-    """Return the frames that suffice at about the article's setting of the laser radar.
+    """Return the frames that suffice near the article's laser radar, with 95 % bootstrap intervals.
 
-    Parameters
-    ----------
-    operated : xarray.Dataset
-        As of `frames_needed`, over the axes of `OVER`, too.
-
-    Returns
-    -------
-    xarray.Dataset
-        `frames`, with `frames_low` and `frames_high`, ends of 95 % intervals over resamples. Its
-        attribute `infinite` says in words what infinity means.
-
-    See Also
-    --------
-    frames_needed : The frames of every setting.
+    The attribute `infinite` of `frames` says in words what infinity means.
     """
     needed = frames_needed(operated.sel(ARTICLE, method="nearest"))
     columns = {"frames": (needed.isel(resample=0), f"frames by which {LEVEL:.0%} are identified")}
@@ -87,20 +53,8 @@ def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
 def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
     """Return the cheapest setting of the laser radar that suffices, alone and with the imager.
 
-    Parameters
-    ----------
-    operated : xarray.Dataset
-        As of `tabulate_frames`, with `channel`.
-
-    Returns
-    -------
-    xarray.Dataset
-        `cost` with its interval, `frames`, `chosen`, and `best_` with the name of each of `OVER`;
-        see `ncti.evaluate.cheapest` and `relative_cost`.
-
-    See Also
-    --------
-    relative_cost : The cost.
+    `cost` has its interval; `chosen` and `best_` with each name of `OVER` are as of
+    `ncti.evaluate.cheapest`.
     """
     import xarray as xr
 

@@ -1,4 +1,4 @@
-"""The article's Tables 2 to 5 over what it leaves open: parameters, and tables simulated."""
+"""The article's Tables 2 to 5 over its unstated parameters: priors, and simulated tables."""
 
 from studies.reproduction.assumptions import PRIORS, Choice, Interval, assumed
 from studies.reproduction.fits import FITS, Agreement

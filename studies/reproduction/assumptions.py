@@ -1,4 +1,4 @@
-"""What the article leaves open: parameters with the values that each may have."""
+"""The article's unstated parameters, with the values that each may have."""
 
 from __future__ import annotations
 
@@ -25,30 +25,10 @@ VARIANTS = 8
 
 @dataclass(frozen=True)
 class Interval:
-    """Numbers that are equally probable, or those whose logarithm is.
+    """Prior of a number between `low` and `high`: uniform, or uniform in its logarithm.
 
-    Attributes
-    ----------
-    low, high : float
-        Ends.
-    label : str
-        Meaning and unit.
-    group : str
-        Part of the simulation that it belongs to.
-    logarithmic : bool
-        Equal probability of equal ratios of value + `shift`.
-    shift : float
-        Keeps the logarithm finite where `low` is 0.
-
-    See Also
-    --------
-    Choice : Words or numbers of a list.
-
-    Examples
-    --------
-    >>> from studies.reproduction import Interval
-    >>> round(Interval(1.0, 100.0, "", "laser radar", logarithmic=True).at(0.5), 6)
-    10.0
+    `label` states meaning and unit, `group` the part of the simulation; a logarithmic prior is
+    uniform in log(value + `shift`), finite where `low` is 0.
     """
 
     low: float
@@ -59,7 +39,7 @@ class Interval:
     shift: float = 0.0
 
     def at(self, share: float) -> float:
-        """Return the value below which a share of the probability lies, in [0, 1)."""
+        """Return the quantile of a probability in [0, 1)."""
         require("share", share, minimum=0.0, below=1.0)
         if not self.logarithmic:
             return self.low + share * (self.high - self.low)
@@ -67,11 +47,11 @@ class Interval:
         return max(math.exp(first + share * (last - first)) - self.shift, self.low)
 
     def number(self, value: float) -> float:
-        """Return the number that stands for a value in tables, itself."""
+        """Return the number that tables have for a value: the value itself."""
         return float(value)
 
     def share(self, numbers: ArrayLike) -> NDArray[np.float64]:
-        """Return the share of the probability that lies below each number."""
+        """Return the cumulative probability of each number."""
         values = np.asarray(numbers, dtype=np.float64)
         if not self.logarithmic:
             return (values - self.low) / (self.high - self.low)
@@ -80,47 +60,29 @@ class Interval:
         return share
 
     def classes(self, numbers: ArrayLike) -> NDArray[np.intp]:
-        """Return the class of each number, of `CLASSES` that are equally probable."""
+        """Return the class of each number, of `CLASSES` equally probable ones."""
         return np.minimum(CLASSES * self.share(numbers), CLASSES - 1).astype(np.intp)
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Words or numbers of a list, equally probable.
-
-    Attributes
-    ----------
-    values : tuple
-        The list.
-    label, group : str
-        As of `Interval`.
-
-    See Also
-    --------
-    Interval : Any number between two.
-
-    Examples
-    --------
-    >>> from studies.reproduction import Choice
-    >>> Choice(("edges", "known"), "", "laser radar").at(0.7)
-    'known'
-    """
+    """Prior of equally probable words or numbers of a list."""
 
     values: tuple[Any, ...]
     label: str
     group: str
 
     def at(self, share: float) -> Any:
-        """Return the value below which a share of the probability lies, in [0, 1)."""
+        """Return the quantile of a probability in [0, 1)."""
         require("share", share, minimum=0.0, below=1.0)
         return self.values[int(share * len(self.values))]
 
     def number(self, value: Any) -> float:
-        """Return the number that stands for a value in tables, its place in the list."""
+        """Return the number that tables have for a value: its place in the list."""
         return float(self.values.index(value))
 
     def classes(self, numbers: ArrayLike) -> NDArray[np.intp]:
-        """Return the class of each number, itself."""
+        """Return the class of each number: the number itself."""
         return np.asarray(numbers).astype(np.intp)
 
 
@@ -167,46 +129,10 @@ PRIORS: Mapping[str, Interval | Choice] = MappingProxyType(
 
 
 def assumed(number: int, *, seed: int = 0) -> dict[str, Any]:
-    """Return the values of all parameters that the source leaves open, in one of many settings.
+    """Return a value for every name of `PRIORS`, in one of many settings.
 
-    Parameters
-    ----------
-    number : int
-        Number of the setting, from 0.
-    seed : int
-        Seed of the series.
-
-    Returns
-    -------
-    dict
-        A value for every name in `PRIORS`.
-
-    Raises
-    ------
-    ValueError
-        If a number is negative, or not whole.
-
-    See Also
-    --------
-    reproduce : Tables simulated with these values.
-
-    Notes
-    -----
-    Points of a scrambled Sobol sequence [1]_, which fills the space of all parameters more evenly
-    than independent ones. A setting depends on its number and the seed alone, so that a longer
-    series continues a shorter one.
-
-    References
-    ----------
-    .. [1] A. B. Owen, "Scrambling Sobol' and Niederreiter-Xing points", Journal of Complexity 14,
-       466-489 (1998), doi:10.1006/jcom.1998.0487.
-
-    Examples
-    --------
-    >>> from studies.reproduction import assumed
-    >>> first = assumed(0)
-    >>> 0 <= first["target_free_ifovs"] <= 20_000, first["floor"] in ("edges", "median", "known")
-    (True, True)
+    Settings are points of a scrambled Sobol sequence (Owen, Journal of Complexity 14, 466 (1998)),
+    so a longer series continues a shorter one: a setting depends on its number and the seed alone.
     """
     require("number", number, whole=True, minimum=0, below=2**30)
     require("seed", seed, whole=True, minimum=0)

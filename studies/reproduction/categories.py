@@ -51,29 +51,14 @@ def acn_scores(
     learn_in_test: bool,
     **how: Any,
 ) -> Simulated:
-    """Return percent correct by (row, bin), the first row of the training, others of tests.
+    """Return the network's percent correct by (row, bin): first of training, then of tests.
 
-    Parameters
-    ----------
-    templates : (view, feature) float64 ndarray
-        Training vectors.
-    tests : (draw, test, view, feature) float64 ndarray
-        Test vectors, those of a draw presented in its order.
-    orders : sequence of (view,) intp ndarray
-        Orders of presentation: one for each draw, or one for all.
-    ship, aspect
-        (view,) numbers of ships, and aspects [deg].
-    label_rule : str
-        Ship that names a category: that of the `majority` of its members, or of the `first`.
-    learn_in_test : bool
-        Whether tests move categories.
-    **how
-        Vigilance and learning rate.
-
-    Returns
-    -------
-    Simulated
-        A vector without a category, such as the map of an empty silhouette, counts as wrong.
+    `templates` (view, feature) are learned in each of the `orders`, one for each draw or one for
+    all; `tests` (draw, test, view, feature) are presented in the order of their draw, and move
+    categories if `learn_in_test`. `ship` (view,) are numbers, `aspect` (view,) [deg]; `label_rule`
+    names a category after the `majority` of its members or the `first`; `how` has vigilance and
+    learning rate. A vector without a category, such as the map of an empty silhouette, counts as
+    wrong.
     """
     # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning

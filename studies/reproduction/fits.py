@@ -43,43 +43,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Compare simulated figures of many settings with those of the article [1]_.
+    """Simulated figures of many settings, compared with those of the article's Tables 2 to 5.
 
-    Attributes
-    ----------
-    figures : tuple of Figure
-        The article's figures.
-    mean : (setting, figure) float64 ndarray
-        Simulated figures, means over draws.
-    spread : (setting, figure) float64 ndarray
-        Standard deviations of a single draw.
-    value : (setting, parameter) float64 ndarray
-        Numbers of the values in `PRIORS`.
-    draws : int
-        Draws of which a figure is the mean.
-
-    See Also
-    --------
-    reproduce : The figures of a setting.
-    ncti.evaluate.posterior_weights : Weights of settings.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, Tables 2 to 5.
-
-    Examples
-    --------
-    Two settings, of which one has the article's figures:
-
-    >>> import numpy as np
-    >>> from ncti.article import figures
-    >>> from studies.reproduction import PRIORS, Agreement
-    >>> article = np.array([figure.value for figure in figures()])
-    >>> mean, value = np.array([article, 0.8 * article]), np.zeros((2, len(PRIORS)))
-    >>> agreement = Agreement(figures(), mean, np.zeros_like(mean), value, draws=4)
-    >>> agreement.distance((2, 3)).round(0).tolist()
-    [0.0, 80.0]
+    `mean` and `spread` (setting, figure) are the mean over `draws` and the standard deviation of
+    one draw; `value` (setting, parameter) holds the numbers that stand for the values of `PRIORS`.
     """
 
     figures: tuple[Figure, ...]
@@ -95,10 +62,11 @@ class Agreement:
 
     @cached_property
     def variance(self) -> Floats:
-        """Variances of the article's figures about each setting's, (setting, figure).
+        """Variances (setting, figure) of the article's figures about each setting's.
 
-        Of percentages the binomial variance of as many views as the article's, of numbers of
-        categories that over orders of presentation and that of one category; and that of our mean.
+        Percentages have the binomial variance of as many views as the article's, numbers of
+        categories that over orders of presentation and that of one category; to both is added that
+        of our mean.
         """
         trials = np.array([figure.trials for figure in self.figures])
         share = trials > 0
@@ -110,11 +78,10 @@ class Agreement:
     def correlation(self) -> Floats:
         """Correlation of figures, (figure, figure), of averages that share their first frames.
 
-        Averages over n and N of the same frames have covariance var / N, so correlation
-        sqrt(n / N), and their signs 2 asin(sqrt(n / N)) / pi. Figures of several ships and
-        thresholds have some 0.75 of that: 0.38, 0.25 and 0.17 where N is 2, 4 and 8 times n. Of 60
-        draws of each of six settings of `PRIORS` both networks had 0.35 to 0.41, 0.22 to 0.24, and
-        0.15 to 0.20.
+        Averages over n and N of the same frames correlate by sqrt(n / N), and their signs by 2
+        asin(sqrt(n / N)) / pi. Figures of several ships and thresholds have some 0.75 of that,
+        0.38, 0.25 and 0.17 for N / n = 2, 4 and 8; 60 draws of six settings gave 0.35 to 0.41, 0.22
+        to 0.24 and 0.15 to 0.20 with both networks.
         """
         frames = np.array([figure.frames for figure in self.figures])
         columns = [(figure.table, figure.name.rpartition(", ")[2]) for figure in self.figures]
@@ -127,7 +94,7 @@ class Agreement:
         return correlation
 
     def of(self, tables: Sequence[int]) -> NDArray[np.bool_]:
-        """Return the (figure,) mask of figures of some tables."""
+        """Return the mask (figure,) of some tables' figures."""
         return np.isin([figure.table for figure in self.figures], tables)
 
     def distance(self, tables: Sequence[int]) -> Floats:
@@ -149,15 +116,14 @@ class Agreement:
 
     @cached_property
     def reach(self) -> Reach:
-        """Which figures some setting agrees with."""
+        """Range of each figure, and the share of settings that agree with the article's."""
         return reached(self.mean, self.article, self.variance)
 
     def information(self, posterior: Posterior) -> Floats:
-        """Return how much a posterior says of each (parameter,) [bit].
+        """Return the information (parameter,) of a posterior on each parameter [bit].
 
-        Its relative entropy to the settings that were drawn, over words, or equally probable
-        classes of numbers. One that says nothing has, by chance, (classes - 1) / (2 n ln 2) for n
-        effective settings.
+        It is the relative entropy to the settings that were drawn, over words, or equally probable
+        classes of numbers. By chance it is (classes - 1) / (2 n ln 2) for n effective settings.
         """
         bits = []
         for prior, column in zip(PRIORS.values(), self.value.T, strict=True):

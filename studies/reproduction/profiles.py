@@ -48,30 +48,13 @@ def profile_tables(
     draws: int,
     rng: np.random.Generator,
 ) -> dict[str, Simulated]:
-    """Return Tables 2, 3 and 4 of views of ships.
+    """Return Tables 2, 3 and 4 of the article for views of ships.
 
-    Parameters
-    ----------
-    images : sequence of LineImage
-        Far-field views, ship by ship.
-    assumed : mapping
-        Values of `PRIORS`.
-    places : sequence of two (float, float)
-        Places of the ship origin in an IFOV, in the training and in the test [IFOV].
-    ship : (view,) intp ndarray
-        Numbers of the ships.
-    aspect : (view,) float64 ndarray
-        Aspects [deg].
-    draws : int
-        Draws of the noise, at least two; with random orders of presentation also of these.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    dict of str to Simulated
-        `table2`, `table4`: percent correct by (row, bin), the first row of the training, others by
-        `FRAMES`; `table3`: numbers of categories by pulse width.
+    `table2` and `table4` are percent correct by (row, bin), the first row of the training, others
+    by `FRAMES`; `table3` counts categories by pulse width. `images` are far-field views, ship by
+    ship, with `ship` (view,) and `aspect` (view,) [deg]; `places` those of the ship origin in an
+    IFOV, in training and test [IFOV]. Each draw has its own noise and, if orders are random, its
+    own order.
     """
     optics: dict[str, Any] = {"ifov": 1e-6 * assumed["ifov"], "reflectance": assumed["reflectance"]}
     extents = {
@@ -132,51 +115,13 @@ def averaged_profiles(
     draws: int,
     rng: np.random.Generator,
 ) -> Floats:
-    """Draw averages over the first frames of several runs, as Gaussian processes.
+    """Return (draw, frame_count, bin) averaged frames, noise floor included, as Gaussian processes.
 
-    Parameters
-    ----------
-    extent, pulse_width, cnr, target_free_ifovs
-        As of `ncti.ladar.frame_moments`.
-    frames : (frame_count,) sequence of int
-        Frames averaged, in falling order; averages of a draw share their first frames.
-    draws : int
-        Independent runs of frames.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    (draw, frame_count, bin) float64 ndarray
-        Averages, noise floor included.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of frames do not fall, or a parameter is out of range.
-
-    See Also
-    --------
-    ncti.ladar.sample_frames : The frames one by one.
-
-    Notes
-    -----
-    Averages have the exact mean and covariance of `ncti.ladar.frame_moments`. A frame is a sum over
-    dozens of IFOVs of magnitudes, and an average one over frames, too, so it is taken for normally
-    distributed, at a tenth of the time that drawing each IFOV takes. The skewness that is left out
-    is largest in averages of few frames without target-free IFOVs, which are named correctly as
-    often (`tests/reproduction`).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ncti.ladar import no_return
-    >>> from studies.reproduction.profiles import averaged_profiles
-    >>> noise = averaged_profiles(
-    ...     no_return(250.0, 1.0), pulse_width=30e-9, cnr=10**3.2, target_free_ifovs=100,
-    ...     frames=(16, 4), draws=50, rng=np.random.default_rng(0))
-    >>> noise.shape, noise.std(axis=(0, 2)).round(1)
-    ((50, 2, 250), array([1.3, 2.6]))
+    `frames` fall, and averages of one draw share their first frames. Averages have the exact mean
+    and covariance of `ncti.ladar.frame_moments`. A frame sums magnitudes over dozens of IFOVs, so
+    they are nearly normal, at a tenth of the time of drawing each IFOV. The neglected skewness is
+    largest in averages of few frames without target-free IFOVs, where ships are named correctly as
+    often (`tests/studies/reproduction`).
     """
     require("draws", draws, whole=True, minimum=1)
     require_generator("rng", rng)
@@ -225,21 +170,10 @@ def mnn_scores(
     aspect: Floats,
     rng: np.random.Generator,
 ) -> Simulated:
-    """Return percent correct of the multilayered network, (row, bin), the first of its training.
+    """Return the multilayered network's percent correct by (row, bin), training first.
 
-    Parameters
-    ----------
-    templates : (view, bin) float64 ndarray
-        Training vectors.
-    tests : (draw, frame_count, view, bin) float64 ndarray
-        Test vectors.
-    assumed, ship, aspect, rng
-        As of `profile_tables`.
-
-    Returns
-    -------
-    Simulated
-        An answer is right when ship and aspect bin are.
+    `templates` (view, bin) are learned, `tests` (draw, frame_count, view, bin) tested. An answer is
+    right if both ship and aspect bin are.
     """
     # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning

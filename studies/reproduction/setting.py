@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ALTITUDE = 6705.6  # m, 22,000 ft
 SPACING = 1.0  # m between lines
 ELSEWHERE = (0.7548776662466927, 0.5698402909980532)  # a place that is far from (0, 0) [pixel]
-"""Where a ship that moved is in its pixel, relative to the place of the training [pixel]."""
+"""Place of a ship that moved in its pixel, relative to that of the training [pixel]."""
 
 
 def reproduce(
@@ -37,60 +37,15 @@ def reproduce(
     rng: np.random.Generator,
     view: Callable[[str, float, float], LineImage] | None = None,
 ) -> dict[str, Simulated]:
-    """Return the article's Tables 2 to 5 with some values of what it leaves open.
+    """Return the article's Tables 2 to 5, simulated with given values of its unstated parameters.
 
-    Parameters
-    ----------
-    assumed : mapping
-        A value for every name in `PRIORS`, as `assumed` draws them.
-    aspects : (aspect,) array_like
-        Aspects of the four ships [deg], training and test.
-    draws : int
-        Draws of the noise, at least two; with random orders of presentation also of these.
-    rng : numpy.random.Generator
-        Source of randomness.
-    view : callable, optional
-        Function of a ship's name (`duncan`, or `duncan@0.7`), an aspect and a depression [deg]
-        that returns the view, as `draw` does of its mesh: for callers that keep views.
-
-    Returns
-    -------
-    dict of str to Simulated
-        `table2` and `table4`, percent correct by (row, bin): training, then 32, 16, 8 and 4 frames;
-        `table3`, categories at 10, 30 and 50 ns; `table5`, percent correct by (row, bin): 25 km,
-        50 km with half pixels, 50 km; `categories5`, (1,).
-
-    Raises
-    ------
-    ValueError
-        If an aspect is out of range, or there are fewer than two draws.
-
-    See Also
-    --------
-    assumed : Values of what the article leaves open.
-    ncti.evaluate.chi_square : Distance to the article's figures.
-
-    Notes
-    -----
-    The protocol of [1]_: four ships from bow to beam, trained on noiseless views and tested at the
-    same aspects. One training of the multilayered network and, with random orders, one of the
-    Adaptive Clustering Network for each draw.
-
-    References
-    ----------
-    .. [1] "Non-Cooperative Identification of Ships with Electrooptical Data", The Lincoln
-       Laboratory Journal, Tables 2 to 5.
-
-    Examples
-    --------
-    Three aspects and two draws:
-
-    >>> import numpy as np
-    >>> from studies.reproduction import assumed, reproduce
-    >>> nominal = assumed(0) | {f"variant_{name}": 0 for name in SHIPS}
-    >>> tables = reproduce(nominal, aspects=[0, 45, 90], draws=2, rng=np.random.default_rng(0))
-    >>> {name: scores.mean.shape for name, scores in tables.items()}
-    {'table2': (5, 3), 'table3': (3,), 'table4': (5, 3), 'table5': (3, 3), 'categories5': (1,)}
+    `assumed` has a value for every name of `PRIORS`; the `aspects` (aspect,) [deg] of the four
+    ships serve training, which is noiseless, and test; `view` returns the view of a ship's name, an
+    aspect and a depression [deg], by default drawn by `draw`. `table2` and `table4` are percent
+    correct by (row, bin), rows being training, then 32, 16, 8 and 4 frames; `table3` counts
+    categories at 10, 30 and 50 ns; `table5` has rows 25 km, 50 km with half pixels, 50 km;
+    `categories5` is (1,). The multilayered network is trained once; so is the other, or once a draw
+    if orders are random.
     """
     require_generator("rng", rng)
     require("draws", draws, whole=True, minimum=2)
@@ -123,31 +78,10 @@ def reproduce(
 
 
 def draw(mesh: trimesh.Trimesh, aspect: float, depression: float) -> LineImage:
-    """Return the view of a ship, in the far field, by lines `SPACING` apart.
+    """Return the far-field view of a ship by lines `SPACING` apart; angles in degrees.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The ship.
-    aspect, depression : float
-        Of the line of sight [deg].
-
-    Returns
-    -------
-    LineImage
-        Against lines four times as dense, profile vectors have a cosine of 0.9995 or more, and one
-        pixel in a hundred of a silhouette at 25 km differs: less than variants of a sheet do.
-
-    See Also
-    --------
-    ncti.render.line_image : Views of any density.
-
-    Examples
-    --------
-    >>> from studies.reproduction import draw
-    >>> from ncti.ships import load
-    >>> draw(load("duncan"), 37.0, 3.84).spacing
-    1.0
+    Against lines four times as dense, profile vectors have a cosine of 0.9995 or more, and one
+    pixel in a hundred of a silhouette at 25 km differs: less than between variants of a sheet.
     """
     return line_image(mesh, aspect=aspect, depression=depression, spacing=SPACING)
 

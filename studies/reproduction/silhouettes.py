@@ -50,20 +50,10 @@ def silhouette_table(
     draws: int,
     rng: np.random.Generator,
 ) -> dict[str, Simulated]:
-    """Return Table 5 of views of ships.
+    """Return Table 5 of the article for views of ships, and `categories5`, its categories (1,).
 
-    Parameters
-    ----------
-    images : mapping of float to sequence of LineImage
-        Far-field views, ship by ship, by slant range [m].
-    assumed, places, ship, aspect, draws, rng
-        As of `profile_tables`.
-
-    Returns
-    -------
-    dict of str to Simulated
-        `table5`: percent correct by (row, bin), rows as `LOOKS`; `categories5`: the number of
-        categories, (1,).
+    `table5` is percent correct by (row, bin), rows as `LOOKS`; `images` are far-field views, ship
+    by ship, by slant range [m]; other arguments are those of `profile_tables`.
     """
     learned, tested = places
     # Views are the same ones where depressions are, and targets where views, pixels and places are.

@@ -14,26 +14,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """Figures of a table, as means over draws.
-
-    Attributes
-    ----------
-    mean : (...) float64 ndarray
-        Mean of each figure.
-    spread : (...) float64 ndarray
-        Standard deviation of a single draw.
-
-    See Also
-    --------
-    reproduce : Returns such tables.
-
-    Examples
-    --------
-    >>> from studies.reproduction import Simulated
-    >>> scores = Simulated.of([[40.0, 60.0], [60.0, 60.0]])
-    >>> scores.mean.tolist(), scores.spread.round(1).tolist()
-    ([50.0, 60.0], [14.1, 0.0])
-    """
+    """Figures of a table: `mean` over draws, and `spread`, the standard deviation of one draw."""
 
     mean: Floats
     spread: Floats
@@ -46,19 +27,9 @@ class Simulated:
 
 
 def percent_by_bin(right: NDArray[np.bool_], aspect: Floats) -> Floats:
-    """Return percent correct by aspect bin.
+    """Return (..., bin) percent correct in the bins of `ncti.evaluate.aspect_bins`.
 
-    Parameters
-    ----------
-    right : (..., view) bool ndarray
-        True where an answer is right.
-    aspect : (view,) float64 ndarray
-        Aspects [deg].
-
-    Returns
-    -------
-    (..., bin) float64 ndarray
-        Percent correct in the bins of `ncti.evaluate.aspect_bins`.
+    `right` (..., view) is true where an answer is right, at `aspect` (view,) [deg].
     """
     labels, group = aspect_bins(aspect)
     member = group[:, None] == np.arange(len(labels))

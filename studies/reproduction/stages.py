@@ -1,4 +1,4 @@
-"""The article's Tables 2 to 5 over what it leaves open: settings drawn, fitted and judged."""
+"""The article's Tables 2 to 5 over its unstated parameters: settings drawn, fitted and judged."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ VARIABLES = ("mean", "spread", "value")
 
 
 class Reproduce(Settings, key="reproduce"):
-    """Settings of what the article leaves open."""
+    """Settings of the article's unstated parameters."""
 
     setting = draws(
         2000,
@@ -107,7 +107,7 @@ def figure_names(aspect: tuple[float, ...]) -> NDArray[np.str_]:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ships and aspects that the article's tables are not of."""
+    """Refuse (`ConfigurationError`) ships and aspects that the article's tables do not cover."""
     if looks(SENSOR)(choices):
         ships, aspects = choices[Grid.ship], choices[Grid.aspect]
         if tuple(map(str, ships)) != article.SHIPS:
@@ -122,7 +122,7 @@ def check(choices: Choices) -> Choices:
 
 
 def compared(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, library.Agreement]:
-    """Return the settings of a store's group that did not fail, and what is compared of them."""
+    """Return the settings of a group that did not fail, and their agreement with the article."""
     done = np.flatnonzero(reproduction["mean"].notnull().all("figure"))
     settings = reproduction.isel(setting=done).transpose("setting", ...)
     figures, draws = article.figures(choices[Grid.aspect]), choices.one(Reproduce.draws)

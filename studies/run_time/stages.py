@@ -85,7 +85,7 @@ def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
 
 @in_memory()
 def exact_ifovs(exact_extent: Arrays) -> RangeExtent:
-    """Return the exact extent as the library has it."""
+    """Return the exact extent as a `RangeExtent`."""
     return views.restored(RangeExtent.unpacked, exact_extent)
 
 
@@ -243,7 +243,7 @@ def changed(
 
 
 def check(choices: Choices) -> Choices:
-    """Drop unavailable engines, and refuse what cannot be measured."""
+    """Drop unavailable engines, and refuse settings that cannot be measured."""
     if not looks(SENSOR)(choices):
         return choices
     reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"

@@ -17,18 +17,7 @@ Pixels = NDArray[np.int64]
 
 
 class Box(NamedTuple):
-    """Rectangle of pixels: the first column and row, and one past the last.
-
-    See Also
-    --------
-    Field.box, Detection, cue
-
-    Examples
-    --------
-    >>> from studies.scan import Box
-    >>> Box(left=2, bottom=0, right=5, top=1).size
-    (3, 1)
-    """
+    """Rectangle of pixels: the first column and row, and one past the last."""
 
     left: int
     bottom: int
@@ -45,7 +34,7 @@ class Box(NamedTuple):
         return Box(self.left - column, self.bottom - row, self.right - column, self.top - row)
 
     def holds(self, cells: Pixels) -> NDArray[np.bool_]:
-        """Return (cell,) bool: True for those of (cell, 2) columns and rows that are inside."""
+        """Return the mask (cell,) of columns and rows (cell, 2) inside."""
         return np.all((cells >= self[:2]) & (cells < self[2:]), axis=-1)
 
 
@@ -57,26 +46,7 @@ MOST_PIXELS = 1e8
 class Field:
     """Field of regard, divided into square pixels.
 
-    Attributes
-    ----------
-    width, height : float
-        Sides of the field, in azimuth and in elevation [rad].
-    ifov : float
-        Side of a pixel [rad].
-
-    See Also
-    --------
-    thermal_field : Image of a field.
-    elevation : Place of a target in it.
-
-    Examples
-    --------
-    >>> from studies.scan import Field
-    >>> field = Field(width=0.03, height=0.015, ifov=150e-6)
-    >>> field.shape
-    (100, 200)
-    >>> field.pixel(0.0, 0.0)  # its middle
-    (100, 50)
+    `width` in azimuth, `height` in elevation, and `ifov`, the side of a pixel [rad].
     """
 
     width: float
@@ -116,70 +86,17 @@ class Field:
 
 @dataclass(frozen=True, kw_only=True)
 class Detection:
-    """Pixels above the threshold that may belong to one ship.
-
-    Attributes
-    ----------
-    box : Box
-        Bounding box of the pixels.
-    pixel : (pixel, 2) int64 ndarray
-        Column and row of each pixel.
-
-    See Also
-    --------
-    detect : Returns detections.
-    cue : Pixels for the laser radar to visit.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.scan import detect
-    >>> [found] = detect(np.eye(3), threshold=0.5, reach=(1, 1))
-    >>> found.box, len(found.pixel)
-    (Box(left=0, bottom=0, right=3, top=3), 3)
-    """
+    """Pixels above the threshold that may belong to one ship, `pixel` (pixel, 2) in their `box`."""
 
     box: Box
     pixel: Pixels
 
 
 def elevation(slant_range: float, *, middle_range: float, depression: float) -> float:
-    """Return the elevation of a target on a flat sea from the middle of the field.
+    """Return the elevation of a target on a flat sea above the middle of the field [rad].
 
-    Parameters
-    ----------
-    slant_range : float
-        Sensor to target [m].
-    middle_range : float
-        Sensor to the sea in the middle of the field [m].
-    depression : float
-        Depression of the line of sight to the middle [rad], above 0 and below pi / 2.
-
-    Returns
-    -------
-    float
-        Elevation of the target less that of the middle [rad], positive behind it.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range, or the target nearer than the sea below the sensor.
-
-    See Also
-    --------
-    Field.pixel : Pixel of a bearing and an elevation.
-
-    Notes
-    -----
-    The height of the sensor is the same for both: slant_range sin(d) = middle_range
-    sin(depression).
-
-    Examples
-    --------
-    >>> from math import radians
-    >>> from studies.scan import elevation
-    >>> 1e3 * elevation(101e3, middle_range=100e3, depression=radians(3.84))  # [mrad]
-    0.664
+    `slant_range` and `middle_range` [m] lead to the target and the middle, `depression` [rad] to
+    the middle. The sensor's height is common: slant_range sin(d) = middle_range sin(depression).
     """
     require("slant_range", slant_range, positive=True)
     require("middle_range", middle_range, positive=True)
@@ -204,49 +121,11 @@ def thermal_field(
     target_spread: float,
     sea_spread: float,
 ) -> NDArray[np.float64]:
-    """Return a thermal image of warm targets on the sea.
+    """Return a (row, column) thermal image of targets on the sea, against the mean sea [K].
 
-    Parameters
-    ----------
-    field : Field
-        The field of regard.
-    targets : sequence of (pixel, 2) int64 ndarray
-        Column and row of the pixels that show each target; pixels outside the field are ignored.
-    contrasts : sequence of float
-        Mean temperature of each against the mean sea [K]. In a shared pixel the later one counts.
-    frame_count : int
-        Frames averaged.
-    rng : numpy.random.Generator
-        Source of randomness, as for `ncti.infrared.thermal_images`.
-    nedt, target_spread, sea_spread : float
-        As for `ncti.infrared.thermal_images` [K].
-
-    Returns
-    -------
-    (row, column) float64 ndarray
-        Temperature against the mean sea [K]; row 0 is the lowest.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range, or there are not as many contrasts as targets.
-
-    See Also
-    --------
-    detect : Finds ships in the image.
-    ncti.infrared.thermal_images : Image of one ship.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.scan import Field, thermal_field
-    >>> field = Field(width=0.00295, height=0.00145, ifov=150e-6)
-    >>> ship = np.array([[4, 5], [5, 5]])
-    >>> calm = {"nedt": 0.0, "target_spread": 0.0, "sea_spread": 0.0}
-    >>> rng = np.random.default_rng(0)
-    >>> image = thermal_field(field, [ship], [0.7], frame_count=16, rng=rng, **calm)
-    >>> image.shape, image[5, 3:7]
-    ((10, 20), array([0. , 0.7, 0.7, 0. ]))
+    `targets` are (pixel, 2) columns and rows, of which those outside the field are ignored; each
+    has one of the `contrasts` [K], the later one in a shared pixel. Row 0 is the lowest. Noise is
+    that of `ncti.infrared.thermal_images`.
     """
     signal, shown = np.zeros(field.shape), np.zeros(field.shape, dtype=bool)
     for pixel, contrast in zip(targets, contrasts, strict=True):
@@ -268,46 +147,11 @@ def thermal_field(
 def detect(
     image: NDArray[np.float64], *, threshold: float, reach: tuple[int, int]
 ) -> tuple[Detection, ...]:
-    """Return detections: pixels above a threshold, grouped by the reach of a ship.
+    """Return groups of pixels above a threshold, by single linkage, sorted by left side.
 
-    Parameters
-    ----------
-    image : (row, column) float64 ndarray
-        Temperature against the mean sea [K].
-    threshold : float
-        Threshold, as of `ncti.infrared.detection_threshold` [K].
-    reach : (int, int)
-        Largest difference of columns, and of rows, between two pixels of one ship.
-
-    Returns
-    -------
-    tuple of Detection
-        Sorted by left side. Every pixel above the threshold belongs to exactly one.
-
-    Raises
-    ------
-    ValueError
-        If the reach is negative, or the threshold is not a number.
-
-    See Also
-    --------
-    cue : Pixels for the laser radar to visit.
-    ncti.infrared.detection_threshold : Threshold of a false-alarm probability.
-
-    Notes
-    -----
-    Single linkage: pixels within reach of one another are grouped, and groups that share a pixel
-    are merged. One ship never makes two detections. False alarms within its reach join its
-    detection and widen it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.scan import detect
-    >>> image = np.zeros((5, 30))
-    >>> image[2, [3, 5, 20]] = 1.0
-    >>> [found.box.left for found in detect(image, threshold=0.5, reach=(4, 2))]
-    [3, 20]
+    `reach` is the largest difference of columns, and of rows, between two pixels of one ship.
+    Pixels within reach are grouped, and groups that share a pixel merged: one ship never makes two
+    detections; a false alarm within reach joins and widens its detection.
     """
     require("threshold", threshold)
     for steps in reach:
@@ -337,41 +181,10 @@ def _box(pixel: Pixels) -> Box:
 
 
 def cue(box: Box, *, reach: tuple[int, int], detector: int) -> Box:
-    """Return the pixels of a visit: all that a ship with the detected pixels could reach.
+    """Return the box to visit: every pixel that a ship with the detected ones could reach.
 
-    Parameters
-    ----------
-    box : Box
-        Bounding box of the pixels detected.
-    reach : (int, int)
-        As for `detect`.
-    detector : int
-        Elements along either side of the detector.
-
-    Returns
-    -------
-    Box
-        A whole number of positions of the detector. It holds the whole ship, if the pixels are
-        those of one: 2 reach + 1 columns for a single pixel, reach + 1 for a ship that is detected
-        from end to end.
-
-    Raises
-    ------
-    ValueError
-        If the detector has no element.
-
-    See Also
-    --------
-    detect : Boxes of detected pixels.
-    position_count : Positions of the detector in such a box.
-
-    Examples
-    --------
-    One pixel of a ship that reaches over six columns and two rows:
-
-    >>> from studies.scan import Box, cue
-    >>> cue(Box(10, 4, 11, 5), reach=(6, 2), detector=2)
-    Box(left=4, bottom=2, right=18, top=8)
+    It is a whole number of detector positions, `detector` elements along a side. A single pixel
+    gives 2 reach + 1 columns, a ship detected from end to end reach + 1.
     """
     require("detector", detector, minimum=1, whole=True)
     first, last = [], []

@@ -1,4 +1,4 @@
-"""The imager of a search: where targets lie in the field, and what is detected of them."""
+"""The imager of a search: places of targets in the field, and their detection."""
 
 from __future__ import annotations
 
@@ -15,26 +15,9 @@ from studies.scan.targets import Survey, Target, owner
 
 @dataclass(frozen=True)
 class Imager(infrared.Imager):
-    """The passive-infrared imager of a search.
+    """The passive-infrared imager of a search, which averages `frame_count` frames.
 
-    Attributes
-    ----------
-    false_alarm : float
-        False-alarm probability of one pixel of sea.
-    frame_count : int
-        Frames averaged.
-
-    See Also
-    --------
-    ncti.infrared.Imager : Its other attributes.
-    observe : What it detects.
-
-    Examples
-    --------
-    >>> from studies.scan import Imager
-    >>> imager = Imager(0.25, 2.1585, 0.181e-3, 0.5, 0.5, 0.5, 1e-6, 16)
-    >>> print(f"{imager.contrast(100e3):.2f} K")
-    0.27 K
+    `false_alarm` is the probability that one pixel of sea exceeds the threshold.
     """
 
     false_alarm: float
@@ -57,43 +40,10 @@ def places(
     *,
     rng: np.random.Generator,
 ) -> Pixels:
-    """Return where targets lie in a field, each in a slot of bearings of its own.
+    """Return the (target, 2) column and row of the pixel corner at each target's origin.
 
-    Slots are in random order, with as much sea between targets that no ship reaches across.
-
-    Parameters
-    ----------
-    field : Field
-        Field of regard.
-    targets : sequence of Target
-        Ships and decoys.
-    survey : Survey
-        What they have in common.
-    rng : numpy.random.Generator
-        Draws the order of the slots.
-
-    Returns
-    -------
-    (target, 2) int64 ndarray
-        Column and row of the pixel corner at each target's origin.
-
-    See Also
-    --------
-    observe : Detections in the field.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.scan import Field, Survey, box, places
-    >>> from ncti.render import Sampling
-    >>> survey = Survey(
-    ...     slant_range=50e3, depression=3.84, depth=0.05, length=200.0, height=50.0, ifov=150e-6,
-    ...     bin_width=1.0, window=250.0, spread=0.5, sampling=Sampling("lines", 1.0, 0, 30.0))
-    >>> rng = np.random.default_rng(0)
-    >>> barge = survey.target(box(120.0, 20.0, 8.0), (0.0, 90.0), rng)
-    >>> field = Field(width=0.05, height=0.03, ifov=150e-6)
-    >>> places(field, [barge], survey, rng=rng).shape
-    (1, 2)
+    Each target has its own slot of bearings, in random order, with so much sea between targets that
+    no ship reaches across.
     """
     slot = field.width / max(len(targets), 1)
     free = slot / 2 - survey.length / survey.slant_range
@@ -118,52 +68,12 @@ def observe(
     detector: int,
     rng: np.random.Generator,
 ) -> dict[str, NDArray[np.generic]]:
-    """Return what the imager detects in a field, and what the laser radar should visit.
+    """Return the imager's detections in a field, and the visits of the laser radar to them.
 
-    Parameters
-    ----------
-    field : Field
-        Field of regard.
-    targets : sequence of Target
-        Ships and decoys in it.
-    survey : Survey
-        What they have in common.
-    imager : Imager
-        The imager.
-    detector : int
-        As of `cue`.
-    rng : numpy.random.Generator
-        Draws the places of targets, then the noise of the image.
-
-    Returns
-    -------
-    dict of str to ndarray
-        column, row : (target,), position of each target's origin, as of `places`; true_aspect,
-        slant_range : (target,) [deg, m]; shown, hot : (target,), pixels that show each, and those
-        above the threshold;
-        detection_probability : (target,), in closed form; alarms : (), pixels of sea above the
-        threshold; source : (detection,), target of each detection, -1 for the sea; box, visit :
-        (detection, 4), pixels of the detection, and of the visit to it.
-
-    See Also
-    --------
-    detect, cue : Detections and visits.
-
-    Examples
-    --------
-    An empty field without false alarms:
-
-    >>> import numpy as np
-    >>> from ncti.render import Sampling
-    >>> from studies.scan import Field, Imager, Survey, observe
-    >>> survey = Survey(
-    ...     slant_range=50e3, depression=3.84, depth=0.05, length=60.0, height=20.0, ifov=150e-6,
-    ...     bin_width=1.0, window=250.0, spread=0.5, sampling=Sampling("lines", 1.0, 0, 30.0))
-    >>> imager = Imager(0.25, 2.1585, 0.181e-3, 0.5, 0.5, 0.5, 1e-12, 16)
-    >>> field, rng = Field(width=0.003, height=0.0015, ifov=150e-6), np.random.default_rng(0)
-    >>> found = observe(field, [], survey, imager, detector=2, rng=rng)
-    >>> found["box"].shape, int(found["alarms"])
-    ((0, 4), 0)
+    Of targets (target,): `column`, `row` of the origin, `true_aspect` [deg], `slant_range` [m], the
+    pixels `shown`, those `hot`, above the threshold, and `detection_probability` in closed form.
+    `alarms` () counts hot pixels of sea. Of detections (detection,): `source`, the target or -1 for
+    the sea; `box` and `visit` (detection, 4), edges of its pixels and of the visit.
     """
     origins = places(field, targets, survey, rng=rng)
     shown, contrasts, probabilities = [], [], []

@@ -22,32 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A ship or decoy in the field.
+    """A ship or decoy in the field, at an `aspect` [deg].
 
-    Attributes
-    ----------
-    aspect : float
-        Aspect [deg].
-    offset : float
-        Bearing within its slot, from -1 to 1 of what the slot leaves free.
-    extent : RangeExtent
-        What the laser radar sees of it, counted from its origin.
-
-    See Also
-    --------
-    Survey.target : Returns one.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.scan import Survey, box
-    >>> from ncti.render import Sampling
-    >>> survey = Survey(
-    ...     slant_range=50e3, depression=3.84, depth=0.05, length=200.0, height=50.0, ifov=150e-6,
-    ...     bin_width=1.0, window=250.0, spread=0.5, sampling=Sampling("lines", 1.0, 0, 30.0))
-    >>> barge = survey.target(box(120.0, 20.0, 8.0), (0.0, 90.0), np.random.default_rng(0))
-    >>> len(barge.shown(0.25)) <= len(barge.extent.cell)
-    True
+    `offset` is its bearing within its slot, from -1 to 1 of the free width; `extent` counts from
+    its origin.
     """
 
     aspect: float
@@ -55,11 +33,11 @@ class Target:
     extent: RangeExtent
 
     def shown(self, rule: float) -> NDArray[np.int64]:
-        """Return (pixel, 2) pixels of which it fills at least a share, counted from its origin."""
+        """Return the pixels (pixel, 2) filled to at least a share, counted from its origin."""
         return self.extent.cell[self.extent.fraction.sum(axis=1) >= rule]
 
     def inside(self, box: Box) -> RangeExtent:
-        """Return what the IFOVs of a box see of it; the box counts from its origin."""
+        """Return its range extent in the IFOVs of a box, both counted from its origin."""
         held = box.holds(self.extent.cell)
         parts = {"fraction": self.extent.fraction[held], "cell": self.extent.cell[held]}
         return RangeExtent(**{**vars(self.extent), **parts})
@@ -69,30 +47,9 @@ class Target:
 class Survey:
     """Middle of a field, and the sensor parameters common to its targets.
 
-    Attributes
-    ----------
-    slant_range : float
-        Sensor to the middle of the field [m].
-    depression : float
-        Depression of the line of sight to it [deg].
-    depth : float
-        Share of the range by which targets are nearer or farther.
-    length, height : float
-        Largest extent of a target across and up [m].
-    ifov, bin_width, window, spread : float
-        Binning of range extents, as of `ncti.ladar.range_extent` [rad, m, m, 1].
-    sampling : Sampling
-        Sampling of views.
-
-    See Also
-    --------
-    Target : A ship of the field.
-
-    Examples
-    --------
-    See `Target`.
-
-    >>> from studies.scan import Survey
+    `slant_range` [m] and `depression` [deg] lead to the middle, and `depth` [1] is the largest
+    relative difference of a range. Targets are at most `length` across and `height` up [m]. `ifov`
+    [rad], `bin_width` [m], `window` [m] and `spread` are those of `ncti.ladar.range_extent`.
     """
 
     slant_range: float
@@ -122,7 +79,7 @@ class Survey:
     def target(
         self, mesh: trimesh.Trimesh, aspects: tuple[float, ...], rng: np.random.Generator
     ) -> Target:
-        """Return a ship at a random place, its aspect within the range of some [deg]."""
+        """Return a ship at a random place, at an aspect between the extremes of some [deg]."""
         aspect = float(rng.uniform(min(aspects), max(aspects)))
         offset, deep = rng.uniform(-1, 1, 2).tolist()
         far = self.slant_range * (1 + self.depth * deep)
@@ -171,28 +128,7 @@ class Survey:
 
 @lru_cache(maxsize=4)
 def box(length: float, beam: float, height: float) -> trimesh.Trimesh:
-    """Return a box that floats: a barge, as a decoy.
-
-    Parameters
-    ----------
-    length, beam, height : float
-        Sides of the box [m].
-
-    Returns
-    -------
-    trimesh.Trimesh
-        Its origin is amidships on the waterline.
-
-    See Also
-    --------
-    Survey.target : The box in a field.
-
-    Examples
-    --------
-    >>> from studies.scan import box
-    >>> box(120.0, 20.0, 8.0).bounds.tolist()
-    [[-60.0, -10.0, 0.0], [60.0, 10.0, 8.0]]
-    """
+    """Return a floating box as a decoy, sides in metres, its origin amidships on the waterline."""
     import trimesh  # takes long
 
     solid = trimesh.creation.box(extents=(length, beam, height))
@@ -201,30 +137,9 @@ def box(length: float, beam: float, height: float) -> trimesh.Trimesh:
 
 
 def owner(pixels: Pixels, targets: NDArray[np.integer]) -> int:
-    """Return the target with the most pixels of a detection; -1 where all are of the sea.
+    """Return the number of the target with the most pixels of a detection; -1 if all are sea.
 
-    Parameters
-    ----------
-    pixels : (pixel, 2) int64 ndarray
-        Column and row of the pixels of a detection.
-    targets : (row, column) int ndarray
-        Number of the target that each pixel of the field shows, negative for the sea.
-
-    Returns
-    -------
-    int
-        Its number.
-
-    See Also
-    --------
-    detect : Detections of a field.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.scan import owner
-    >>> owner(np.array([[0, 0], [1, 0], [2, 0]]), np.array([[-1, 1, 1, 0]]))
-    1
+    `pixels` (pixel, 2) are columns and rows; `targets` (row, column) is negative on the sea.
     """
     of_targets = targets[pixels[:, 1], pixels[:, 0]]
     counts = np.bincount(of_targets[of_targets >= 0])

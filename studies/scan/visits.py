@@ -39,30 +39,8 @@ Floats = NDArray[np.float64]
 class Laser:
     """The laser radar of a search.
 
-    Attributes
-    ----------
-    pulse_width : float
-        Full width at 1/e^2 [s].
-    cnr : float
-        Carrier-to-noise ratio of a filled IFOV at `cnr_range` [dB].
-    cnr_range : float
-        Range at which it is stated [m].
-    extinction : float
-        Extinction of the air, one way [dB/m].
-
-    See Also
-    --------
-    VisitTemplates : Names ships by its profiles.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from ncti.ladar import no_return
-    >>> from studies.scan import Laser
-    >>> laser = Laser(pulse_width=30e-9, cnr=32.0, cnr_range=100e3, extinction=0.0)
-    >>> sea = no_return(window=250.0, bin_width=1.0)
-    >>> laser.averages(sea, 100, (4, 16), np.random.default_rng(0)).shape
-    (2, 250)
+    `pulse_width` [s] is full width at 1/e^2; `cnr` [dB] that of a filled IFOV at `cnr_range` [m];
+    `extinction` [dB/m] of the air, one way.
     """
 
     pulse_width: float
@@ -79,7 +57,7 @@ class Laser:
     ) -> Floats:
         """Return (frame_count, bin) averages of frames of some IFOVs, those of an extent included.
 
-        At the target's own range.
+        The extent is at its own range.
         """
         cnr = carrier_to_noise(
             extent.slant_range,
@@ -100,28 +78,11 @@ class Laser:
 
 @dataclass(frozen=True, eq=False)
 class VisitTemplates:
-    """Every learned view of a range, for visits of any number of IFOVs.
+    """Every learned view at one range, for visits of any number of IFOVs.
 
-    Attributes
-    ----------
-    mean : (template, bin) float64 ndarray
-        Mean of one frame of the ship's own IFOVs.
-    band : (template, lag, bin) float64 ndarray
-        Its covariance, as a lower band.
-    ifovs, ship : (template,) int ndarray
-        Number of these IFOVs, and number of the ship.
-    noise : (bin,), (lag, bin) float64 ndarray
-        Mean and covariance of one IFOV without target.
-    diagonal_loading, gain_sigma : float
-        As of `ncti.classify.GaussianTemplates`.
-
-    See Also
-    --------
-    Laser.averages : What is identified.
-
-    Examples
-    --------
-    >>> from studies.scan import VisitTemplates
+    `mean` (template, bin) and `band` (template, lag, bin), a lower band, are mean and covariance of
+    one frame of the ship's `ifovs` (template,), and `noise`, (bin,) and (lag, bin), those of an
+    IFOV without target; `ship` (template,) are numbers.
     """
 
     mean: Floats
@@ -134,7 +95,7 @@ class VisitTemplates:
 
     @cached_property
     def fitted(self) -> Callable[[int], GaussianTemplates]:
-        """Classifier of frames of so many IFOVs, the ship's among them; some are kept."""
+        """Cached function of a number of IFOVs, the ship's included, that returns a classifier."""
         return lru_cache(maxsize=FITTED)(self._fit)
 
     def _fit(self, ifovs: int) -> GaussianTemplates:
@@ -154,8 +115,8 @@ class VisitTemplates:
         """Return the most probable ships of (visit, bin) averages, and their similarity.
 
         Similarity is the largest cosine of a profile vector with those of that ship's templates.
-        Visits have many numbers of IFOVs: the classifier is that of a number near theirs, whose
-        floor their averages are given.
+        The classifier is that of a power of `STEP` IFOVs near the visit's number, to whose floor
+        averages are shifted.
         """
         near = round(STEP ** round(math.log(ifovs, STEP)))
         raised = averages + (near - ifovs) * self.noise[0]
@@ -175,10 +136,10 @@ def visit_templates(
     diagonal_loading: float,
     gain_sigma: float,
 ) -> VisitTemplates:
-    """Return the templates of all existing views of a range.
+    """Return the templates of all valid views at one range.
 
-    `moments` are mean, band and ifovs, each with leading axes (ship, aspect), of which `valid` are
-    there; bands, and that of the noise, are filled up to as many lags. Other arguments are as of
+    `moments` are mean, band and ifovs, each with leading axes (ship, aspect), of which `valid`
+    exist; bands, and that of the noise, are filled up to as many lags. Other arguments are those of
     `VisitTemplates` and `Laser`, the carrier-to-noise ratio as a power ratio.
     """
     mean, noise = banded_frame_moments(
@@ -212,8 +173,8 @@ def identify_visits(
 ) -> dict[str, NDArray[Any]]:
     """Return the (frame_count, detection) most probable ships of visits, and their similarity.
 
-    `named` and `similarity`, of detections as of `observe`. A visit looks at the detected target
-    through its range gate, and at the sea around it. Each has a stream of its own, so that its
+    They are `named` and `similarity`, of detections of `observe`. A visit looks at the detected
+    target through its range gate, and at the sea around it. Each has its own stream, so that its
     noise does not depend on the others.
     """
     origins = np.stack([detected["column"], detected["row"]], axis=1)
@@ -252,7 +213,7 @@ def known_similarity(
 ) -> Floats:
     """Return the (frame_count, view) similarity of visits to a known ship to its best template.
 
-    Of visits cued by a single pixel, which are the largest, at aspects that no template has.
+    Visits are cued by a single pixel, which makes them largest, at aspects between templates.
     """
     columns, rows = cue(Box(0, 0, 1, 1), reach=survey.reach, detector=detector).size
     averages = [
@@ -288,35 +249,11 @@ def outcomes(
     accepted: NDArray[np.bool_],
     ships: int,
 ) -> dict[str, NDArray[np.intp]]:
-    """Return the counts of a search.
+    """Return the counts of a search: ships detected, named right or wrong, decoys and false alarms.
 
-    Parameters
-    ----------
-    source, named : (detection,) int ndarray
-        Target of each detection, negative for the sea, and the ship that its visit named.
-    accepted : (detection,) bool ndarray
-        Whether the visit was accepted as one to a ship.
-    ships : int
-        Number of ships; targets from this number on are decoys.
-
-    Returns
-    -------
-    dict of str to () int ndarray
-        detected, right, wrong, turned_away, decoys_detected, decoys_rejected, false,
-        false_rejected.
-
-    See Also
-    --------
-    VisitTemplates : Names ships.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from studies.scan import outcomes
-    >>> accepted = np.array([True, True, False])
-    >>> found = outcomes(np.array([0, 1, -1]), np.array([0, 0, 0]), accepted, ships=2)
-    >>> [int(found[name]) for name in ("detected", "right", "wrong", "false_rejected")]
-    [2, 1, 1, 1]
+    `source` (detection,) is the target, negative for the sea, and from `ships` on a decoy; `named`
+    and `accepted` (detection,) are the ship that the visit named, and whether it was accepted as
+    one.
     """
     of_ship, sea, decoy = (source >= 0) & (source < ships), source < 0, source >= ships
     right = of_ship & accepted & (named == source)
@@ -344,12 +281,12 @@ def search_outcome(
     frame_count: int,
     lost: float,
 ) -> dict[str, Any]:
-    """Return the counts and times of a search, by name.
+    """Return the counts and times of a search by name.
 
-    `detected` is as of `observe`, `visited` as of `identify_visits` and `known` as of
-    `known_similarity`; `least` is the similarity that a share `lost` of known ships is below, and
-    `accepted` the (detection,) visits that reach it. Further names are those of `outcomes` and of
-    `Schedule`, and `decoys`.
+    Those are of `outcomes` and `Schedule`, and `decoys`, their number. `detected`, `visited` and
+    `known` are results of `observe`, `identify_visits` and `known_similarity`. `least` is the
+    similarity below which a share `lost` of visits to known ships lies; `accepted` are the
+    (detection,) visits that reach it.
     """
     least = float(np.quantile(known, lost))
     accepted = visited["similarity"] >= least
@@ -369,32 +306,9 @@ def search_outcome(
 class Rates:
     """Rates of both sensors, and the time that a move takes.
 
-    Attributes
-    ----------
-    detector : int
-        Elements of the laser radar along a side of its detector.
-    pulse_rate : float
-        Pulses of the laser radar a second, one a frame [Hz].
-    imager_pixels : int
-        Pixels along a side of the imager's array.
-    imager_frames : int
-        Frames averaged by the imager.
-    frame_rate : float
-        Frames of the imager a second [Hz].
-    slew_time : float
-        Time of a move to a visit, or of the imager's array [s].
-
-    See Also
-    --------
-    schedule : Times of a search.
-
-    Examples
-    --------
-    >>> from studies.scan import Box, Field, Rates
-    >>> rates = Rates(2, 1000.0, 256, 16, 30.0, 0.1)
-    >>> field = Field(width=0.03, height=0.015, ifov=150e-6)
-    >>> rates.schedule(field, [Box(0, 0, 20, 10)], 16).dwelling
-    0.8
+    `detector` and `imager_pixels` count elements along a side; the laser radar takes one frame a
+    pulse, at `pulse_rate` [Hz], the imager `imager_frames` at `frame_rate` [Hz]; either moves in
+    `slew_time` [s].
     """
 
     detector: int
@@ -405,7 +319,7 @@ class Rates:
     slew_time: float
 
     def schedule(self, field: Field, visits: Sequence[Box], frame_count: int) -> Schedule:
-        """Return the times of a search with some visits of so many frames."""
+        """Return the times of a search with given visits and frames at each position."""
         sizes = [visit.size for visit in visits]
         return schedule(
             [columns * rows // self.detector**2 for columns, rows in sizes],

@@ -1,6 +1,6 @@
-"""Charts of frames: what the one specification, `page/templates/chart.json`, is filled with.
+"""Scales of charts, of a figure and along an axis, in the terms of Vega-Lite.
 
-The page's script adds the rows at the selection, a curve per series, and the axis `x`.
+The page's script, `page/templates/charts.js`, adds the rows at the selection.
 """
 
 from __future__ import annotations
@@ -12,17 +12,25 @@ from sweeps.report.frames import Column, Frame, values_of
 
 BESIDE = ("low", "high", "chance")  # roles of columns that belong to a figure
 ALONG, UP = 6, 30  # ratio of its ends from which an axis is logarithmic
+EDGE = 6  # pixels between the ends of a bounded scale and the frame, for markers
 
 
 def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     """Return the encoding of a figure, and the columns of its interval and its level of chance."""
     column = frame.columns[figure]
     beside = {role: next(iter(frame.of_role(role, figure)), "") for role in BESIDE}
-    scale = scale_of(frame.rows[figure].dropna().tolist(), UP)
-    if column.unit == "%" and not column.format.startswith("+"):  # a difference may be below 0
-        scale = {"domain": [0, 100], "nice": False}
-    y = {"field": figure, "type": "quantitative", "title": column.heading, "scale": scale}
-    return {"y": y, **beside}
+    y: dict[str, Any] = {"field": figure, "type": "quantitative", "title": column.heading}
+    values = frame.rows[figure].dropna().tolist()
+    whole = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0
+    if whole and not column.format.startswith("+"):  # a difference may be below 0
+        y["scale"] = {"domain": [0, whole], "nice": False, "padding": EDGE}
+    else:
+        y["scale"] = scale_of(values, UP)
+    if whole == 1:
+        y["axis"] = {"format": ".0%"}
+    # Python's and d3's formats are the same, but for the digits of `g`.
+    text = ".3~g" if column.format.endswith("g") else column.format
+    return {"y": y, "format": text, **beside}
 
 
 def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
@@ -41,7 +49,7 @@ def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
     labels = {"labelExpr": "format(datum.value, '~g')", "labelOverlap": True}
     return encoding | {
         "type": "quantitative",
-        "scale": {**scale_of(values, ALONG), "padding": 14, "nice": False},
+        "scale": {**scale_of(values, ALONG), "padding": 22, "nice": False},
         "axis": {**ticks, **labels},
     }
 

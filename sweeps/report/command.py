@@ -59,6 +59,15 @@ def _reported(arguments: argparse.Namespace) -> int:
     return 1 if kept else 0
 
 
+def answer(store: Any) -> list[str]:
+    """Return the headline of a store, for the end of a sweep of any experiment."""
+    from sweeps.report.frames import read_frames
+    from sweeps.report.headline import headline
+    from sweeps.report.stores import attributes, opened
+
+    return headline(read_frames(store), attributes(opened(store)))
+
+
 def _place(given: str) -> Any:
     """Return a store's URL, or its absolute path; refuse other URLs."""
     from sweeps.engine.declare.places import path_or_url
@@ -67,10 +76,19 @@ def _place(given: str) -> Any:
     return place.absolute() if isinstance(place, Path) else place
 
 
+class _Explain(argparse.Action):
+    """Prints the meaning of a word instead of tables, and exits."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: Any, words: Any, *__: Any) -> None:
+        from sweeps.report.explain import said
+
+        parser.exit(said(NAME, " ".join(words)))
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
-        description="Print the tables of a sweep beside the article's, and write them as CSV.",
+        description="Print the answer of a sweep, and write its tables as CSV.",
     )
     parser.add_argument("store", help="store of a sweep, such as sweep.zarr")
     parser.add_argument(
@@ -90,6 +108,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--html", action="store_true", help="also write the report page beside the store"
+    )
+    parser.add_argument(
+        "--explain",
+        metavar="WORD",
+        nargs="*",
+        action=_Explain,
+        help="print what a word of the tables means, such as ACN; without one, all words",
     )
     parser.add_argument("--version", action="version", version=f"{NAME} {version(DISTRIBUTION)}")
     return parser

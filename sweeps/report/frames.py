@@ -15,7 +15,7 @@ from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, read_displ
 from sweeps.engine.declare.places import PathOrUrl, path_or_url
 from sweeps.report.beside import with_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
-from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of
+from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of, words_of
 
 # Dimensions of draws.
 DRAWS = ("replicate", "phase", "order", "draw")
@@ -176,13 +176,16 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
     try:
         store = opened(path)
         parts: dict[str, list[Frame]] = {}
-        for name in groups(store, "tables"):
-            table = read(store, f"tables/{name}")
+        given = attributes(store)
+        named = {f"tables/{name}": name for name in groups(store, "tables")}
+        if not named and given.get("title") in groups(store):  # of one function over a grid
+            named = {given["title"]: given["title"]}
+        for group, name in named.items():
+            table = read(store, group)
             for display in displays_of(table, name):
-                part = tidy(table, display, f"tables/{name}")
+                part = tidy(table, display, group)
                 if part is not None:
                     parts.setdefault(display.name, []).append(part)
-        given = attributes(store)
         frames = {name: with_comparisons(stacked(of), given) for name, of in parts.items()}
     # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
@@ -285,8 +288,7 @@ def column_of_axis(data: xr.Dataset, name: str) -> Column:
     about = data[name].attrs
     units = str(about.get("units", UNITS.get(name, "1")))
     meaning = printable(str(about.get("long_name", "")))
-    words = printable(name.replace("_", " "))
-    return Column(file_name(name, units), name, words, unit_of(units), meaning)
+    return Column(file_name(name, units), name, words_of(name), unit_of(units), meaning)
 
 
 def _is_extra(data: xr.Dataset, name: str) -> bool:

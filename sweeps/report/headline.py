@@ -1,4 +1,4 @@
-"""What a sweep found, in words: how often which classifier is right, at which setting."""
+"""The result of a sweep in words: which classifier is best, how often it is right, and where."""
 
 from __future__ import annotations
 
@@ -7,38 +7,35 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from sweeps.report.frames import Frame, values_of
-from sweeps.report.pivot import FEW, at_main, constants, entry
+from sweeps.report.contest import SCORES, UNTESTED, Rival, contest, main_axis, main_frame
+from sweeps.report.frames import Column, Frame
+from sweeps.report.pivot import FEW, constants, entry
 from sweeps.report.stores import ERRORS
-from sweeps.report.words import MAIN, missing, preferred
+from sweeps.report.words import MAIN, SIMPLEST, missing
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame count", "aspects")
 COVERED = 0.95
 """Share of views whose error `accuracy` states."""
+DIGITS = 6  # at most, to tell two ends apart
+NO_BETTER = ", no better than chance"
 
 BY = {"range": "range profiles", "infrared": "silhouettes", "both": "both sensors"}
 
 
 def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list[str]:
     """Return sentences on the main result of a store, each with its setting."""
-    swept = list(attributes.get("swept", ()))
-    if "scores" not in frames:
-        return [_of_any(next(iter(frames.values())), swept)]
-    scores = frames["scores"]
-    tested = scores.where(~scores.rows.kind.isin(["training", "learned"]))
-    if tested.rows[tested.figures[0]].notna().sum() == 0:
-        return ["No score: no test has an answer."]
-    axis = main_axis(tested, swept)
-    overall = tested.at({tested.across: MAIN["aspect_bin"]}) if tested.across else tested
-    channels = values_of(overall.rows, "channel")
-    if "both" in channels:
-        channels = [preferred("channel", channels)]
-    sentences = [
-        _of_scores(overall.at({"channel": channel}), axis, attributes) for channel in channels
-    ]
-    return [sentence for sentence in sentences if sentence]
+    frame = main_frame(frames)
+    axis = main_axis(frame, list(attributes.get("swept", ())))
+    rivals = contest(frame, axis)
+    if not rivals:
+        score = SCORES in frames
+        return ["No score: no test has an answer." if score else f"{frame.title}: no result."]
+    if SCORES in frames:
+        return [_of_scores(frame, rivals, ships_in_words(attributes))]
+    return [_of_any(frame, rivals[0])]
 
 
 def accuracy(store: Any) -> list[str]:
@@ -53,74 +50,180 @@ def accuracy(store: Any) -> list[str]:
     return [f"Profiles are within {most} % of the exact ones ({100 * COVERED:.0f} % of views)."]
 
 
-def main_axis(frame: Frame, swept: Sequence[str]) -> str:
-    """Return the column of the axis that was swept, of numbers if there is one; else empty."""
-    several = frame.several
-    names = [n for axis in swept for n in several if frame.columns[n].axis == axis]
-    names = [name for name in names if name != frame.across and name not in frame.down]
-    numeric = [name for name in names if frame.rows[name].dtype.kind in "fiu"]
-    return next(iter([*numeric, *names]), "")
+def headline_for_script(
+    frames: Mapping[str, Frame], attributes: Mapping[str, Any], most: int
+) -> dict[str, Any] | None:
+    """Return what the page's script makes the headline of another selection from.
+
+    None of a store without scores, or with more rows than the page has.
+    """
+    if SCORES not in frames or len(frames[SCORES].rows) > most:
+        return None
+    frame = main_frame(frames)
+    figure, axes = frame.figures[0], frame.of_role("axis")
+    one = {role: next(iter(frame.of_role(role, figure)), "") for role in ("low", "high", "chance")}
+    return one | {
+        "table": SCORES,
+        "figure": figure,
+        "ships": ships_in_words(attributes),
+        "by": BY,
+        "axes": {name: (frame.columns[name].words, frame.columns[name].unit) for name in axes},
+        "settings": _setting_columns(frame),
+        "simplest": SIMPLEST,
+        "untested": UNTESTED,
+        "overall": MAIN["aspect_bin"],
+        "few": FEW,
+    }
 
 
-def _of_scores(scores: Frame, axis: str, attributes: Mapping[str, Any]) -> str:
-    """Return a sentence on the best classifier of a channel; empty if none has a score."""
-    figure = scores.figures[0]
-    best = at_main(scores, [*scores.down, *[axis] * bool(axis)])
-    best = best.where(best.rows[figure].notna())
-    if best.rows.empty:
-        return ""
-    names = ["classifier", "scored"]
-    mean = best.rows.groupby(names, dropna=False)[figure].mean()
-    best = best.at(dict(zip(names, mean.idxmax(), strict=True)))
-    best = best.where(~best.rows.duplicated([axis] if axis else names))
-    row, given = best.rows.iloc[0], constants(best)
-    classifier = best.columns["classifier"].text(row.classifier)
-    where = ", ".join(f"{words} {given[words]}" for words in NAMED if words in given)
-    sentence = (
-        f"{classifier[0].upper()}{classifier[1:]} on {BY.get(row.channel, row.channel)} "
-        f"identifies {_ends(best, axis)} of {ships_in_words(attributes)}"
-        f"{f' ({where})' if where else ''}"
-    )
-    chance = [row[name] for name in best.of_role("chance", figure)]
-    sentence += f"; chance {chance[0]:.0f} %." if chance else "."
-    least = best.rows["n"].min() if "n" in best.rows else FEW
+def settings_of(whole: Frame, rival: Rival) -> dict[str, str]:
+    """Return the setting of a rival, besides its axis: values by the words of their axes."""
+    columns, given = rival.frame.columns, constants(rival.frame)
+    names = [n for n in _setting_columns(whole) if n not in (rival.axis, *rival.of)]
+    words = [columns[name].words for name in names]
+    return {one: given[one] for one in words if one in given}
+
+
+def _setting_columns(whole: Frame) -> list[str]:
+    """Return the columns of `NAMED` axes, and those along which rows differ."""
+    by_words = {whole.columns[name].words: name for name in whole.of_role("axis")}
+    named = [by_words[words] for words in NAMED if words in by_words]
+    left_out = (*whole.down, whole.across, "kind")
+    return list(dict.fromkeys([*named, *(n for n in whole.several if n not in left_out)]))
+
+
+def _of_scores(whole: Frame, rivals: Sequence[Rival], ships: str) -> str:
+    """Return a sentence on the best classifier: percent correct, interval, setting and chance."""
+    best = rivals[0]
+    frame, figure = best.frame, whole.figures[0]
+    row = frame.rows.iloc[0]
+    classifier = frame.columns["classifier"].text(row.classifier)
+    name = f"{classifier} on {BY.get(row.channel, row.channel)}"
+    start = f"Best of {len(rivals)}: {name}" if len(rivals) > 1 else name[0].upper() + name[1:]
+    first, *last = (_percent(frame, label) for label in _ends(best))
+    at, *then = (_at(best, label, whole_words=not k) for k, label in enumerate(_ends(best)))
+    ends = f"{first[0]} of {ships}{at}{first[1]}"
+    for (words, chance), there in zip(last, then, strict=True):
+        ends += f"{',' * bool(first[1])} and {words}{there}{chance}"
+    where = ", ".join(f"{words} {value}" for words, value in settings_of(whole, best).items())
+    sentence = f"{start} identifies {ends}{f' ({where})' if where else ''}"
+    levels = frame.of_role("chance", figure)
+    sentence += f"; chance {row[levels[0]]:.0f} %." if levels else "."
+    least = frame.rows["n"].min() if "n" in frame.rows else FEW
     if least < FEW:
         sentence += f" Few answers (n = {least:.0f}) make the interval wide."
     return sentence
 
 
-def _of_any(frame: Frame, swept: Sequence[str]) -> str:
-    """Return a sentence on the main figure of any table, between the ends of the swept axis.
+def _of_any(whole: Frame, rival: Rival) -> str:
+    """Return a sentence on the main figure of any table, between the ends of its axis."""
+    frame, column = rival.frame, whole.columns[whole.figures[0]]
+    row, numeric = frame.rows.iloc[0], pd.api.types.is_numeric_dtype(frame.rows[column.name])
+    named = {frame.columns[name].words: name for name in rival.of if name in whole.several}
+    settings = [frame.columns[n].in_words(row[n]) for n in named.values() if not missing(row[n])]
+    settings += [
+        frame.columns[name].in_words(row[name])
+        for name in whole.several
+        if name not in (rival.axis, *named.values()) and not missing(row[name])
+    ]
+    name = column.words[0].upper() + column.words[1:]
+    ends = _ends(rival)
+    if len(ends) == 2 and numeric:
+        said = f"{name} {_course(rival, column)}"
+    else:
+        words, no_better = _percent(frame, ends[0])
+        said = f"{name} is {words}{_at(rival, ends[0])}{no_better}"
+    levels = frame.of_role("chance", column.name)
+    level = f"; chance {row[levels[0]]:.0f} %" if levels else ""
+    return f"{', '.join([said, *settings])}{level}."
 
-    Of a figure that has a level of chance it is the best row, else the first.
-    """
-    axis, column = main_axis(frame, swept), frame.columns[frame.figures[0]]
-    chance = frame.of_role("chance", column.name)
-    compared = [name for name in frame.down if chance and name != axis]
-    at = at_main(frame, [*compared, *[axis] * bool(axis)])
-    if across := at.across:
-        at = at.at({across: preferred(at.columns[across].axis, values_of(at.rows, across))})
-    at = at.where(at.rows[column.name].notna())
-    if at.rows.empty:
-        return f"{frame.title}: no result."
-    best = at.rows.loc[at.rows[column.name].idxmax() if compared else at.rows.index[0]]
-    at = at.at({name: best[name] for name in compared})
-    names = [name for name in frame.several if name != axis and not missing(best[name])]
-    place = ", ".join(frame.columns[name].in_words(best[name]) for name in names)
-    level = f"; chance {best[chance[0]]:.0f} %" if chance else ""
-    return f"{column.words.capitalize()}: {_ends(at, axis)}{f' ({place})' if place else ''}{level}."
+
+def _course(rival: Rival, column: Column) -> str:
+    """Return how a figure changes along an axis, such as 'falls from 3 at 1 to 2 at 5 km'."""
+    frame, ends = rival.frame, _ends(rival)
+    axis, rows = frame.columns[rival.axis], frame.rows
+    values = rows[column.name].astype(float)
+    first, last = (float(values.loc[label]) for label in ends)
+    texts = dict(zip(ends, _apart(first, last, column), strict=True))
+    unit = axis.unit or axis.words
+    start, stop = _of_axis([rows.at[label, rival.axis] for label in ends], axis)
+    interval = {label: entry(frame, label, column.name).interval for label in ends}
+    one, other = (
+        " ".join(filter(None, [texts[k], column.unit, f"[{interval[k]}]" * bool(interval[k])]))
+        for k in ends
+    )
+    if texts[ends[0]] == texts[ends[1]]:
+        said = f"is {one} at {start} and at {stop} {unit}"
+    else:
+        verb = "falls" if last < first else "rises"
+        said = f"{verb} from {one} at {start} to {other} at {stop} {unit}"
+    if not np.isfinite(values).all():
+        return said
+    # An extreme between the ends is part of the answer.
+    least, most = values.min(), values.max()
+    for word, label, beyond in (
+        ("least", values.idxmin(), min(first, last) - least),
+        ("most", values.idxmax(), most - max(first, last)),
+    ):
+        if beyond > 0.1 * (most - least):
+            text = _apart(float(values.loc[label]), last, column)[0]
+            said += f", {word} {text} at {axis.text(rows.at[label, rival.axis])}"
+    return said
 
 
-def _ends(frame: Frame, axis: str) -> str:
-    """Return the main figure at the ends of an axis in words, or in the first row without one."""
-    rows = frame.rows.sort_values(axis) if axis else frame.rows[:1]
-    figure, ends = frame.columns[frame.figures[0]], []
-    for label in dict.fromkeys([rows.index[0], rows.index[-1]]):
-        percent = entry(frame, label, figure.name)
-        words = [percent.text, figure.unit, f"[{percent.interval}]" * bool(percent.interval)]
-        words += [f"at {frame.columns[axis].in_words(rows.at[label, axis])}"] if axis else []
-        ends.append(" ".join(word for word in words if word))
-    return " and ".join(ends)
+def _apart(first: float, last: float, column: Column) -> tuple[str, str]:
+    """Return two numbers to two digits, or to as many as tell them apart."""
+    largest = max(abs(first), abs(last))
+    if column.unit == "%" or not (math.isfinite(largest) and 1e-4 <= largest < 1e6):
+        return column.text(first), column.text(last)
+    texts = "", ""
+    for digits in range(2, DIGITS + 1):
+        texts = _rounded(first, digits), _rounded(last, digits)
+        if texts[0] != texts[1] or first == last:
+            break
+    return texts
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Return a number to some significant digits, whole ones in full and without an exponent."""
+    if value.is_integer():
+        return f"{value:.0f}"
+    return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"
+
+
+def _of_axis(values: Sequence[Any], column: Column) -> list[str]:
+    """Return values of an axis with equally many decimals."""
+    texts = [column.text(value) for value in values]
+    decimals = max(len(text.partition(".")[2]) for text in texts)
+    if not decimals or not all(text.replace(".", "", 1).lstrip("-").isdigit() for text in texts):
+        return texts
+    return [f"{value:.{decimals}f}" for value in values]
+
+
+def _ends(rival: Rival) -> list[Any]:
+    """Return the labels of the first and the last row; of one only without an axis."""
+    labels = rival.frame.rows.index
+    return list(dict.fromkeys([labels[0], labels[-1]])) if rival.axis else [labels[0]]
+
+
+def _percent(frame: Frame, label: Any) -> tuple[str, str]:
+    """Return a figure with unit and interval, and a remark if this holds the level of chance."""
+    figure = frame.columns[frame.figures[0]]
+    cell, row = entry(frame, label, figure.name), frame.rows.loc[label]
+    words = [cell.text, figure.unit, f"[{cell.interval}]" * bool(cell.interval)]
+    low, chance = (frame.of_role(role, figure.name) for role in ("low", "chance"))
+    known = low and chance and not missing(row[low[0]]) and not missing(row[chance[0]])
+    doubtful = known and row[low[0]] <= row[chance[0]]
+    return " ".join(word for word in words if word), NO_BETTER if doubtful else ""
+
+
+def _at(rival: Rival, label: Any, *, whole_words: bool = True) -> str:
+    """Return the place of a row on its axis, with the name of the axis unless it was said."""
+    if not rival.axis:
+        return ""
+    column, value = rival.frame.columns[rival.axis], rival.frame.rows.at[label, rival.axis]
+    words = column.in_words(value) if whole_words else f"{column.text(value)} {column.unit}"
+    return f" at {words}".rstrip()
 
 
 def ships_in_words(attributes: Mapping[str, Any]) -> str:

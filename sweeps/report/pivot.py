@@ -114,7 +114,9 @@ def _head(column: Column, value: Any) -> str:
     text = column.text(value)
     if text[:1].isdigit():
         text += column.unit if column.unit == "°" else f" {column.unit}".rstrip()
-    return text if column.axis in ("aspect_bin", *WORDED) else f"{column.words} {text}"
+    if column.axis == "aspect_bin":
+        return f"aspect {text}" if text[:1].isdigit() else text
+    return text if column.axis in WORDED else f"{column.words} {text}"
 
 
 def _joined(line: Line, columns: Sequence[Column], first: int) -> Line:
@@ -237,13 +239,3 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
             kept = kept.append(own.index)
         frame = frame.where(frame.rows.index.isin(kept))
     return frame
-
-
-def place_of(whole: Frame, at: Frame, *, but: Sequence[str] = ()) -> str:
-    """Return in words the values at which a frame is, of axes along which the whole differs."""
-    values_in_words = []
-    for name in whole.several:
-        values = at.rows[name].dropna().unique().tolist()
-        if len(values) == 1 and name not in (*whole.down, whole.across, *but):
-            values_in_words.append(whole.columns[name].in_words(values[0]))
-    return ", ".join(values_in_words)

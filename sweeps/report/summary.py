@@ -11,21 +11,19 @@ from rich.console import Console
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.places import PathOrUrl
+from sweeps.report.answer import answer_table
 from sweeps.report.compare import compare, compared_name, sentences
+from sweeps.report.contest import main_frame
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames
-from sweeps.report.headline import accuracy, headline, main_axis
+from sweeps.report.headline import accuracy, headline
 from sweeps.report.own import is_free
-from sweeps.report.pivot import at_main, constants, laid_out, place_of
+from sweeps.report.pivot import constants, laid_out
 from sweeps.report.places import page_file, tables_folder
 from sweeps.report.screen import line, note, page
 from sweeps.report.stores import attributes, check_whole, failed_cells, located, opened, reason
-from sweeps.report.terminal import MOST, print_table
-from sweeps.report.work import NAME as WORK
+from sweeps.report.terminal import print_table
 from sweeps.report.work import read_work
-
-KEPT = ("range", "pulse_width", "frame_count")  # axes that long tables show whole
-MOST_LINES = 14  # of the main table
 
 
 def tables_of(path: PathOrUrl) -> dict[str, Frame]:
@@ -34,54 +32,43 @@ def tables_of(path: PathOrUrl) -> dict[str, Frame]:
     return frames | ({work.name: work} if work is not None else {})
 
 
-def summarize(
-    path: PathOrUrl, frames: Mapping[str, Frame], axes: Mapping[str, int], console: Console
-) -> list[Path]:
-    """Write the tables of a finished store beside it, and print a summary.
+def summarize(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> list[Path]:
+    """Write the tables of a finished store beside it, and print its answer and where the rest is.
 
-    `axes` are the numbers of values of what was swept, by key. Returns the paths at which other
-    files are in the way of tables. Raises OSError if tables cannot be written; the summary is
-    printed anyway.
+    Returns the paths at which other files are in the way of tables. Raises OSError if tables cannot
+    be written; the summary is printed anyway.
     """
     try:
         return write_tables(path, frames.values())
     finally:
         with page(console) as aside:
-            _print_main(path, frames, aside)
+            _print_answer(path, frames, aside)
             _print_places(path, frames, aside)
-            listed = ", ".join(f"{key} ({count})" for key, count in axes.items())
-            note(f"swept   {listed or 'nothing; every setting has one value'}", aside)
-            store = shlex.quote(located(path))
-            line(f"next    ncti-report {store}", aside)
-            line(f"        ncti-report {store} --table {next(iter(frames))}", aside)
 
 
 def report(
     path: PathOrUrl, console: Console, *, table: str | None = None, html: bool = False
 ) -> list[Path]:
-    """Write the tables of a store beside it, then print them.
+    """Write the tables of a store beside it, then print its summary, or one table whole.
 
-    With `table`, print only the table of that name; with `html`, write the report page first.
-    Returns the paths at which other files are in the way. Raises ConfigurationError if files of the
-    store that are read are not as they were written, if it has no tables or lacks that one, or if
-    the page cannot be written, and OSError if tables cannot be written beside it; they are printed
-    anyway.
+    With `html`, write the report page first. Returns the paths at which other files are in the way.
+    Raises ConfigurationError if files of the store that are read are not as they were written, if
+    it has no tables or lacks that one, or if the page cannot be written, and OSError if tables
+    cannot be written beside it; they are printed anyway.
     """
     check_whole(path, **({"groups": None} if html else {}))
     frames = tables_of(path)
-    shown = [frame for frame in frames.values() if frame.name != WORK]
-    if table is not None:
-        shown = [chosen(frames, table)]
+    shown = None if table is None else chosen(frames, table)
     kept = written_page(path, frames) if html else []
+    if shown is None:
+        return kept + summarize(path, frames, console)
     try:
         return kept + write_tables(path, frames.values())
     finally:
         with page(console) as aside:
-            if table is None:
-                _print_main(path, frames, aside)
-            for table_frame in shown:
-                _print(table_frame, _swept(path), aside, whole=table is not None)
-            _print_places(path, frames, aside)
+            print_table(laid_out(shown, swept_of(path)), aside, most=None)
+            same = ", ".join(f"{words} {text}" for words, text in constants(shown).items())
+            note(f"In all rows: {same}." if same else "", aside)
 
 
 def comparison(
@@ -100,10 +87,10 @@ def comparison(
         for sentence in sentences(frames):
             note(sentence, aside, style="bold")
         for frame in frames.values():
-            print_table(laid_out(frame, _swept(second)), aside)
+            print_table(laid_out(frame, swept_of(second)), aside)
         line(f"\ntables  {located(tables_folder(name))}", aside)
         if html:
-            line(f"report  {located(page_file(name))}", aside)
+            line(f"page    {located(page_file(name))}", aside)
     kept = write_tables(name, frames.values())
     if html:
         whole = frames | tables_of(second)
@@ -129,52 +116,33 @@ def written_page(
         raise ConfigurationError(f"the report page is not written: {why}") from error
 
 
-def _swept(path: PathOrUrl) -> Sequence[str]:
+def swept_of(path: PathOrUrl) -> Sequence[str]:
     """Return the names of the axes that were swept."""
     axes: Sequence[str] = attributes(opened(path)).get("swept", ())
     return axes
 
 
-def _print_main(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
-    """Print what a store says first: headline, accuracy, and main table along the swept axis."""
+def _print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
+    """Print the headline, the accuracy, and the main table along the swept axis."""
     console.print()
     store = opened(path)
     for sentence in headline(frames, attributes(store)):
         note(sentence, console, style="bold")
     for sentence in accuracy(store):
         note(sentence, console)
-    main, axes = next(iter(frames.values())), _swept(path)
-    keep = [*main.down, main_axis(main, axes)]
-    at = at_main(main, keep)
-    shown = at.of_axes([*keep, main.across])
-    print_table(laid_out(shown, axes), console, most=MOST_LINES)
-    where = place_of(main, at, but=("kind",))
-    note(f"At {where}." if where else "", console)
-
-
-def _print(frame: Frame, swept: Sequence[str], console: Console, *, whole: bool) -> None:
-    """Print a table; a long one at the preferred values of most axes, unless it is to be whole."""
-    table = laid_out(frame, swept)
-    if whole or len(table.lines) <= MOST:
-        print_table(table, console, most=None)
-        same = ", ".join(f"{words} {text}" for words, text in constants(frame).items())
-        note(f"In all rows: {same}." if same and whole else "", console)
-        return
-    keep = [name for name in frame.several if frame.columns[name].axis in (*KEPT, *swept)]
-    at = at_main(frame, [*frame.down, *keep])
-    print_table(laid_out(at, swept), console)
-    where = place_of(frame, at)
-    note(f"At {where}; --table {frame.name} prints all." if where else "", console)
+    print_table(answer_table(main_frame(frames), swept_of(path), console.width), console)
 
 
 def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
-    """Print where a store, its tables and its page are, and how many of its cells failed."""
+    """Print where a store, its page and its tables are, and how many of its cells failed."""
     line("", console)
     if failed := failed_cells(opened(path)):
         count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
         line(f"failed  {count}: the tables cover the others", console)
     line(f"store   {located(path)}", console)
+    if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
+        line(f"page    {located(page_file(path))}", console)
     count = f"{len(frames)} CSV file" + "s" * (len(frames) > 1)
     line(f"tables  {located(tables_folder(path))} ({count})", console)
-    if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
-        line(f"report  {located(page_file(path))}", console)
+    table = next(iter(frames))
+    line(f"next    ncti-report {shlex.quote(located(path))} --table {table}", console)

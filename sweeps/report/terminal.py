@@ -10,7 +10,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table as Grid
 
-from sweeps.report.pivot import Entry, Table
+from sweeps.report.pivot import Entry, Line, Table
 from sweeps.report.screen import note, plain
 
 GAP = 2  # blanks between columns
@@ -38,14 +38,7 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
     note(table.title, console, style="bold")
     lines = table.lines[:most]
     texts = [[text_of(cell) for cell in line.cells] for line in lines]
-    figures = [
-        replace(_column(head, [row[k] for row in texts], WIDEST_FIGURE), right=True)
-        for k, head in enumerate(table.heads)
-    ]
-    labels = [
-        _column(column.heading, [line.keys[k] for line in lines], WIDEST)
-        for k, column in enumerate(table.down)
-    ]
+    labels, figures = _columns(table, lines)
     shown = _beside(labels, figures, console.width)
     apart = len(labels) - len(shown)  # axes that head sections
     for number, share in enumerate(_shares(figures, console.width - _sum(shown) - GAP)):
@@ -70,6 +63,28 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
         note(f"{len(table.lines) - len(lines)} more rows are in {table.name}.csv.", console)
     for text in table.notes:
         note(text, console)
+
+
+def fitting(table: Table, width: int) -> int:
+    """Return how many of a table's columns of figures fit in a width, beside its labels."""
+    labels, figures = _columns(table, table.lines)
+    shown = _beside(labels, figures, width)
+    return len(next(_shares(figures, width - _sum(shown) - GAP)))
+
+
+def _columns(table: Table, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
+    """Return the columns of labels and of figures, for some rows of a table."""
+    labels = [
+        _column(column.heading, [line.keys[k] for line in lines], WIDEST)
+        for k, column in enumerate(table.down)
+    ]
+    figures = [
+        replace(
+            _column(head, [text_of(line.cells[k]) for line in lines], WIDEST_FIGURE), right=True
+        )
+        for k, head in enumerate(table.heads)
+    ]
+    return labels, figures
 
 
 def text_of(cell: Entry) -> str:

@@ -21,6 +21,14 @@ WORDS = {
     **{"range": "range profile", "infrared": "silhouette", "both": "both sensors"},
 }
 WORDED = ("classifier", "channel")
+ABBREVIATIONS = ("cnr", "ifov", "nedt")  # in names of axes
+
+# From the simplest: of equals a headline names the first.
+SIMPLEST = (
+    *("correlation", "acn", "pca_qda", "likelihood", "random_forest", "gradient_boosting"),
+    *("mnn", "mlp", "cnn", "fusion"),
+    *("range", "infrared", "both"),
+)
 
 # Value of an axis that is shown first: the article's, or the nominal one; else the first.
 MAIN: dict[str, Any] = {
@@ -43,6 +51,12 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def words_of(name: str) -> str:
+    """Return the name of an axis as people write it."""
+    words = printable(name.replace("_", " ")).split(" ")
+    return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
 
 
 def file_name(name: str, units: str) -> str:

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ncti.classify import fuse, label_posterior
+from ncti.classify import GaussianTemplates, fuse, label_posterior, lower_band
 from ncti.classify.calibration import (
     FRESH,
     UNLIKE,
     fit_held_out_phases,
+    fit_outlier_fraction,
     fit_temperature_and_outliers,
 )
-from ncti.classify.fusion import with_outliers
+from ncti.classify.fusion import similarity_between_phases, with_outliers
 
 LABELS = np.repeat([0, 1, 2, 3], 5)  # four ships, five aspects
 
@@ -151,3 +152,15 @@ def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
         plain = fit_temperature_and_outliers(np.concatenate(rows), labels, truth, weight=weight)
         # Where the search stops hangs on rounding, but not by more than its tolerance.
         np.testing.assert_allclose(constants, plain, rtol=1e-6)
+
+
+def test_exact_templates_have_no_outliers():
+    band = lower_band(np.stack([np.eye(3)] * 2))
+    exact = GaussianTemplates().fit([[0, 1, 0], [1, 0, 0]], band, ["duncan", "roberts"], 0)
+    assert not fit_outlier_fraction(exact, 16, np.random.default_rng(0)).any()
+
+
+def test_a_silhouette_is_compared_with_templates_of_other_phases():
+    maps = np.array([[[1, 0]], [[1, 1]]], np.float32)
+    found = similarity_between_phases(maps, maps)
+    np.testing.assert_allclose(found.ravel(), np.sqrt(0.5), rtol=1e-6)

@@ -67,7 +67,8 @@ def test_a_clustering_network_answers_as_the_store_has_it(store, split):
 def test_splits_share_no_view_and_hold_all(store):
     """Learned views are those of training, once for each draw, pulse width and number of frames."""
     draws = 2 * len(PULSES) * len(FRAMES)
-    views = {split: ncti.load_xy(store, split=split)[1:] for split in ("train", *SPLITS)}
+    every = {"pulse_width": PULSES, "frame_count": FRAMES}
+    views = {split: ncti.load_xy(store, split=split, **every)[1:] for split in ("train", *SPLITS)}
     groups = {split: set(of_split[1].tolist()) for split, of_split in views.items()}
     assert groups["train"] == groups["learned"]
     assert sum(len(groups[split]) for split in SPLITS) == len(SHIPS) * len(ASPECTS)
@@ -81,7 +82,8 @@ def test_splits_share_no_view_and_hold_all(store):
 
 def test_likelihoods_take_averages_as_they_are_stored(store):
     kept = opened(store, "range_profile").averaged.sel(ship=UNKNOWN)
-    X, *_ = ncti.load_xy(store, "likelihood", "unknown")
+    every = {"pulse_width": PULSES, "frame_count": FRAMES}
+    X, *_ = ncti.load_xy(store, "likelihood", "unknown", **every)
     kept = kept.transpose("aspect", "pulse_width", "replicate", "frame_count", "range", ...)
     assert sorted(X.tolist()) == sorted(kept.values.reshape(X.shape).tolist())
 
@@ -94,6 +96,9 @@ def test_likelihoods_take_averages_as_they_are_stored(store):
         ("pulse_width", {"pulse_width": 31.0}),
         ("speed", {"speed": 3.0}),
         ("range", {"range": ["far"]}),
+        ("pulse_width", {"frame_count": 8}),
+        ("frame_count", {"split": "learned", "pulse_width": 30.0}),
+        ("super_resolution", {"classifier_group": "infrared", "split": "test"}),
     ],
 )
 def test_wrong_words_are_refused_by_name(store, named, arguments):

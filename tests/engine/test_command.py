@@ -60,7 +60,8 @@ def test_settings_are_listed_without_a_broken_word_and_found_by_one(capsys):
 def test_a_sweep_ends_with_its_tables_its_store_and_the_next_command(start, capsys):
     assert start("store=a b.zarr") == 0
     for _ in range(2):  # the second time, nothing is computed
-        table, end = capsys.readouterr().out.split("\n\n")
+        words, table, end = capsys.readouterr().out.split("\n\n")
+        assert words.startswith("Best ") and words.endswith(".")
         assert "best" in table.split("\n")[0] and "[kg]" in table and len(table.split("\n")) > 2
         assert end == "store   a b.zarr\nnext    ncti-report 'a b.zarr'\n"
         assert start("store=a b.zarr") == 0

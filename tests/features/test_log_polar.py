@@ -13,6 +13,7 @@ from skimage.transform import warp_polar
 import ncti.ships
 from ncti.features import cyclic_similarity, log_polar
 from ncti.features.log_polar import _unit_grid
+from ncti.features.map_vector import map_cells
 from ncti.render import range_image
 
 POINT = 0.125  # pixel of the range images that silhouettes are made from [m]
@@ -211,3 +212,9 @@ def test_a_map_is_itself_and_zero_is_like_nothing():
     assert cyclic_similarity(full, full) == (pytest.approx(1.0, abs=1e-12), 0.0)
     for pair in ((full, empty), (empty, full), (empty, empty)):
         assert cyclic_similarity(*pair) == (0.0, 0.0)
+
+
+def test_cells_of_maps_are_at_their_middles():
+    angle, radius = map_cells()
+    assert angle[:2].tolist() == [2.8125, 8.4375] and angle[-1] == 360 - angle[0]
+    np.testing.assert_allclose([radius[0], radius[-1]], [0.5 / radius.size, 1 - 0.5 / radius.size])

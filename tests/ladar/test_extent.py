@@ -1,5 +1,7 @@
 """Range extent: closed forms, conservation, symmetry, and the refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,6 +11,7 @@ from plates import hit_area, plane
 
 import ncti.ships
 from ncti.ladar import RangeExtent, no_return, range_extent
+from ncti.ladar.accuracy import extent_errors
 from ncti.ladar.pixels import bin_boxes
 from ncti.ladar.pulse import target_response
 from ncti.render import LineImage, line_image, range_image
@@ -238,3 +241,13 @@ def test_a_body_that_is_seen_at_its_reach_alone_errs_by_twice_reach_over_range()
     excess = far.fraction.sum() / near.fraction.sum() - 1.0
     assert excess == pytest.approx(1.01**2 - 1.0, rel=0.01)
     assert far.far_field_error == pytest.approx(1.5 * 0.01, rel=1e-3)
+
+
+def test_errors_are_shares_of_the_exact_sum():
+    exact = replace(no_return(20.0, 1.0), fraction=np.eye(20)[9:11], cell=np.eye(2, dtype=int))
+    half = replace(exact, fraction=exact.fraction[:1], cell=exact.cell[:1])
+    swapped = replace(exact, fraction=exact.fraction[::-1])
+    one = extent_errors(half, exact, pulse_width=30e-9)
+    assert one["extent_error"] == one["ifov_error"] == 0.5
+    other = extent_errors(swapped, exact, pulse_width=30e-9)
+    assert other["extent_error"] == other["profile_error"] == 0 and other["ifov_error"] == 2

@@ -10,6 +10,7 @@ from ncti import ladar
 from ncti.ladar.budget import faintest
 from ncti.ladar.frames import GAUSSIAN_FROM
 from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel, target_response
+from ncti.ladar.window import shortest_window
 from ncti.render import line_image
 
 CNR = 10**3.2
@@ -152,3 +153,9 @@ def test_at_the_faintest_signal_some_steps_of_single_precision_are_left_of_a_shi
 
     assert min(steps(least)) > 1
     assert min(steps(least / 30)) == 0
+
+
+def test_the_shortest_window_holds_ship_and_pulse_between_its_edges():
+    free = 0.08 * shortest_window(90.0, 30e-9)  # at each end
+    pulse = 30e-9 * SPEED_OF_LIGHT / np.sqrt(2)
+    assert shortest_window(90.0, 30e-9) == pytest.approx(2 * 90 + pulse + 2 * free)

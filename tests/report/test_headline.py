@@ -1,7 +1,10 @@
-"""The first sentence of a report: what was identified how often, where, with chance."""
+"""The first sentence of a report: which classifier is best, where, with interval and chance."""
 
 import re
 
+import numpy as np
+import pytest
+import xarray as xr
 from made import SHIPS, scores, shown
 from pages import stored
 
@@ -18,39 +21,72 @@ def sentence(tmp_path, attributes, **tables):
     return headline(read_frames(path), attributes)[0]
 
 
+def shares(*values, **axes):
+    """Scores of some shares along an axis, with intervals of a tenth to either side."""
+    table = scores(**axes)
+    along = xr.DataArray(list(values), dims=next(n for n, v in axes.items() if isinstance(v, list)))
+    for name, beyond in (("accuracy", 0), ("ci_low", -0.1), ("ci_high", 0.1)):
+        table[name] = (along + beyond).broadcast_like(table.accuracy)
+    return table
+
+
 def test_it_is_along_the_axis_that_was_swept(tmp_path):
     table = scores(cnr=[23.0, 26.0, 32.0], frame_count=[4, 16], range=100.0)
     about = {"configuration": GIVEN, "swept": ["cnr"]}
     said = sentence(tmp_path, about, tables__acn=shown(table))
     at = table.sel(aspect_bin="overall", frame_count=16)
-    for cnr in (23.0, 32.0):
+    for cnr, place in ((23.0, "of four ships at CNR 23 dB"), (32.0, "at 32 dB")):
         one = at.sel(cnr=cnr)
         ends = (float(one.accuracy), float(one.ci_low), float(one.ci_high))
         share, low, high = (f"{round(100 * end, 1):.0f}" for end in ends)
-        assert f"{share} % [{low}–{high}] at cnr {cnr:g} dB" in said
-    assert said.startswith("ACN on range profiles identifies") and "of four ships" in said
-    assert "range 100 km" in said and "frame count 16" in said and said.endswith("chance 25 %.")
+        assert f"{share} % [{low}–{high}] {place}" in said
+    assert said.startswith("ACN on range profiles identifies")
+    assert "(range 100 km, frame count 16)" in said and said.endswith("chance 25 %.")
 
 
-def test_the_best_classifier_is_named_and_few_answers_are_said(tmp_path):
-    best, worst = scores(frame_count=[16]), scores(frame_count=[16])
-    for name, share in ((best, 0.9), (worst, 0.3)):
-        name.accuracy[:], name.n[:] = share, 8
+@pytest.mark.parametrize(
+    ("likelihood", "best"),
+    [((0.5, 0.95), "maximum likelihood"), ((0.9, 0.4), "ACN"), ((0.8, 0.6), "ACN")],
+    ids=["mean", "one end alone", "equal"],
+)
+def test_the_best_on_average_is_named_and_of_equals_the_simplest(likelihood, best, tmp_path):
+    tables = {
+        "tables__likelihood": shown(shares(*likelihood, cnr=[23.0, 32.0]), "likelihood"),
+        "tables__acn": shown(shares(0.6, 0.8, cnr=[23.0, 32.0])),
+    }
+    said = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
+    assert said.startswith(f"Best of 2: {best} on range profiles identifies")
+
+
+def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
+    table = shown(shares(0.3, 0.6, cnr=[23.0, 32.0]))
+    said = sentence(tmp_path, {"swept": ["cnr"]}, tables__acn=table)
+    assert "30 % [20–40] of ships at CNR 23 dB, no better than chance, and 60 % [50–70]" in said
+    assert said.count("no better than chance") == 1
+
+
+def test_an_axis_that_the_best_does_not_depend_on_is_not_named(tmp_path):
+    best = shares(0.9, frame_count=[16])
+    other = shares(0.4, 0.6, votes=[1, 5])
+    tables = {"tables__likelihood": shown(best, "likelihood"), "tables__acn": shown(other)}
+    said = sentence(tmp_path, {"swept": ["votes"]}, **tables)
+    assert "maximum likelihood" in said and "votes" not in said and "–;" not in said
+
+
+def test_few_answers_are_said_and_unknown_ships_do_not_count(tmp_path):
+    few = shares(0.9, frame_count=[16])
+    few.n[:] = 8
     given = {
         "configuration": {
             "grid": {"ship": ["duncan", "texas"]},
             "classifier": {"unknown": ["texas"]},
         }
     }
-    tables = {"tables__acn": shown(worst), "tables__likelihood": shown(best, "likelihood")}
-    said = sentence(tmp_path, given, **tables)
-    assert said.startswith("Maximum likelihood") and "of one ship" in said
-    assert re.search(r"Few answers \(n = 8\)", said)
+    said = sentence(tmp_path, given, tables__acn=shown(few))
+    assert "of one ship" in said and re.search(r"Few answers \(n = 8\)", said)
 
 
-def test_of_other_percentages_the_best_row_is_named_where_it_is_asked_first(tmp_path):
-    import xarray as xr
-
+def test_of_other_percentages_the_best_row_is_named(tmp_path):
     share = xr.DataArray([[0.2, 0.6], [0.9, 0.1], [0.3, 0.5]], dims=("tree", "split"))
     table = xr.Dataset(
         {"share": share}, {"tree": ["ash", "elm", "oak"], "split": ["a-gap", "aspect-random"]}
@@ -59,16 +95,34 @@ def test_of_other_percentages_the_best_row_is_named_where_it_is_asked_first(tmp_
     display = Display("trees", "Trees", (figure,), rows=("tree",), columns="split", chance=25.0)
     table = table.assign_attrs(plain({ATTRIBUTE: [display.written(None)]}))
     said = sentence(tmp_path, {"swept": []}, tables__trees=table)
-    assert said.startswith("Percent correct: 60 % ") and said.endswith("; chance 25 %.")
-    assert "ash" in said and "aspect-random" in said
+    assert said == "Percent correct is 60 %, tree ash, split aspect-random; chance 25 %."
 
 
-def test_any_table_has_a_headline(smoke_store, sisters, tmp_path):
-    import xarray as xr
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([0.6671, 0.5, 0.4108], "Cumulant falls from 0.67 at 1.5 to 0.41 at 3.0 J/k, size 8."),
+        ([0.3, 0.9, 0.4], "Cumulant rises from 0.30 at 1.5 to 0.40 at 3.0 J/k, most 0.90 at 2"),
+        ([0.991, 0.992, 0.994], "Cumulant rises from 0.991 at 1.5 to 0.994 at 3.0 J/k"),
+        ([5.0, 5.0, 5.0], "Cumulant is 5 at 1.5 and at 3.0 J/k, size 8."),
+        ([0.5, np.inf, 0.4], "Cumulant falls from 0.50 at 1.5 to 0.40 at 3.0 J/k, size 8."),
+    ],
+)
+def test_any_experiment_has_words(values, said, tmp_path):
+    figures = xr.DataArray([values, np.zeros(3)], dims=("size", "temperature"))
+    coords = {"size": [8, 16], "temperature": [1.5, 2.0, 3.0]}
+    table = xr.Dataset({"cumulant": figures}, coords)
+    table.temperature.attrs["units"] = "J/k"
+    found = sentence(tmp_path, {"swept": ["temperature", "size"]}, tables__cumulant=table)
+    assert found.startswith(said)
 
+
+def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
+    tmp_path, smoke_store, sisters
+):
     table = xr.Dataset({"height": ("ripeness", [1.0, 4.0])}, {"ripeness": [1.0, 2.0]})
     table.height.attrs["units"] = "m"
     said = sentence(tmp_path, {"swept": ["ripeness"]}, tables__apples=table)
-    assert said == "Height: 1 m at ripeness 1 and 4 m at ripeness 2."
+    assert said == "Height rises from 1 m at 1 to 4 m at 2 ripeness."
     for path in (smoke_store, sisters):
         assert headline(read_frames(path), {})[0].endswith((".", "wide."))

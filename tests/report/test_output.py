@@ -106,7 +106,7 @@ def test_an_ascii_screen_has_every_figure(store, monkeypatch):
     def printed(encoding):
         screen = io.TextIOWrapper(io.BytesIO(), encoding)
         monkeypatch.setattr("sys.stdout", screen)
-        assert reported(monkeypatch, store) == 0
+        assert reported(monkeypatch, store, "--table", "scores") == 0
         return screen.buffer.getvalue().decode(encoding)
 
     plain, whole = printed("ascii"), printed("utf-8")

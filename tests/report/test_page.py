@@ -13,9 +13,11 @@ from made import scores, shown
 from pages import page_of, parsed, read_page, stored
 from stores import printed
 
-from sweeps.report.chart import axis_of, scale_of
+from sweeps.engine.run.schedule import Progress
+from sweeps.report.chart import axis_of, figure_of, scale_of
 from sweeps.report.frames import Column, Frame, frame, read_frames
 from sweeps.report.places import page_file
+from sweeps.report.work import write_work
 
 LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts
 
@@ -73,11 +75,11 @@ def test_the_head_says_what_was_found_before_anything_else(smoke):
 @pytest.mark.parametrize(
     ("given", "word", "said"),
     [
-        ((1, 1, 1), "complete", "3 of 3 cells done"),
-        ((1, 1, 0), "partial", "2 of 3 cells done, 1 failed"),
-        ((1, -1, 0), "partial", "1 of 3 cells done, 1 failed, 1 missing"),
-        ((0, 0, 0), "failed", "0 of 3 cells done, 3 failed"),
-        ((-1, -1, -1), "partial", "0 of 3 cells done, 3 missing"),
+        ((1, 1, 1), "complete", "3 of 3 results done"),
+        ((1, 1, 0), "partial", "2 of 3 results done, 1 failed"),
+        ((1, -1, 0), "partial", "1 of 3 results done, 1 failed, 1 missing"),
+        ((0, 0, 0), "failed", "0 of 3 results done, 3 failed"),
+        ((-1, -1, -1), "partial", "0 of 3 results done, 3 missing"),
     ],
 )
 def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path):
@@ -97,6 +99,13 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
         assert alerts[0].text.startswith(f"{word.capitalize()}: this sweep is not complete.")
         assert "✓" not in header and "Complete" not in header
         assert all(f"{what}: {reason}" in alerts[0].text for what, reason in why.items())
+
+
+def test_cells_are_counted_as_on_the_screen(tmp_path):
+    path = stored(tmp_path / "s.zarr", status=states(1, 1, 1), tables__o=scores(a=[1, 2]))
+    write_work(path, {"extent": Progress(1200, 200, 999, 1), "profile": Progress(51, 51)})
+    header = parsed(page_of(path)).root.one("header", id="summary").text
+    assert "1,250 of 1,251 cells done, 1 failed" in header
 
 
 def test_a_page_is_there_when_every_cell_of_a_classifier_failed(tmp_path):
@@ -162,7 +171,7 @@ def test_whatever_a_store_says_is_text(tmp_path):
     )
     (path.parent / "x").mkdir()
     page = parsed(page_of(path))
-    assert len(page.root.all("script")) == 3 and not page.root.all("img")
+    assert len(page.root.all("script")) == 5 and not page.root.all("img")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", page.written)
     assert not any(key.startswith("on") for one in all_of(page.root) for key in one.attrs)
     assert "49" not in page.root.one("head").one("title").text
@@ -183,6 +192,41 @@ def test_only_positive_numbers_of_a_large_ratio_have_a_logarithmic_axis():
         scale_of(ends, 6) == {"type": "log"} for ends in ([1, 7], [1, 6], [0, 7], [-1, 7])
     ]
     assert logarithmic == [True, False, False, False]
+
+
+@pytest.mark.parametrize(("format", "unit", "whole"), [(".1%", "", 1), (".0f", "%", 100)])
+def test_shares_have_a_linear_scale_up_to_the_whole(format, unit, whole):
+    column = Column("share", "share", "share", unit, role="figure", format=format)
+    rows = pd.DataFrame({"share": [0.001 * whole, 1.0 * whole]})
+    scale = figure_of(Frame("x", "X", rows, {"share": column}), "share")["y"]["scale"]
+    assert scale["domain"] == [0, whole] and "type" not in scale
+
+
+ISING = xr.Dataset(
+    {"magnetisation": (("size", "temperature"), np.arange(6.0).reshape(2, 3))},
+    {"size": [8, 16], "temperature": [1.5, 2.3, 3.0]},
+)
+
+
+@pytest.mark.parametrize(
+    ("table", "along", "colour"),
+    [
+        (shown(scores(range=[25.0, 50.0], cnr=[5.0, 10.0, 20.0])), "cnr_db", "range_km"),
+        (ISING, "temperature", "size"),
+    ],
+)
+def test_the_axis_of_the_headline_is_along_the_chart_and_the_next_colours(
+    table, along, colour, tmp_path
+):
+    attributes = {
+        "configuration": {},
+        "title": "T",
+        "swept": ["size", "temperature", "cnr", "range"],
+    }
+    page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__acn=table)))
+    for name, first in (("against", along), ("colour", colour)):
+        (chosen,) = page.root.one("select", id=name).all("option", selected="")
+        assert chosen.attrs["value"] == first
 
 
 @pytest.mark.parametrize(
@@ -227,7 +271,8 @@ def test_nothing_of_the_page_is_elsewhere(smoke):
     for one in all_of(smoke.root):
         for key in ("src", "href", "action", "srcset", "data"):
             assert one.attrs.get(key, "#").startswith(("#", "data:"))
-    style, script = smoke.root.one("style").text, smoke.root.all("script")[-1].text
+    style = smoke.root.one("style").text
+    script = "".join(one.text for one in smoke.root.all("script")[-2:])
     assert "http" not in style + script and "url(" not in style and "@import" not in style
     assert "innerHTML" not in script and "eval(" not in script and "Function(" not in script
 
@@ -258,4 +303,5 @@ def test_text_and_curves_stand_out(scheme):
     for ground in ("paper", "panel"):
         assert min(contrast(colour[name], colour[ground]) for name in words[:-1]) >= 4.5
     assert contrast(colour["focus"], colour["paper"]) >= 3
-    assert min(contrast(colour[f"c{k}"], colour["paper"]) for k in range(8)) >= 3
+    curves = (*(f"c{k}" for k in range(8)), "s0", "s1")
+    assert min(contrast(colour[name], colour["paper"]) for name in curves) >= 3

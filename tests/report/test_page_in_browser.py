@@ -1,14 +1,25 @@
 """The report page in a real browser: its selectors and width, and that it loads nothing else."""
 
+import csv
 import os
+import re
 import shutil
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import xarray as xr
+from made import scores, shown
+from pages import stored
 
 from sweeps.report.frames import read_frames
+from sweeps.report.headline import headline
+from sweeps.report.page import write
+from sweeps.report.pivot import at_main
 from sweeps.report.places import page_file
+from sweeps.report.stores import attributes
+from sweeps.report.stores import opened as store_of
+from sweeps.report.summary import tables_of
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
@@ -49,18 +60,55 @@ def file(smoke_store):
 
 
 @pytest.fixture(scope="module")
-def seen(browser, file):
-    """The page on a desk, with what it asked for and what went wrong."""
+def two_axes(tmp_path_factory):
+    """The page of two classifiers over four CNRs and three ranges, and of a constant."""
+    axes = {"cnr": [5.0, 10.0, 20.0, 30.0], "range": [25.0, 50.0, 100.0]}
+    tables = {
+        "tables__acn": shown(scores(0, **axes)),
+        "tables__mnn": shown(scores(1, **axes), "mnn"),
+        "tables__likelihood": shown(scores(2, range=axes["range"]), "likelihood"),
+        "tables__constant": xr.Dataset({"length": ("cnr", [7.0, 7.0])}, {"cnr": [5.0, 10.0]}),
+    }
+    attributes = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
+    path = stored(tmp_path_factory.mktemp("two") / "s.zarr", attributes, **tables)
+    assert write.write_page(path, tables_of(path)) == []
+    return path
+
+
+@contextmanager
+def opened(browser, file):
+    """A page on a desk; fails where it asks for another file, or complains."""
     page = browser.new_page(viewport=DESK)
-    page.requests, page.wrong = [], []
-    page.on("request", lambda request: page.requests.append(request.url))
-    page.on("console", lambda message: page.wrong.append(message.text))
-    page.on("pageerror", lambda error: page.wrong.append(str(error)))
+    requests, wrong = [], []
+    page.on("request", lambda request: requests.append(request.url))
+    page.on("console", lambda message: wrong.append(message.text))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
     page.goto(file.as_uri())
     yield page
-    assert page.wrong == []
-    asked = {url.partition("#")[0] for url in page.requests if not url.startswith("data:")}
+    assert wrong == []
+    asked = {url.partition("#")[0] for url in requests if not url.startswith("data:")}
     assert asked <= {file.as_uri(), "about:blank"}
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def seen(browser, file):
+    """The page of the smoke experiment."""
+    with opened(browser, file) as page:
+        page.locator("#table-scores svg").first.wait_for()
+        page.start = page.evaluate(
+            "[document.documentElement.scrollHeight, document.body.innerText.split(/\\s+/).length]"
+        )
+        page.locator("#table-scores summary").first.click()
+        yield page
+
+
+@pytest.fixture
+def both(browser, two_axes):
+    """The page of two axes."""
+    with opened(browser, page_file(two_axes)) as page:
+        page.locator("#table-scores .heat svg").wait_for()
+        yield page
 
 
 def choose(page, axis, label):
@@ -71,6 +119,22 @@ def shown_rows(page, table):
     """The texts of the rows of a table that are shown, a list a row."""
     rows = page.locator(f"#table-{table} tbody tr:visible")
     return [[one for one in row.locator("th:visible, td").all_inner_texts()] for row in rows.all()]
+
+
+def marks(page, kind, mark, section="#table-scores"):
+    """The marks of a chart of one kind, those of its legend included."""
+    return page.locator(f"{section} figure.{kind} svg g.mark-{mark}.role-mark > *")
+
+
+def downloaded(page, button):
+    with page.expect_download() as download:
+        page.locator(button).click()
+    return Path(download.value.path()).read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_smoke_experiment_is_short_until_it_is_unfolded(seen):
+    height, words = seen.start
+    assert height <= 5000 and words <= 700
 
 
 def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file):
@@ -94,26 +158,125 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
     address = seen.url
     seen.goto("about:blank")
     seen.goto(address)
+    seen.locator("#table-scores summary").first.click()
     assert seen.locator('select[data-axis="pulse_width_ns"]').input_value() == "50.0"
     assert seen.locator("#against").input_value() == "vigilance"
 
 
+def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_store, file):
+    """The script says of a selection what the command says of a store of that alone."""
+    frames, about = read_frames(smoke_store), attributes(store_of(smoke_store))
+    scores = frames["scores"]
+    page = browser.new_page(viewport=DESK)
+    page.goto(file.as_uri())
+    said = {page.locator(".headline").inner_text()}
+    assert said == set(headline(frames, about))
+    places = [
+        ("pulse_width_ns", {"frame_count": 4}),
+        ("pulse_width_ns", {"frame_count": 4, "infrared_frame_count": 4}),
+        ("frame_count", {"pulse_width_ns": 50.0}),
+        ("range_km", {"infrared_frame_count": 4, "super_resolution": "perfect"}),
+        ("vigilance", {"pulse_width_ns": 10.0, "frame_count": 4}),
+    ]
+    for axis, place in places:
+        page.goto("about:blank")
+        by_name = "&".join(f"{name}={scores.columns[name].text(v)}" for name, v in place.items())
+        page.goto(f"{file.as_uri()}#by={axis}&{by_name}")
+        alone = {"scores": at_main(scores, [*scores.down, axis, *scores.several])}
+        for name, value in place.items():
+            rows = alone["scores"].rows
+            alone["scores"] = alone["scores"].where(rows[name].isna() | (rows[name] == value))
+        [wanted] = headline(alone, about | {"swept": [scores.columns[axis].axis]})
+        # A store of one value of an axis may leave it out of its settings.
+        found = page.locator(".headline").inner_text()
+        assert without_settings(found) == without_settings(wanted), place
+        said.add(found)
+    assert len(said) > 3
+    page.close()
+
+
+def without_settings(sentence):
+    return re.sub(r" \([a-z].*?\)", "", sentence)
+
+
 def test_charts_are_drawn_of_the_selection_and_saved(seen, smoke_store):
     seen.select_option("#against", "frame_count")
-    seen.wait_for_function("document.querySelectorAll('.draw svg').length > 2")
-    seen.wait_for_function(
-        "document.querySelector('#table-scores .chart').dataset.axis === 'frame_count'"
-    )
-    marks = seen.locator("#table-scores .draw svg [aria-roledescription='point']").count()
+    seen.locator('#table-scores[data-axis="frame_count"]').wait_for()
     frame = read_frames(smoke_store)["scores"]
-    assert marks >= frame.rows.frame_count.nunique()
-    with seen.expect_download() as download:
-        seen.locator("#table-scores button.csv").click()
-    text = Path(download.value.path()).read_text(encoding="utf-8")
-    assert len(text.splitlines()) == len(frame.rows) + 1
-    with seen.expect_download() as download:
-        seen.locator("#table-scores button.svg").click()
-    assert Path(download.value.path()).read_text(encoding="utf-8").startswith("<svg")
+    assert marks(seen, "chart", "symbol").count() >= frame.rows.frame_count.nunique()
+    assert downloaded(seen, "#table-scores figure.chart button.svg").startswith("<svg")
+    for kind, section in (("aspect", "scores"), ("heat", "confusion")):
+        assert seen.locator(f"#table-{section} figure.{kind} svg").is_visible()
+
+
+def test_the_axis_along_the_chart_is_selected_below_it_alone(seen):
+    for axis in ("pulse_width_ns", "frame_count"):
+        seen.select_option("#against", axis)
+        assert seen.locator(f'.bar select[data-axis="{axis}"]').count() == 0
+        assert seen.locator(f'.at select[data-axis="{axis}"]').is_visible()
+    assert seen.locator('.bar select[data-axis="pulse_width_ns"]').is_visible()
+
+
+def test_csv_has_the_rows_and_columns_that_are_seen_or_all(seen, smoke_store):
+    frame = read_frames(smoke_store)["scores"]
+    heads, *lines = csv.reader(downloaded(seen, "#table-scores button.seen").splitlines())
+    rows = shown_rows(seen, "scores")
+    assert len(lines) == len(rows) < len(frame.rows)
+    shown_heads = seen.locator("#table-scores thead th:visible").all_inner_texts()
+    assert [one for one in heads if not one.endswith((" low", " high"))] == shown_heads
+    for line, row in zip(lines, rows, strict=True):
+        value, low, high = line[-3:]
+        assert f"{float(value):.0f} {float(low):.0f}–{float(high):.0f}" == row[-1].strip()
+    every = downloaded(seen, "#table-scores button.all").splitlines()
+    assert len(every) == len(frame.rows) + 1
+
+
+def test_curves_are_coloured_by_a_second_axis_with_a_titled_legend(both):
+    legend = both.locator("#table-scores figure.chart svg")
+    assert "classifier" in legend.inner_html() and marks(both, "chart", "line").count() == 3
+    both.select_option("#colour", "range_km")
+    both.locator("#table-scores figure.chart svg text", has_text="range [km]").wait_for()
+    lines = marks(both, "chart", "line")
+    colours, dashes = (
+        [one.get_attribute(name) for one in lines.all()] for name in ("stroke", "stroke-dasharray")
+    )
+    assert len(set(colours)) == len(set(dashes)) == 3
+    assert marks(both, "chart", "text").all_text_contents() == ["25", "50", "100"]
+    assert "colour=range_km" in both.url
+
+
+def test_a_heat_map_has_the_values_of_both_axes(both, two_axes):
+    both.locator("#table-scores label.of select").select_option(label="MNN")
+    both.reload()  # the address has it
+    both.locator("#table-scores .whose", has_text="MNN").wait_for()
+    rows = read_frames(two_axes)["scores"].rows
+    rows = rows[(rows.classifier == "mnn") & (rows.aspect_bin_deg == "overall")]
+    rows = rows[rows.kind == "test"]
+    values = [f"{one:.0f}" for one in rows.percent_correct]
+    both.wait_for_timeout(500)
+    assert sorted(marks(both, "heat", "text").all_text_contents()) == sorted(values)
+
+
+def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
+    assert both.locator("#against").input_value() == "cnr_db"
+    flat = [
+        path
+        for path in (one.get_attribute("d") for one in marks(both, "chart", "line").all())
+        if len({place.split(",")[1] for place in path[1:].split("L")}) == 1
+    ]
+    assert len(flat) == 1 and flat[0].count("L") == 3
+
+
+def test_a_name_in_the_legend_shows_its_curve_alone(both):
+    marks(both, "chart", "text").nth(1).click()
+    faint = [one.get_attribute("opacity") for one in marks(both, "chart", "line").all()]
+    assert [float(one or 1) < 0.5 for one in faint] == [True, False, True]
+
+
+def test_a_figure_that_depends_on_no_axis_is_a_table_without_a_chart(both):
+    section = both.locator("#table-constant")
+    assert section.locator("details.rows").get_attribute("open") is not None
+    assert section.locator("svg").count() == 0 and section.locator("td:visible").count() == 1
 
 
 def test_cells_say_how_to_reproduce_them_by_keyboard(seen, smoke_store, monkeypatch):
@@ -127,6 +290,22 @@ def test_cells_say_how_to_reproduce_them_by_keyboard(seen, smoke_store, monkeypa
     assert seen.locator("#where button").is_visible()
 
 
+def test_markers_say_their_values_and_how_to_reproduce_them(both, two_axes, monkeypatch):
+    monkeypatch.chdir(two_axes.parent)
+    for kind, mark in (("chart", "symbol"), ("aspect", "symbol"), ("heat", "rect")):
+        marks(both, kind, mark).nth(2).hover(force=True)
+        value = eval(both.locator("#where code").inner_text(), {"xr": xr})
+        assert f"percent correct [%]: {value:.4g}" in both.locator("#tip").inner_text()
+
+
+CUT = """[...document.querySelectorAll("body *")].filter((one) => {
+  const style = getComputedStyle(one);
+  return one.scrollWidth > one.clientWidth + 1 && one.clientWidth && style.overflowX !== "visible"
+    && !style.backgroundImage.includes("gradient") && !one.closest("svg, select");
+}).map((one) => one.outerHTML.slice(0, 99))"""
+"""What is wider than its place without the shadow that says so."""
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [PHONE, DESK], ids=["phone", "desk"])
 def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
@@ -134,6 +313,7 @@ def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
     page.goto(file.as_uri())
     page.eval_on_selector_all("details", "all => all.forEach(one => { one.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    assert page.evaluate(CUT) == []
     light = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (light == "rgb(255, 255, 255)") == (scheme == "light")
     page.close()

@@ -1,24 +1,27 @@
-"""The page at the end of a sweep: short, in words first, and of figures that the files have."""
+"""The end of a sweep: a headline, one table of figures that the files have, and paths."""
 
 import io
 import re
 import shlex
 
+import numpy as np
+import pytest
 import xarray as xr
+from made import scores, shown
+from pages import stored
 from rich.cells import cell_len
 from rich.console import Console
 from stores import reported, rows_of
 
+from sweeps.engine.function.sweep import sweep
 from sweeps.report.places import page_file
 from sweeps.report.summary import summarize, tables_of
-
-AXES = {"grid.ship": 2, "grid.aspect": 7, "grid.pulse_width": 3}
 
 
 def page(path, width=80):
     """What is printed at the end of a sweep."""
     console = Console(file=io.StringIO(), width=width)
-    summarize(path, tables_of(path), AXES, console)
+    summarize(path, tables_of(path), console)
     return console.file.getvalue()
 
 
@@ -26,31 +29,102 @@ def unwrapped(text):
     return " ".join(text.split())
 
 
-def test_it_is_one_page_that_begins_with_a_score(smoke_store, monkeypatch):
+def table_of(text):
+    """The lines of the one table of a page: its heading, and its rows."""
+    above, _, below = text.partition("────\n")
+    return above.splitlines(), [one.split() for one in below.split("\n\n")[0].splitlines()]
+
+
+def test_it_is_a_headline_one_table_and_where_the_rest_is(smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
-    lines = page(smoke_store).splitlines()
-    assert len(lines) <= 55 and max(map(cell_len, lines)) <= 80
-    assert re.search(r"identifies \d+ % \[\d+–\d+\]", " ".join(lines[:4]))
-    assert "chance 50 %" in " ".join(lines[:6])
-    assert "store   sweep.zarr" in lines
-
-
-def test_its_figures_are_those_of_the_files(smoke_store):
-    found = [row for row in rows_of(smoke_store, "scores") if row["classifier"] == "correlation"]
-    at = {"pulse_width_ns": "30.0", "frame_count": "16", "kind": "test", "left_out": "False"}
-    here = [row for row in found if at.items() <= row.items()]
     text = page(smoke_store)
-    assert len(here) == 4
-    for row in here:
-        whole, low, high = (
-            f"{float(row[name]):.0f}" for name in ("percent_correct", "ci_low", "ci_high")
-        )
+    lines = text.splitlines()
+    assert len(lines) <= 30 and max(map(cell_len, lines)) <= 80
+    assert re.search(r"^Best of 8: .* identifies \d+ % \[\d+–\d+\]", unwrapped(text))
+    assert "chance 50 %" in unwrapped(text)
+    assert text.count("────\n") == 1 and "0-15°" not in text
+    assert {"store   sweep.zarr", "page    sweep-report.html"} <= set(lines)
+
+
+def test_its_rows_are_the_overall_percentages_of_the_files_best_first(smoke_store):
+    _, rows = table_of(page(smoke_store))
+    at = {"frame_count": "16", "kind": "test", "left_out": "False", "aspect_bin_deg": "overall"}
+    found = [one for one in rows_of(smoke_store, "scores") if at.items() <= one.items()]
+    widths = [row for row in rows if row[0] in ("10", "30", "50")]
+    assert [row[0] for row in widths] == ["10", "30", "50"]
+    for row in widths:
+        of = {
+            float(one["percent_correct"])
+            for one in found
+            if one["classifier"] == "correlation" and float(one["pulse_width_ns"]) == float(row[0])
+        }
         # Files have tenths, and the page is rounded once: halves may differ.
-        ends = re.findall(r"(\d+) \[(\d+)–(\d+)\]", text)
-        wanted = [int(one) for one in (whole, low, high)]
-        assert any(
-            all(abs(int(a) - b) <= 1 for a, b in zip(end, wanted, strict=True)) for end in ends
-        )
+        assert any(abs(value - float(cell)) <= 0.6 for value in of for cell in row[1:])
+    means = np.mean([[float(cell) for cell in row[1:]] for row in widths], axis=0)
+    assert (np.diff(means) < 1).all()
+
+
+@pytest.mark.parametrize("count", [5, 12, 13, 91])
+def test_many_values_are_thinned_evenly_with_both_ends(count, tmp_path):
+    values = [float(value) for value in range(count)]
+    path = stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=shown(scores(cnr=values)))
+    text = page(path)
+    _, rows = table_of(text)
+    shown_values = [float(row[0]) for row in rows if row[0].isdigit() and len(row) == 3]
+    assert len(shown_values) == min(count, 12)
+    assert shown_values[0] == 0 and shown_values[-1] == count - 1
+    steps = np.diff(shown_values)
+    assert steps.max() - steps.min() <= 1
+    assert (f"12 of {count} values of CNR, evenly spaced." in text) == (count > 12)
+
+
+@pytest.mark.parametrize("count", [1, 3, 20])
+def test_the_table_fits_whatever_the_number_of_classifiers(count, tmp_path):
+    tables = {
+        f"tables__c{k}": shown(scores(k, cnr=[23.0, 26.0]), f"classifier number {k}")
+        for k in range(count)
+    }
+    text = page(stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, **tables), width=200)
+    table = text[text.index("Ships identified") : text.index("store  ")]
+    assert max(map(cell_len, table.splitlines())) <= 80
+    assert "further columns" not in text
+    assert ("more column" in text) == (count == 20)
+
+
+def test_results_that_the_axis_does_not_change_stand_below(tmp_path):
+    tables = {
+        "tables__acn": shown(scores(cnr=[23.0, 26.0])),
+        "tables__mnn": shown(scores(frame_count=16), "mnn"),
+    }
+    text = page(stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, **tables))
+    assert re.search(r"Whatever the CNR: MNN \d+ \[\d+–\d+\]\.", text)
+
+
+def power(base, exponent):
+    return float(base**exponent)
+
+
+def test_a_function_over_a_grid_has_words_and_a_table(tmp_path):
+    values = {"base": [2, 3], "exponent": [1, 2, 3]}
+    sweep(power, values, store=tmp_path / "p.zarr", cache=tmp_path / "cache", cluster="inline")
+    text = page(tmp_path / "p.zarr")
+    assert text.startswith("\nPower rises from 2 at 1 to 8 at 3 exponent, base 2.\n")
+    heads, rows = table_of(text)
+    assert "base 2  base 3" in heads[-2] and rows[:3] == [
+        ["1", "2", "3"],
+        ["2", "4", "9"],
+        ["3", "8", "27"],
+    ]
+
+
+def test_without_an_axis_classifiers_stand_down(tmp_path):
+    tables = {
+        f"tables__{name}": shown(scores(k, frame_count=16), name)
+        for k, name in enumerate(("acn", "mnn"))
+    }
+    _, rows = table_of(page(stored(tmp_path / "s.zarr", {}, **tables)))
+    assert {row[0] for row in rows[:2]} == {"ACN", "MNN"}
+    assert int(rows[0][1]) >= int(rows[1][1])
 
 
 def test_the_error_of_profiles_is_said_once_on_screen_and_page(smoke_store):

@@ -63,7 +63,7 @@ def test_any_words_fit(words, width):
 
 def test_the_swept_axis_comes_first():
     frame = tidy(scores(cnr=[20.0, 30.0], frame_count=[4, 16]), DISPLAY, "tables/acn")
-    for swept, first, second in (("cnr", "cnr", "count"), ("frame_count", "count", "cnr")):
+    for swept, first, second in (("cnr", "CNR", "count"), ("frame_count", "count", "CNR")):
         heading = printed(frame, 120, [swept]).partition("─")[0].splitlines()[-1]
         assert heading.index(first) < heading.index(second)
 

@@ -10,6 +10,10 @@ from commands import groups_of
 from ncti.features import profile_vector
 from ncti.ladar import noise_floor
 from sweeps.engine.declare.storable import nested
+from sweeps.report.page.provenance import flat
+from sweeps.report.page.provenance import swept as page_swept
+from sweeps.report.stores import attributes as attributes_of
+from sweeps.report.stores import opened
 
 ASPECTS = [0, 15, 30, 45, 60, 75, 90]
 VIEW = ("ship", "aspect")
@@ -42,6 +46,22 @@ def test_root_says_what_made_it(smoke_store):
     text = str(attributes)
     assert str(smoke_store.parent) not in text
     assert not re.search(r"/home/|/root/|/tmp/", text)
+
+
+def test_only_axes_that_a_stage_reads_are_swept(smoke_store):
+    """A range of aspects is one value of two numbers, of a sensor that this sweep lacks."""
+    attributes = nested(xr.open_datatree(smoke_store, engine="zarr").attrs)
+    assert attributes["configuration"]["dataset"]["aspect"] == [0, 360]
+    grid = {f"grid.{name}" for name in ("ship", "aspect", "pulse_width", "frame_count")}
+    assert grid <= set(attributes["axes"])
+    assert not [key for key in attributes["axes"] if key.startswith(("dataset.", "classifier."))]
+    swept = ["ship", "aspect", "pulse_width", "frame_count", "vigilance", "range"]
+    assert attributes["swept"] == swept
+    assert "dataset.aspect" not in dict(swept_on_page(smoke_store))
+
+
+def swept_on_page(path):
+    return page_swept(opened(path), flat(attributes_of(opened(path))["configuration"]))
 
 
 def test_profiles_are_what_a_physicist_expects(groups):

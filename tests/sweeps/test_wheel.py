@@ -41,7 +41,7 @@ def test_code_and_data_of_users_are_in_the_wheel(unpacked):
     conf = below(unpacked / "sweeps" / "conf", "*.yaml")
     assert conf == below(ROOT / "conf", "*.yaml")
     for package in packages:
-        kinds = ("*.py", "*.yaml", "*.vert", "*.frag", "*.glsl", "*.html", "*.css", "*.js")
+        kinds = ("*.py", "*.yaml", "*.vert", "*.frag", "*.glsl", "*.html", "*.css", "*.js", "*.md")
         found = below(unpacked / package, *kinds) - {Path("conf") / path for path in conf}
         assert found == below(ROOT / package, *kinds)
 

@@ -8,7 +8,9 @@ import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -290,12 +292,17 @@ class Command:
     def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         from sweeps.engine.store.tables import texts  # imports xarray, which takes long
 
+        scripts = entry_points(group="console_scripts") if self.experiment.tables else ()
+        reports = [one for one in scripts if one.value.startswith("sweeps.report.")]
+        for one in reports:
+            with suppress(ConfigurationError):  # no table is there
+                for sentence in import_module(one.module).answer(store):
+                    show(f"{sentence}\n")
         for text in texts(store, [table.group for table in self.experiment.tables]):
             show(f"{text}\n")
         path = os.path.relpath(store) if isinstance(store, Path) else store
         show(f"store   {path}")
-        scripts = entry_points(group="console_scripts") if self.experiment.tables else ()
-        for one in (one for one in scripts if one.value.startswith("sweeps.report.")):
+        for one in reports:
             show(f"next    {one.name} {pasted(path)}")
 
     def _cache(self, place: PathOrUrl, limit: float | None) -> None:

@@ -18,10 +18,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice, product
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import hydra
 from hydra.core.config_loader import ConfigLoader
+from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -32,7 +33,9 @@ from hydra.core.override_parser.types import (
     Sweep,
     Transformer,
 )
+from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
+from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -53,7 +56,6 @@ from sweeps.engine.declare.settings import (
 from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
-PACKAGE = re.compile(r"# @package (\S+)")  # a file's first line, as Hydra reads it
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
 ALIKE = 0.66  # least similarity of a key that may have been meant
 
@@ -66,17 +68,25 @@ def primary(experiment: Experiment) -> str:
     return "config" if experiment.conf is not None else "all_defaults"
 
 
+class AddedFolders(SearchPathPlugin):
+    """Plug-in by which Hydra finds the folders that other packages add to an experiment."""
+
+    folders: ClassVar[tuple[Path, ...]] = ()
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Append the folders."""
+        for folder in self.folders:
+            search_path.append(provider=folder.parent.name, path=f"file://{folder}")
+
+
 def register(experiment: Experiment) -> None:
     """Register the schema of an experiment and its default configuration with Hydra."""
     known = ConfigStore.instance()
     known.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
     for kind in CLUSTERS:
         known.store(group="cluster", name=kind, node={"kind": kind})
-    for folder in experiment.added_conf:
-        for path in sorted(folder.glob("*/*.yaml")):
-            named = PACKAGE.match(path.read_text(encoding="utf-8"))
-            package, group = named and named[1], path.parent.name
-            known.store(path.stem, OmegaConf.load(path), group=group, package=package)
+    AddedFolders.folders = experiment.added_conf
+    Plugins.instance().register(AddedFolders)
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_"]
         node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}

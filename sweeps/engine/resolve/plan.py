@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import RAISED
-from sweeps.engine.declare.kinds import Value, spelt
+from sweeps.engine.declare.kinds import Draws, Value, spelt
 from sweeps.engine.declare.settings import Choices, Run, Setting
 from sweeps.engine.declare.stage import Bound, Experiment, bind, value_token
 from sweeps.engine.resolve.code import Code, CodeDigest, place_of
@@ -139,6 +139,24 @@ class Plan:
             for number, axis in enumerate(self.axes)
             if axis.several and number in read
         }
+
+    @property
+    def asked(self) -> list[Setting]:
+        """Return the settings of axes of several values, other than their defaults, that are read.
+
+        Those that the command line names come first; draws are not among them.
+        """
+        read = _read_by(self.bound.values())
+        asked = [one for one in self.experiment.own if one.key in read and self._is_asked(one)]
+        return sorted(asked, key=lambda setting: setting.key not in self.choices.given)
+
+    def _is_asked(self, setting: Setting) -> bool:
+        values = self.choices[setting]
+        if len(values) < 2 or isinstance(setting.kind, Draws):
+            return False
+        if setting.fallback is not None:
+            return values != self.choices[setting.fallback]
+        return setting.default is None or values != setting.values(setting.default)
 
     def axis_number(self, key: str) -> int:
         """Return the number of a setting's axis."""

@@ -59,6 +59,8 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "parts": {key: part for parts in _parts(plan).values() for key, part in parts.items()},
         "shown": _shown_digest(plan),
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
+        "axes": [key for keys in plan.swept for key in keys.split("+")],
+        "swept": [setting.name for setting in plan.asked],
         **experiment.attributes(choices),
     }
     if choices.joint:

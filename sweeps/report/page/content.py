@@ -11,8 +11,9 @@ from sweeps.engine.declare.places import PathOrUrl, path_beside
 from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
+from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.headline import accuracy, headline, main_axis
+from sweeps.report.headline import accuracy, headline, headline_for_script
 from sweeps.report.page.provenance import flat, status_of, swept, written
 from sweeps.report.pictures import Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
@@ -22,7 +23,6 @@ from sweeps.report.work import NAME as WORK
 
 MOST = 4_000  # rows of a table; the CSV file has all
 CHARTED = 32_000  # rows of a table that its charts have
-FALLBACK = "frame_count"  # the axis of charts where nothing was swept
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
@@ -36,22 +36,28 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     work, matrix = frames.get(WORK), confusion_of(store)
     tables = {name: frame for name, frame in frames.items() if name != WORK}
     sentences = headline(tables, about)
-    tables |= {CONFUSION: matrix} if matrix is not None else {}
     axes, first = list(about.get("swept", ())), next(iter(tables.values()))
-    # Rows and charts run along the swept axis, or else that of frames.
+    if matrix is not None:
+        tables = {first.name: first, CONFUSION: matrix, **tables}
+    # Rows and charts run along the axis of the headline.
     ordinary = [name for name in first.several if name not in curves_of(first)]
-    names = [main_axis(first, axes), main_axis(first, [FALLBACK]), *ordinary]
+    numbers = swept_axes(first, axes)
+    names = [main_axis(first, axes), *ordinary]
     against = next(filter(None, names), "")
+    second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
     settings = list(flat(about.get("configuration", {})))
     return {
         "store": path_beside(path).name,
         "about": about,
         "headline": sentences,
         "accuracy": accuracy(store),
-        "status": status_of(store),
+        "status": status_of(store, work),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
         "against": against,
+        # Without declared curves, a curve for each value of the second axis.
+        "colour": "" if curves_of(first) else second,
+        "curves": ", ".join(first.columns[name].words for name in curves_of(first)[:1]),
         "axes": axes_of(tables),
         "tables": [table_of(table, against, axes) for table in tables.values()],
         "pictures": pictures_of(path, store, pictures),
@@ -59,6 +65,8 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "work": None if work is None else laid_out(work),
         "data": {
             "store": path_beside(path).name,
+            "headline": headline_for_script(tables, about, CHARTED),
+            "second": second,
             "tables": {name: data_of(table) for name, table in tables.items()},
             # Their places give classifiers a colour, the same in every chart.
             "colours": list(
@@ -66,6 +74,14 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
             ),
         },
     }
+
+
+def swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
+    """Return the swept axes of numbers that are not down or across, those of most values first."""
+    several = [name for name in frame.several if name not in (*frame.down, frame.across)]
+    names = [n for axis in swept for n in several if frame.columns[n].axis == axis]
+    numeric = [name for name in names if frame.rows[name].dtype.kind in "fiu"]
+    return sorted(numeric, key=lambda name: -frame.rows[name].nunique())
 
 
 def curves_of(frame: Frame) -> list[str]:
@@ -123,6 +139,8 @@ def data_of(frame: Frame) -> dict[str, Any]:
     """Return a frame for the script: its rows, and how its charts are specified."""
     rows, curves, columns = frame.rows.head(CHARTED), curves_of(frame), frame.columns
     numeric = [name for name in frame.several if frame.rows[name].dtype.kind in "fiu"]
+    along = [name for name in frame.several if name not in curves or name in numeric]
+    along.sort(key=lambda name: (name == frame.across, -frame.rows[name].nunique()))
     return {
         "rows": {
             name: [_for_json(value) for value in rows[name].tolist()] for name in (*columns, PART)
@@ -131,16 +149,16 @@ def data_of(frame: Frame) -> dict[str, Any]:
         "axes": frame.of_role("axis"),
         "series": curves,
         "colour": next(iter(frame.down), ""),
-        "words": {name: _words_of(frame, name) for name in frame.down},
+        "words": {
+            name: _words_of(frame, name)
+            for name in (*frame.down, *[frame.across] * bool(frame.across))
+        },
         "across": frame.across,
-        "x": {
-            name: axis_of(columns[name], frame)
-            for name in frame.several
-            if name not in curves or name in numeric
-        },
-        "charts": {
-            name: figure_of(frame, name) for name in frame.figures if frame.name != CONFUSION
-        },
+        # In the order in which charts prefer them; a matrix has no chart but its heat map.
+        "along": [] if frame.name == CONFUSION else along,
+        "x": {name: axis_of(columns[name], frame) for name in along},
+        "figures": {name: figure_of(frame, name) for name in frame.figures},
+        "matrix": [frame.across, frame.down[-1]] if frame.name == CONFUSION else [],
         "parts": [
             {
                 "group": part.group,

@@ -7,9 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import pandas as pd
 import zarr
 
-from sweeps.report.stores import failed_cells, groups, read
+from sweeps.report.frames import Frame
+from sweeps.report.stores import attributes, failed_cells, groups, read
 from sweeps.report.words import printable, shown, unit_of
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
@@ -23,6 +25,7 @@ class Status:
 
     parts: Mapping[str, tuple[int, ...]]
     failures: Mapping[str, str]
+    cells: tuple[int, int] = (0, 0)  # done and failed, as the screen counts them; 0 if unknown
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -40,9 +43,21 @@ class Status:
             return "failed" if failed else "partial"
         return "partial" if failed or missing else "complete"
 
+    @property
+    def sentence(self) -> str:
+        """How many cells are done: of the sweep's own count, or else the results in the store."""
+        (done, failed), missing, of = self.cells, 0, "cells"
+        if not done + failed:
+            (done, failed, missing), of = self.counts, "results"
+        if not done + failed + missing:
+            return "The store has no record of its cells"
+        said = f"{done:,} of {done + failed + missing:,} {of} done"
+        said += f", {failed:,} failed" if failed else ""
+        return said + (f", {missing:,} missing" if missing else "")
 
-def status_of(store: Any) -> Status:
-    """Return the states of all cells of a store."""
+
+def status_of(store: Any, work: Frame | None = None) -> Status:
+    """Return the states of all cells of a store, whose last sweep did some work."""
     parts = {}
     for group in groups(store):
         if group == "status" or group.startswith("status_"):
@@ -50,7 +65,9 @@ def status_of(store: Any) -> Status:
                 label = str(name) if group == "status" else group.removeprefix("status_")
                 counts = tuple(int((array.values == state).sum()) for state in STATES)
                 parts[printable(label.replace("_", " "))] = counts
-    return Status(parts, failed_cells(store))
+    rows = work.rows if work is not None else pd.DataFrame(columns=["done", "reused", "failed"])
+    done, reused, failed = (int(rows[name].sum()) for name in ("done", "reused", "failed"))
+    return Status(parts, failed_cells(store), (done + reused, failed))
 
 
 def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
@@ -63,7 +80,8 @@ def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def swept(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, str]]:
-    """Return key and values of the settings that are axes of a store."""
+    """Return key and values of the settings that are axes of a store, and of those that choose."""
+    axes = attributes(store).get("axes", ())
     units = {
         path.rpartition("/")[2]: unit_of(str(array.attrs.get("units", "1")))
         for path, array in store.members(max_depth=None)
@@ -73,7 +91,7 @@ def swept(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, st
         (key, _several(value, units.get(key.rpartition(".")[2], "")))
         for key, value in settings
         if isinstance(value, list) and len(value) > 1
-        if key.rpartition(".")[2] in (*units, *CHOICES)
+        if key in axes or key.rpartition(".")[2] in CHOICES
     ]
 
 

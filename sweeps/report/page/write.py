@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -16,6 +15,7 @@ import sweeps.report
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.places import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
+from sweeps.report import explain
 from sweeps.report.frames import Frame
 from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_whole
 from sweeps.report.places import page_file
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(sweeps.report.__file__).parent
 TEMPLATES = FOLDER / "page" / "templates"
-SOURCES = (".py", ".html", ".css", ".js", ".json", ".yaml")
+SOURCES = (".py", ".html", ".css", ".js", ".json", ".yaml", ".md")
 STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
 _IMAGE = re.compile(r'<img data-of="([0-9a-f]+)" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
@@ -113,6 +113,11 @@ def page_of(
             return printable(value)
         return value
 
+    def explained(heading: str) -> str:
+        """Return what the words of a heading mean, as far as the glossary has them."""
+        words = heading.partition(" [")[0].split(", ")
+        return "\n".join(filter(None, (explain.meaning(word) for word in words)))
+
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -120,12 +125,14 @@ def page_of(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["explained"] = explained
     style, *scripts = (
         (TEMPLATES / name).read_text(encoding="utf-8")
-        for name in ("page.css", "vega.js", "page.js")
+        for name in ("page.css", "vega.js", "charts.js", "headline.js", "page.js")
     )
     content = content_of(path, frames, _pictures(before))
-    content["data"]["chart"] = json.loads((TEMPLATES / "chart.json").read_text(encoding="utf-8"))
+    if headline:
+        content["data"]["headline"] = None
     return environment.get_template("page.html").render(
         content | ({"headline": headline} if headline else {}),
         stamp=_stamp(path),

@@ -21,7 +21,12 @@ from studies.operate import (
     signatures,
     silhouettes,
 )
-from studies.operate.matching import joint_evidence, over_places, relative_densities
+from studies.operate.matching import (
+    fit_inverse_temperature,
+    joint_evidence,
+    over_places,
+    relative_densities,
+)
 
 SHIPS = ("duncan", "roberts", "connole", "horne")  # the first two are sisters
 ASPECTS = np.arange(0, 90.1, 0.75).tolist()
@@ -114,6 +119,14 @@ def test_a_sensor_that_excludes_what_the_other_is_sure_of_is_not_of_zero_density
     best, density = relative_densities(logs, 1)
     sure = relative_densities(logs[:, ::-1], 1)
     assert np.isfinite(joint_evidence(sure, (best, over_places(density, 4)))).all()
+
+
+def test_log_densities_counted_four_times_are_divided_by_four():
+    rng = np.random.default_rng(0)
+    truth = rng.integers(2, size=4000)
+    seen = truth + rng.standard_normal(4000)
+    logs = -2 * np.square(seen[:, None] - np.arange(2)).astype(np.float32)
+    assert fit_inverse_temperature(logs, 2, truth, least=0.01) == pytest.approx(0.25)
 
 
 def bars(shift):

@@ -42,9 +42,18 @@ def test_a_ship_has_the_mean_density_of_its_templates():
 
 
 def test_first_ships_are_nominal_and_variants_follow_by_number():
-    names = ["texas@0.2x4", "roberts", "duncan@0.10", "horne", "duncan@0.2", "my.stl", "duncan"]
+    names = [
+        "texas@0.2x4",
+        "roberts",
+        "duncan@0.10",
+        "horne",
+        "duncan@0.2",
+        "my.stl",
+        "duncan",
+        "texas",
+    ]
     assert [names[k] for k in fleet_order(names)] == [
-        *("duncan", "horne", "my.stl", "roberts"),
+        *("duncan", "horne", "texas", "my.stl", "roberts"),
         *("duncan@0.2", "texas@0.2x4", "duncan@0.10"),
     ]
 

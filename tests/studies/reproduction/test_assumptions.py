@@ -46,6 +46,10 @@ def test_shares_and_values_are_inverse(name, share):
     assert 0 <= prior.classes(value) < CLASSES
 
 
+def test_a_logarithmic_prior_has_its_geometric_mean_in_the_middle():
+    assert Interval(1.0, 100.0, "", "", logarithmic=True).at(0.5) == pytest.approx(10.0)
+
+
 @pytest.mark.parametrize("name", WORDS)
 def test_words_are_numbered_in_their_order(name):
     prior = WORDS[name]

@@ -11,7 +11,7 @@ from ncti.infrared.imager import Imager
 from ncti.ladar import frame_moments, range_extent, sample_frames
 from ncti.render import line_image
 from ncti.ships import load
-from studies.reproduction import assumed, draw, reproduce
+from studies.reproduction import Simulated, assumed, draw, reproduce
 from studies.reproduction.categories import acn_scores, presentation_orders
 from studies.reproduction.profiles import averaged_profiles
 from studies.reproduction.silhouettes import _seen
@@ -118,6 +118,12 @@ def test_percent_by_bin_is_counted_by_hand():
     aspect = np.array([0.0, 27.0, 30.0, 60.0, 90.0, 75.0])
     right = np.array([[1, 0, 1, 1, 1, 0], [0, 0, 0, 1, 1, 1]], bool)
     np.testing.assert_allclose(percent_by_bin(right, aspect), [[50, 100, 200 / 3], [0, 0, 100]])
+
+
+def test_the_spread_of_a_table_is_that_of_one_draw():
+    scores = Simulated.of([[40.0, 60.0], [60.0, 60.0]])
+    np.testing.assert_allclose(scores.mean, [50, 60])
+    np.testing.assert_allclose(scores.spread, [np.sqrt(200), 0])
 
 
 def test_orders_present_ships_or_aspects_first():

@@ -22,6 +22,7 @@ def field_of(rows, columns):
 
 def test_the_sources_field_has_the_pixels_it_is_said_to_have():
     assert Field(width=math.radians(3), height=math.radians(2), ifov=IFOV).shape == (233, 350)
+    assert Field(width=0.03, height=0.015, ifov=IFOV).pixel(0.0, 0.0) == (100, 50)
 
 
 @given(HOT, REACH)

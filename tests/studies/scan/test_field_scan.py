@@ -8,7 +8,7 @@ from commands import opened, swept
 
 from ncti.evaluate import wilson_interval
 from ncti.render import Sampling
-from studies.scan import Survey, box, imaging_time, owner, position_count
+from studies.scan import Survey, box, imaging_time, outcomes, owner, position_count
 from studies.scan.stages import DECOY
 
 SMALL = (
@@ -128,6 +128,15 @@ def test_a_detection_is_of_the_target_with_most_of_its_pixels():
     pixels = np.argwhere(np.ones((5, 1)))
     assert owner(pixels, np.array([[-1, -1, 2, 1, 2]])) == 2
     assert owner(pixels[:2], np.array([[-1, -1]])) == -1
+
+
+def test_a_search_counts_ships_decoys_and_alarms():
+    source, named = np.array([0, 1, 1, 2, -1]), np.zeros(5, int)
+    found = outcomes(source, named, np.array([True, True, False, False, False]), ships=2)
+    assert {name: int(count) for name, count in found.items()} == {
+        **{"detected": 3, "right": 1, "wrong": 1, "turned_away": 1},
+        **{"decoys_detected": 1, "decoys_rejected": 1, "false": 1, "false_rejected": 1},
+    }
 
 
 def test_a_view_has_the_depression_and_the_size_of_its_own_range():

@@ -2,34 +2,43 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const all = (what, where = document) => [...where.querySelectorAll(what)];
+  const sections = all("section.table");
   const state = {};
-  const against = document.getElementById("against");
+  const bar = document.querySelector(".bar"), below = document.querySelector(".at");
   const selects = all("select[data-axis]");
-  const by = () => (against ? against.value : "");
+  const axisSelect = document.getElementById("against"), colourSelect = document.getElementById("colour");
+  const by = () => axisSelect?.value ?? "";
+  // The axis that gives curves their colours; empty: what a table declares, such as classifiers.
+  const colourBy = () => colourSelect?.value ?? "";
 
-  // The selection is kept in the address: #range_km=100&by=cnr_db.
+  for (const section of sections) {
+    const table = data.tables[section.dataset.table], { across } = table;
+    section.table = table;
+    // A curve for each value across, too, unless one is selected.
+    if (across && !selects.some((one) => one.dataset.axis === across)) table.series.push(across);
+  }
+
+  // The selection is kept in the address: #range_km=100&by=cnr_db&colour=range_km&of=ACN. The curve
+  // that the first table is of is chosen among those at the selection.
+  const ofSelect = document.querySelector("label.of select");
+  const named = [["by", axisSelect], ["colour", colourSelect], ...selects.map((one) => [one.dataset.axis, one])].filter(([, one]) => one);
   const read = () => {
     for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
-      const select = name === "by" ? against : selects.find((one) => one.dataset.axis === name);
+      if (name === "of" && ofSelect) ofSelect.dataset.chosen = text;
+      const select = named.find(([one]) => one === name)?.[1];
       const option = select && [...select.options].find((one) => one.value === text || one.text === text);
       if (option) select.value = option.value;
     }
   };
   const write = () => {
     const changed = new URLSearchParams();
-    if (against && !against.selectedOptions[0].defaultSelected) changed.set("by", against.value);
-    for (const select of selects) {
+    for (const [name, select] of named) {
       const option = select.selectedOptions[0];
-      if (!option.defaultSelected) changed.set(select.dataset.axis, option.text);
+      if (!option.defaultSelected) changed.set(name, select.dataset.axis ? option.text : option.value);
     }
+    if (ofSelect?.dataset.chosen) changed.set("of", ofSelect.dataset.chosen);
     const text = changed.toString();
     history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
-  };
-
-  // The axis down and along the chart of a table: the chosen one, or its own first, or that across.
-  const axisOf = (table) => {
-    const own = [by(), ...Object.keys(table.x).filter((one) => one !== table.across), table.across];
-    return own.find((one) => one in table.x) || "";
   };
 
   // Whether each row is at the selection. A part of a table that lacks a value keeps its nearest.
@@ -58,15 +67,46 @@
 
   const wordsOf = (table, name, k) => {
     const value = table.rows[name]?.[k] ?? null;
-    return value === null ? "" : table.words[name][value] ?? String(value);
+    return value === null ? "" : table.words[name]?.[value] ?? String(value);
   };
-  const seriesOf = (table, k, axis) => table.series.filter((name) => name !== axis)
-    .map((name) => wordsOf(table, name, k)).filter(Boolean).join(", ");
+  const distinct = (values) => [...new Set(values)].filter((value) => value !== null);
+  const ascending = (values) => (values.every((one) => typeof one === "number") ? values.sort((a, b) => a - b) : values);
+  const numeric = (table, name) => table.x[name]?.type === "quantitative";
+  // Rows at the selection that have a figure, by their places in the columns.
+  const placesOf = (table, figure, free) =>
+    selected(table, free).flatMap((kept, k) => (kept && table.rows[figure][k] !== null ? [k] : []));
+  const figureOf = (section) => section.querySelector("select.figure")?.value ?? Object.keys(section.table.figures)[0];
+  // The declared axes, but some, along which rows differ, and the name that tells a row's curve.
+  const curvesOf = (table, places, but) =>
+    table.series.filter((name) => !but.includes(name) && distinct(places.map((k) => table.rows[name][k])).length > 1);
+  const nameOf = (table, names, k) => names.map((name) => wordsOf(table, name, k)).filter(Boolean).join(", ");
+
+  // Whether a figure or its interval differs along an axis, on any curve at the selection.
+  const varies = (table, figure, axis) => {
+    const { low, high } = table.figures[figure], seen = new Map();
+    const others = table.axes.filter((name) => name !== axis);
+    return placesOf(table, figure, [axis]).some((k) => {
+      const value = table.rows[axis][k];
+      if (value === null || value === "overall") return false;
+      const key = JSON.stringify(others.map((name) => table.rows[name][k]));
+      const text = JSON.stringify([figure, low, high].map((name) => table.rows[name]?.[k] ?? null));
+      if (!seen.has(key)) seen.set(key, text);
+      return seen.get(key) !== text;
+    });
+  };
+  // The axis along the chart of a figure: the chosen one, or of a table without it the first; empty
+  // if the figure is the same all along.
+  const axisOf = (table, figure) => (by() in table.x ? [by()] : table.along).find((one) => varies(table, figure, one)) ?? "";
+  // The axis of the colours of a chart, or of the other side of its heat map.
+  const colourOf = (table, axis) => {
+    if (colourBy() !== axis && colourBy() in table.x) return colourBy();
+    const own = table.series.filter((name) => name !== axis);
+    return own.length === 1 && numeric(table, own[0]) ? own[0] : "";
+  };
 
   const fill = (section) => {
-    const table = data.tables[section.dataset.table];
-    const axis = axisOf(table);
-    const kept = selected(table, [axis, table.across]);
+    const { table } = section, axis = axisOf(table, figureOf(section)) || by();
+    const kept = selected(table, [axis, colourOf(table, axis), table.across]);
     const place = new Map(table.labels.map((label, k) => [label, k]));
     const rows = all("tbody tr", section);
     for (const row of rows) {
@@ -85,86 +125,140 @@
     });
   };
 
-  // Charts: one specification each, with the rows at the selection.
+  // Charts, each in a figure of its own.
   const tip = document.getElementById("tip");
   const views = new Map();
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const theme = () => ({
-    background: "transparent",
-    axis: { labelColor: colour("--ink"), titleColor: colour("--ink"), gridColor: colour("--rule"), domainColor: colour("--rule"), tickColor: colour("--rule") },
-    legend: { orient: "bottom", columns: 2, labelColor: colour("--ink"), labelLimit: 300 },
-    view: { stroke: colour("--rule") },
-    rule: { color: colour("--soft") },
-  });
-  const hover = (handler, event, item, value) => {
+  const hover = (section) => (handler, event, item, value) => {
     tip.hidden = !value;
     if (!value) return;
-    const lines = Object.entries(value).filter(([key]) => !["shift", "part", "colour"].includes(key));
-    tip.textContent = lines.map(([key, text]) => `${key}: ${text}`).join("\n");
+    tip.textContent = Object.entries(value).map(([key, text]) => `${key}: ${text}`).join("\n");
     tip.style.left = Math.min(event.pageX + 12, document.documentElement.clientWidth - 240) + "px";
     tip.style.top = event.pageY + 12 + "px";
+    if (item.datum.k !== undefined) reproduce(section, item.datum.k, figureOf(section));
   };
-  const DASHES = [[1, 0], [5, 3], [2, 2], [8, 3, 2, 3]];
-  const valuesOf = (table, axis, figure) => {
-    const kept = selected(table, [axis]);
-    const found = [];
-    for (let k = 0; k < kept.length; k++) {
-      if (!kept[k] || table.rows[figure][k] === null || table.rows[axis]?.[k] === null) continue;
-      if (axis === table.across && table.rows[axis][k] === "overall") continue;
-      const row = { series: seriesOf(table, k, axis) || table.headings[figure], colour: wordsOf(table, table.colour, k) };
-      for (const [name, column] of Object.entries(table.rows)) {
-        if (column[k] !== null && (name === axis || !table.series.includes(name))) row[name] = column[k];
-      }
-      found.push(row);
+  // Draw rows as a chart of a kind, if there are any, in the figure of that class.
+  const show = async (section, kind, figure, rows, more) => {
+    const element = section.querySelector(`figure.${kind}`);
+    element.hidden = !rows.length;
+    if (!rows.length) return;
+    const spec = charts[kind]({ rows, figure: section.table.figures[figure], room: element.clientWidth, ...more });
+    const made = await vegaEmbed(element.querySelector(".draw"), spec, {
+      ast: true, renderer: "svg", actions: false, defaultStyle: false, logLevel: 1, tooltip: hover(section), config: charts.theme(),
+    });
+    views.get(element)?.finalize();
+    views.set(element, made);
+  };
+  // Rows of a chart: what it shows of each place, and the name of its curve.
+  const rowsOf = (table, places, figure, names, more = []) => {
+    const { low, high, chance } = table.figures[figure];
+    const shown = [figure, low, high, chance, ...more].filter(Boolean);
+    return places.map((k) => ({
+      k, series: nameOf(table, names, k) || table.headings[figure],
+      ...Object.fromEntries(shown.map((name) => [name, table.rows[name][k]])),
+    }));
+  };
+  const tipsOf = (table, figure, axes = []) => {
+    const { low, high } = table.figures[figure];
+    const titled = (field) => ({ field, title: table.headings[field] });
+    const figures = [figure, low, high].filter(Boolean).map((field) => ({ ...titled(field), type: "quantitative", format: ".4~g" }));
+    return [...axes.map(titled), ...figures];
+  };
+  // Names, colours and heading of the curves of some rows. A classifier has one colour everywhere.
+  const curvesIn = (table, rows, names, figure, axis) => {
+    const series = distinct(rows.map((row) => row.series)), title = names.map((name) => table.headings[name]).join(", ");
+    const hue = (one, number) => {
+      const place = data.colours.indexOf(wordsOf(table, table.colour, rows.find((row) => row.series === one).k));
+      return charts.colour(`--c${(place < 0 ? number : place) % 8}`);
+    };
+    const colours = numeric(table, names[0]) ? charts.sequence(series.length) : series.map(hue);
+    return { names: series, colours, title, tooltip: [{ field: "series", title: title || "curve" }, ...tipsOf(table, figure, [axis])] };
+  };
+  // Keep the rows of one curve, which a section lets choose: at first the one with the best mean.
+  const ofOne = (section, places, but, figure) => {
+    const { table } = section, label = section.querySelector("label.of"), select = label.querySelector("select");
+    const names = table.series.filter((name) => !but.includes(name));
+    const found = distinct(places.map((k) => nameOf(table, names, k)));
+    label.hidden = found.length < 2;
+    if (label.hidden) return places;
+    label.querySelector("span").textContent = colourBy() ? "curves and heat map of" : "heat map of";
+    const mean = (one) => {
+      const own = places.filter((k) => nameOf(table, names, k) === one).map((k) => table.rows[figure][k]);
+      return own.reduce((sum, value) => sum + value, 0) / own.length;
+    };
+    const { chosen } = select.dataset, best = found.includes(chosen) ? chosen : found.reduce((most, one) => (mean(one) > mean(most) ? one : most));
+    select.replaceChildren(...found.map((one) => new Option(one, one, false, one === best)));
+    return places.filter((k) => nameOf(table, names, k) === select.value);
+  };
+
+  const drawCurves = (section, figure, axis, tone) => {
+    const { table } = section, has = (k, name) => table.rows[name][k] !== null;
+    let places = placesOf(table, figure, [axis, tone]).filter((k) => table.rows[axis][k] !== "overall" || axis !== table.across);
+    if (tone) {
+      const order = ascending(distinct(places.map((k) => table.rows[tone][k])));
+      const rank = (k) => order.indexOf(table.rows[tone][k]);
+      places = places.filter((k) => has(k, axis) && has(k, tone)).sort((a, b) => rank(a) - rank(b));
+      if (section.querySelector("label.of") && colourBy()) places = ofOne(section, places, [axis, tone], figure);
     }
-    return found;
+    const names = [...(tone ? [tone] : []), ...curvesOf(table, places, [axis, tone])];
+    // A curve without the axis is a horizontal line, with its marker at the last value.
+    const along = ascending(distinct(places.map((k) => table.rows[axis][k])));
+    const last = along.length - 1, joined = table.x[axis].type !== "nominal";
+    const rows = rowsOf(table, places, figure, names, [axis]).flatMap((row) =>
+      row[axis] !== null ? [row] : along.map((value, k) => ({ ...row, [axis]: value, bare: joined && k < last })));
+    return show(section, "chart", figure, rows, { x: table.x[axis], ...curvesIn(table, rows, names, figure, axis) });
+  };
+  const drawAspect = (section, figure) => {
+    const { table } = section, angle = table.across;
+    const ends = (bin) => /^([\d.]+)(?:-([\d.]+))?$/.exec(bin)?.slice(1).map((end) => Number(end ?? bin));
+    const places = placesOf(table, figure, [angle]).filter((k) => ends(table.rows[angle][k]));
+    const names = curvesOf(table, places, []), rows = rowsOf(table, places, figure, names, [angle]);
+    for (const row of rows) row.bin = ends(row[angle]);
+    const bins = distinct(rows.map((row) => row[angle])).length;
+    return show(section, "aspect", figure, bins > 1 ? rows : [], curvesIn(table, rows, names, figure, angle));
+  };
+  const CELLS = 160; // of matrices that are shown side by side
+  const drawHeat = (section, figure, across, down) => {
+    const { table } = section;
+    let places = placesOf(table, figure, [across, down]).filter((k) => table.rows[across][k] !== null && table.rows[down][k] !== null);
+    const names = curvesOf(table, places, [across, down]), beside = table.matrix.length && places.length <= CELLS;
+    if (!beside) places = ofOne(section, places, [across, down], figure);
+    const whose = table.series.filter((name) => ![across, down].includes(name));
+    section.querySelector(".whose").textContent = beside || !places.length ? "" : nameOf(table, whose, places[0]);
+    const values = (name) => ascending(distinct(places.map((k) => table.rows[name][k])));
+    const [x, y] = [values(across), values(down)], enough = x.length > 1 && y.length > 1;
+    const words = (name, values) => values.map((value) => table.words[name]?.[value] ?? String(value));
+    const rows = rowsOf(table, places, figure, names).map((row) => ({ ...row, across: wordsOf(table, across, row.k), down: wordsOf(table, down, row.k) }));
+    const tooltip = [["across", across], ["down", down]].map(([field, name]) => ({ field, title: table.headings[name] }));
+    return show(section, "heat", figure, enough ? rows : [], {
+      names: beside ? distinct(rows.map((row) => row.series)) : [],
+      x: { title: table.headings[across], sort: words(across, x) },
+      y: { title: table.headings[down], sort: words(down, numeric(table, down) ? y.reverse() : y) },
+      tooltip: [...tooltip, ...tipsOf(table, figure)],
+    });
   };
   const draw = async (section) => {
-    const table = data.tables[section.dataset.table], figure = section.querySelector(".chart");
-    if (!figure) return;
-    const axis = axisOf(table), which = section.querySelector("select.figure");
-    const name = which ? which.value : Object.keys(table.charts)[0];
-    const rows = axis && name ? valuesOf(table, axis, name) : [];
-    figure.hidden = !rows.length;
-    if (!rows.length) return;
-    const series = [...new Set(rows.map((row) => row.series))];
-    // Words have no order: their values stand side by side, not joined.
-    const joined = table.x[axis].type !== "nominal", apart = joined ? 7 : 32;
-    for (const row of rows) row.shift = series.length < 2 ? 0 : apart * (series.indexOf(row.series) / (series.length - 1) - 0.5);
-    // A tip shows the axis, the figure and what belongs to it, and axes that differ.
-    const differing = table.axes.filter((one) => new Set(rows.map((row) => row[one])).size > 1);
-    const tipped = ["series", ...differing, ...Object.keys(rows[0]).filter((one) => !table.axes.includes(one) && one.length && (one === name || /ci_|^n$|source|chance|spread/.test(one)))];
-    const spec = structuredClone(data.chart), { y, low, high, chance } = table.charts[name];
-    // A classifier has one colour in every chart; its curves differ by their dashes.
-    const number = (one) => {
-      const place = data.colours.indexOf(rows.find((row) => row.series === one).colour);
-      return (place < 0 ? series.indexOf(one) : place) % 8;
-    };
-    const dash = (one, place) => DASHES[series.slice(0, place).filter((other) => number(other) === number(one)).length % DASHES.length];
-    const domain = { domain: series, range: series.map((one) => colour(`--c${number(one)}`)) };
-    const dashes = { domain: series, range: series.map(dash) };
-    const legend = series.length < 2 ? { legend: null } : {};
-    const shared = {
-      x: table.x[axis],
-      color: { field: "series", type: "nominal", title: null, scale: domain, ...legend },
-      opacity: { condition: { param: "picked", value: 1 }, value: 0.08 },
-    };
-    const { interval, line, point, chance: level } = spec.layer;
-    interval.encoding = { ...shared, y: { ...y, field: low }, y2: { field: high } };
-    line.encoding = { ...shared, y, strokeDash: { field: "series", title: null, scale: dashes, ...legend } };
-    const tooltip = [...new Set(tipped)].map((field) => ({ field, title: table.headings[field] ?? field }));
-    point.encoding = { ...shared, y, shape: { field: "series", legend: null }, tooltip };
-    level.encoding.y = { field: chance, type: "quantitative", aggregate: "max", title: y.title };
-    spec.layer = [...(low && high ? [interval] : []), ...(joined ? [line] : []), point, ...(chance ? [level] : [])];
-    spec.data = { values: rows };
-    spec.width = Math.max(200, Math.min(620, figure.clientWidth - 70));
-    if (series.length < 2 || figure.clientWidth < 500) spec.config.legend.columns = 1;
-    const made = await vegaEmbed(figure.querySelector(".draw"), spec, {
-      ast: true, renderer: "svg", actions: false, defaultStyle: false, logLevel: 1, tooltip: hover, config: theme(),
-    });
-    views.get(section)?.finalize();
-    views.set(section, made);
-    figure.dataset.axis = axis;
+    const { table } = section;
+    // Only figures that differ along the axis are drawn; a table without any is unfolded.
+    const options = all("select.figure option", section);
+    for (const option of options) option.hidden = option.disabled = !axisOf(table, option.value);
+    if (options.some((one) => one.selected && one.hidden)) (options.find((one) => !one.hidden) ?? options[0]).selected = true;
+    const figure = figureOf(section), axis = axisOf(table, figure), tone = colourOf(table, axis);
+    if (!axis && !table.matrix.length) section.querySelector("details.rows").open = true;
+    const [chart, aspect, heat] = ["chart", "aspect", "heat"].map((kind) => section.querySelector(`figure.${kind}`));
+    if (chart) {
+      const note = chart.querySelector(".same");
+      note.hidden = axis !== "" || !(by() in table.x);
+      if (!note.hidden) note.textContent = `${table.headings[figure]} is the same at every ${table.headings[by()]}.`;
+      for (const part of all(".draw, .svg", chart)) part.hidden = !axis;
+      chart.hidden = false;
+      if (axis) await drawCurves(section, figure, axis, tone);
+      section.dataset.axis = axis;
+    }
+    if (aspect) await drawAspect(section, figure);
+    const [across, down] = table.matrix.length ? table.matrix : [axis, colourBy() || data.second];
+    const crossed = across !== down && [across, down].every((name) => table.axes.includes(name));
+    if (heat && crossed) await drawHeat(section, figure, across, down);
+    else if (heat) heat.hidden = true;
   };
   const save = (name, text, type) => {
     const link = document.createElement("a");
@@ -173,23 +267,37 @@
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   };
-  const csv = (section) => {
-    const table = data.tables[section.dataset.table];
+  const csvOf = (lines) => lines.map((line) => line.map((value) => {
+    const text = value === null || value === undefined ? "" : String(value);
+    const safe = typeof value === "string" && /^[=+\-@\t\r]/.test(text) ? "'" + text : text;
+    return /[",\n\r]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+  }).join(",")).join("\r\n");
+  const allRows = ({ table }) => {
     const names = Object.keys(table.rows).filter((one) => one !== "part");
-    const cell = (value) => {
-      const text = value === null ? "" : String(value);
-      const safe = typeof value === "string" && /^[=+\-@\t\r]/.test(text) ? "'" + text : text;
-      return /[",\n\r]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+    return [names, ...table.labels.map((_, k) => names.map((one) => table.rows[one][k]))];
+  };
+  // The rows and columns that are seen; after a figure the ends of its interval, if any is seen.
+  const seenRows = (section) => {
+    const { table } = section, seen = (cells) => [...cells].filter((cell) => !cell.hidden);
+    const heads = seen(section.querySelectorAll("thead th")).map((cell) => cell.textContent);
+    const rows = all("tbody tr:not([hidden])", section).map((row) => seen(row.children));
+    const bounded = heads.map((_, column) => rows.some((cells) => cells[column].querySelector(".interval")));
+    const places = new Map(table.labels.map((label, k) => [label, k]));
+    const valuesOf = (cell, ends) => {
+      if (!cell.dataset.f) return [cell.textContent, ...(ends ? [null, null] : [])];
+      const { low, high } = table.figures[cell.dataset.f], k = places.get(Number(cell.dataset.r));
+      return [cell.dataset.f, ...(ends ? [low, high] : [])].map((name) => table.rows[name]?.[k]);
     };
-    const lines = table.labels.map((_, k) => names.map((one) => cell(table.rows[one][k])).join(","));
-    return [names.join(","), ...lines].join("\r\n");
+    return [
+      heads.flatMap((head, column) => (bounded[column] ? [head, `${head} low`, `${head} high`] : [head])),
+      ...rows.map((cells) => cells.flatMap((cell, column) => valuesOf(cell, bounded[column]))),
+    ];
   };
 
   // Which Python gives a figure: of the cell under the pointer, or the keyboard.
   const where = document.getElementById("where");
-  const code = (section, cell) => {
-    const table = data.tables[section.dataset.table], figure = cell.dataset.f;
-    const k = table.labels.indexOf(Number(cell.dataset.r)), part = table.parts[table.rows.part[k]];
+  const code = (table, k, figure) => {
+    const part = table.parts[table.rows.part[k]];
     if (!part?.group || !(figure in part.variables)) return "computed from the group classification";
     const quoted = (value) => (value === true ? "True" : value === false ? "False" : JSON.stringify(value));
     const place = part.dims[figure].filter((dim) => dim in part.names && table.rows[part.names[dim]][k] !== null)
@@ -198,13 +306,15 @@
     const group = `xr.open_zarr(${JSON.stringify(data.store)}, group="${part.group}")`;
     return `${factor}float(${group}["${part.variables[figure]}"]${place ? `.sel(${place})` : ""})`;
   };
-  for (const section of all("section.table")) {
+  const reproduce = (section, k, figure) => {
+    where.hidden = false;
+    where.querySelector("code").textContent = code(section.table, k, figure);
+  };
+  for (const section of sections) {
     const table = section.querySelector("table");
     const say = (event) => {
       const cell = event.target.closest("td[data-f]");
-      if (!cell) return;
-      where.hidden = false;
-      where.querySelector("code").textContent = code(section, cell);
+      if (cell) reproduce(section, section.table.labels.indexOf(Number(cell.dataset.r)), cell.dataset.f);
     };
     table.addEventListener("pointerover", say);
     table.addEventListener("focusin", say);
@@ -220,10 +330,16 @@
       next.tabIndex = 0;
       next.focus();
     });
-    section.querySelector("select.figure")?.addEventListener("change", () => draw(section));
-    section.querySelector("button.svg")?.addEventListener("click", async () =>
-      save(`${section.dataset.table}.svg`, await views.get(section).view.toSVG(), "image/svg+xml"));
-    section.querySelector("button.csv")?.addEventListener("click", () => save(`${section.dataset.table}.csv`, csv(section), "text/csv"));
+    const name = section.dataset.table, of = section.querySelector("label.of select");
+    section.querySelector("select.figure")?.addEventListener("change", () => { fill(section); draw(section); });
+    of?.addEventListener("change", () => { of.dataset.chosen = of.value; write(); draw(section); });
+    for (const button of all("button.svg", section)) {
+      const figure = button.closest("figure");
+      button.addEventListener("click", async () => save(`${name}-${figure.className}.svg`, await views.get(figure).view.toSVG(), "image/svg+xml"));
+    }
+    for (const [kind, rows] of [["seen", seenRows], ["all", allRows]]) {
+      section.querySelector(`button.${kind}`).addEventListener("click", () => save(`${name}.csv`, csvOf(rows(section)), "text/csv"));
+    }
   }
   const copy = where.querySelector("button");
   copy.addEventListener("click", () => {
@@ -235,9 +351,29 @@
     setTimeout(() => { copy.textContent = "Copy"; }, 1500);
   });
 
+  // The bar has no value of the axes along and of the colours of charts: only pictures below, and
+  // tables, are at one.
+  const arrange = () => {
+    const along = by();
+    if (colourSelect?.value === along) colourSelect.value = "";
+    const coloured = colourBy();
+    for (const select of selects) {
+      const label = select.parentElement, spread = [along, coloured].includes(select.dataset.axis);
+      (spread ? below : bar).append(label);
+    }
+    below.hidden = !below.querySelector("label") || !document.querySelector("figure.aspect, [data-table=confusion]");
+    for (const option of colourSelect?.options ?? []) option.hidden = option.disabled = option.value === along;
+  };
+  const said = document.querySelector(".headline");
   const update = () => {
     for (const select of selects) state[select.dataset.axis] = JSON.parse(select.value);
-    for (const section of all("section.table")) {
+    arrange();
+    if (data.headline) {
+      const about = data.headline, table = data.tables[about.table];
+      const bin = state[table.across] ?? about.overall, kept = selected(table, [by(), table.across]);
+      said.textContent = headlineOf(about, table, kept, by(), bin);
+    }
+    for (const section of sections) {
       fill(section);
       draw(section);
     }
@@ -250,16 +386,16 @@
   });
   addEventListener("afterprint", () => { for (const one of closed) one.open = false; });
 
-  const bar = document.querySelector(".bar");
-  if (selects.length || against) {
+  if (named.length) {
     bar.hidden = false;
+    for (const form of [bar, below]) form.addEventListener("change", () => { write(); update(); });
     bar.addEventListener("submit", (event) => event.preventDefault());
-    bar.addEventListener("change", () => { write(); update(); });
   }
   addEventListener("hashchange", () => { read(); update(); });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", update);
   let wide = innerWidth;
   addEventListener("resize", () => { if (innerWidth !== wide) { wide = innerWidth; update(); } });
   read();
+  for (const section of sections) section.querySelector("details.rows").open = false;
   update();
 })();

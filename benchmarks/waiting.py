@@ -1,0 +1,178 @@
+"""Where the time of a command goes, by a clock outside of it: seconds from its first line."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from benchmarks.commands import CORES, PROGRAM
+from benchmarks.reports import Column, Report, Sample
+
+SMOKE, PAPER = ("+experiment=smoke",), ("+experiment=paper",)
+REFUSED = ("grid.aspect=-1",)
+PROFILE = "import ncti; ncti.simulate.range_profile('duncan', aspect=37)"
+PLANNED, COMPILING, DONE = "cells to compute", "compiling the loops", "cells computed"
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@dataclass(frozen=True)
+class Waited:
+    """Times of a command, from its start [s]; those of a step that it does not have are NaN.
+
+    `planned` and `done` are when it said so, `compiling` how long it compiled before its first
+    cell, and `work` the time of all calls of stages.
+    """
+
+    end: float
+    planned: float = math.nan
+    compiling: float = math.nan
+    done: float = math.nan
+    work: float = math.nan
+
+
+COLUMNS = (
+    Column("step", "step"),
+    Column("planned", "planned [s]", ".1f"),
+    Column("compiling", "compiling", ".1f"),
+    Column("done", "cells done", ".1f"),
+    Column("ideal", f"work on {CORES} cores", ".1f"),
+    Column("report", "report, exit", ".1f"),
+    Column("end", "end", ".1f"),
+    Column("ratio", "ratio", ".2f"),
+)
+
+
+def measure(*, repeats: int, against: Path | None = None) -> Report:
+    """Time what a user waits for, of this checkout or of it and another in turn.
+
+    Parameters
+    ----------
+    repeats : int
+        How often.
+    against : Path, optional
+        Another checkout: the last column has the median of ratios of pairs.
+
+    Returns
+    -------
+    Report
+        One row per step.
+    """
+    checkouts = [ROOT] if against is None else [ROOT, against]
+    found: list[defaultdict[str, list[Waited]]] = [defaultdict(list) for _ in checkouts]
+    for _ in range(repeats):
+        for checkout, several in zip(checkouts, found, strict=True):
+            for step, waited in steps(checkout):
+                several[step].append(waited)
+    rows = []
+    for step, ours in found[0].items():
+        sample = {
+            field.name: Sample.of(getattr(one, field.name) for one in ours).median
+            for field in fields(Waited)
+        }
+        row = {
+            "step": step,
+            "ideal": sample["work"] / CORES,
+            "report": sample["end"] - sample["done"],
+            "end": Sample.of(one.end for one in ours),
+        }
+        if against is not None:
+            pairs = zip(ours, found[1][step], strict=True)
+            row["ratio"] = Sample.of(one.end / other.end for one, other in pairs)
+        rows.append({name: one for name, one in (sample | row).items() if one == one})  # no NaN
+    return Report(
+        f"What a user waits for, on {CORES} cores, {repeats} times",
+        COLUMNS,
+        rows,
+        [
+            "Seconds from the start of the command to the line that says so. Compiled: the "
+            "loops are, and neither ships nor cells are there. Ratio: to another checkout, "
+            "in pairs (`--against PATH`)."
+        ],
+    )
+
+
+def steps(checkout: Path) -> list[tuple[str, Waited]]:
+    """Return the steps of a new user of a checkout, in order, with their times."""
+    with tempfile.TemporaryDirectory() as parent:
+        home = Path(parent)
+        environment = os.environ | {"PYTHONPATH": str(checkout), "XDG_CACHE_HOME": str(home)}
+        environment |= {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+        for name in ("SWEEP_CACHE", "NUMBA_CACHE_DIR"):  # would come first
+            environment.pop(name, None)
+
+        def command(*arguments: str, status: int = 0) -> Callable[[], Waited]:
+            def run() -> Waited:
+                return timed([*PROGRAM, *arguments], home, environment, status)
+
+            return run
+
+        def without_cells(*arguments: str) -> Callable[[], Waited]:
+            def run() -> Waited:
+                shutil.rmtree(home / "cells", ignore_errors=True)
+                return command(*arguments, f"cache={home}/cells")()
+
+            return run
+
+        def profile() -> Waited:
+            return timed(["-c", PROFILE], home, environment, 0)
+
+        runs = {
+            "--help": command("--help"),
+            "refusal": command(*REFUSED, status=2),
+            "range profile, first": profile,
+            "range profile, again": profile,
+            "smoke, first": without_cells(*SMOKE, f"store={home}/first.zarr"),
+            "smoke, compiled": without_cells(*SMOKE, f"store={home}/smoke.zarr"),
+            "paper, compiled": without_cells(*PAPER, f"store={home}/paper.zarr"),
+            "paper, again": command(*PAPER, f"store={home}/paper.zarr", f"cache={home}/cells"),
+        }
+        return [(step, run()) for step, run in runs.items()]
+
+
+def timed(
+    arguments: Sequence[str], folder: Path, environment: Mapping[str, str], status: int
+) -> Waited:
+    """Return the times of a command in a folder; RuntimeError if it ends with another status."""
+    start = time.perf_counter()
+    seconds: dict[str, float] = {}
+    work = math.nan
+    command = [sys.executable, *arguments]
+    with subprocess.Popen(
+        command,
+        cwd=folder,
+        env=dict(environment),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stderr is not None
+        compiling = 0.0
+        for line in process.stderr:
+            now = time.perf_counter() - start
+            if COMPILING in seconds:
+                compiling += now - seconds.pop(COMPILING)
+            for said in (PLANNED, COMPILING, DONE):
+                if said in line:
+                    seconds[said] = now
+            if found := re.search(r"work ([\d.]+) s", line):
+                work = float(found[1])
+    if process.returncode != status:
+        raise RuntimeError(f"`{' '.join(command)}` exited with {process.returncode}")
+    end = time.perf_counter() - start
+    return Waited(
+        end,
+        seconds.get(PLANNED, math.nan),
+        compiling or math.nan,
+        seconds.get(DONE, math.nan),
+        work,
+    )

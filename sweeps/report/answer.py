@@ -1,0 +1,164 @@
+"""The one table of the screen: the swept axis down, and classifiers, or figures, across."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from sweeps.report.contest import Rival, contest, main_axis
+from sweeps.report.frames import Frame, values_of
+from sweeps.report.headline import settings_of
+from sweeps.report.pivot import Entry, Line, Table, at_main, entry, laid_out
+from sweeps.report.terminal import fitting
+from sweeps.report.words import MAIN
+
+MOST_ROWS, MOST_ACROSS, WIDEST = 12, 6, 80
+
+
+def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
+    """Return the main table of a store, of at most 12 rows, no wider than 80 cells or a width.
+
+    Several classifiers stand across, the best first, or down where there is no axis; of a single
+    one, and of other results, the figures stand across.
+    """
+    axis, width = main_axis(frame, swept), min(width, WIDEST)
+    rivals = contest(frame, axis)
+    if len(rivals) < 2:
+        frame = _with_second(frame, axis)
+        table = _of_figures(frame, axis)
+    elif any(rival.axis for rival in rivals):
+        table = _along(frame, axis, rivals)
+    else:
+        table = _of_rivals(frame, rivals)
+    notes = [*table.notes, *_fewer(table, frame, axis)]
+    table = replace(
+        table, lines=tuple(thinned(table.lines, MOST_ROWS) if axis else table.lines[:MOST_ROWS])
+    )
+    table, left_out = _narrowed(table, width)
+    # The headline has the level of chance, and the setting of the first.
+    said = (*notes, left_out, _other_settings(frame, rivals))
+    return replace(table, notes=tuple(text for text in said if text))
+
+
+def _other_settings(frame: Frame, rivals: Sequence[Rival]) -> str:
+    """Return a sentence on the settings of the others that are not those of the first."""
+    first, others = settings_of(frame, rivals[0]) if rivals else {}, dict[str, list[str]]()
+    for rival in rivals[1:]:
+        for words, value in settings_of(frame, rival).items():
+            if first.get(words) != value and value not in others.setdefault(words, []):
+                others[words].append(value)
+    listed = [f"{words} {' or '.join(values)}" for words, values in others.items() if values]
+    return f"The others at {', '.join(listed)}, where it applies." if listed else ""
+
+
+def thinned(lines: Sequence[Line], most: int) -> list[Line]:
+    """Return at most so many rows, spaced evenly, the first and the last among them."""
+    if len(lines) <= most:
+        return list(lines)
+    step = (len(lines) - 1) / (most - 1)
+    return [lines[round(step * place)] for place in range(most)]
+
+
+def _along(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
+    """Return the main figure by an axis, one column for each rival that depends on it."""
+    along, column = [rival for rival in rivals if rival.axis], frame.columns[axis]
+    labels = [dict(zip(r.frame.rows[axis], r.frame.rows.index, strict=True)) for r in along]
+    values = [v for v in values_of(frame.rows, axis) if any(v in of for of in labels)]
+    lines = [
+        Line((value,), (column.text(value),), tuple(_cell(frame, of.get(value)) for of in labels))
+        for value in values
+    ]
+    others = [f"{r.name} {_text(frame, r)}" for r in rivals if not r.axis]
+    notes = [f"Whatever the {column.words}: {'; '.join(others)}."] if others else []
+    return Table(
+        frame.name, frame.title, (column,), tuple(r.name for r in along), tuple(lines), tuple(notes)
+    )
+
+
+def _of_rivals(frame: Frame, rivals: Sequence[Rival]) -> Table:
+    """Return the main figure of each rival, by the axis across unless that has an overall value."""
+    names = list(dict.fromkeys(name for rival in rivals for name in rival.of))
+    words = ", ".join(frame.columns[name].words for name in names)
+    column = replace(frame.columns[names[0]], words=words, unit="")
+    table = laid_out(_at_overall(at_main(frame, names)).of_axes([*names, frame.across]))
+    by_name = {", ".join(filter(None, line.keys)): line for line in table.lines}
+    lines = [replace(by_name[r.name], keys=(r.name,)) for r in rivals if r.name in by_name]
+    lines = [replace(one, cells=tuple(map(_without_article, one.cells))) for one in lines]
+    return replace(table, down=(column,), lines=tuple(lines), notes=())
+
+
+def _of_figures(frame: Frame, axis: str) -> Table:
+    """Return the figures by an axis, or the main one by the axis across."""
+    at = _at_overall(at_main(frame, [axis] * bool(axis)))
+    table = laid_out(at.of_axes([axis, at.across]))
+    lines = [replace(one, cells=tuple(map(_without_article, one.cells))) for one in table.lines]
+    return replace(table, lines=tuple(lines), notes=())
+
+
+def _with_second(frame: Frame, axis: str) -> Frame:
+    """Return a frame of a single figure with another axis of few values across."""
+    if not axis or frame.across or len(frame.figures) > 1:
+        return frame
+    others = [name for name in frame.several if name not in (axis, *frame.down)]
+    few = [name for name in others if frame.rows[name].nunique() <= MOST_ACROSS]
+    return replace(frame, across=next(iter(few), ""))
+
+
+def _at_overall(frame: Frame) -> Frame:
+    """Return a frame at the overall value of its axis across, if it has one."""
+    overall = MAIN["aspect_bin"]
+    if not frame.across or not (frame.rows[frame.across] == overall).any():
+        return frame
+    return frame.at({frame.across: overall})
+
+
+def _fewer(table: Table, frame: Frame, axis: str) -> list[str]:
+    """Return a sentence on the rows of a table that are not shown, if any."""
+    count = len(table.lines)
+    if count <= MOST_ROWS:
+        return []
+    if axis:
+        return [f"{MOST_ROWS} of {count} values of {frame.columns[axis].words}, evenly spaced."]
+    return [f"{count - MOST_ROWS} more are in {table.name}.csv."]
+
+
+def _narrowed(table: Table, width: int) -> tuple[Table, str]:
+    """Return a table that fits in a width, without intervals or last columns, and what it lacks."""
+    if fitting(table, width) == len(table.heads):
+        return table, ""
+    cells = [[Entry(cell.text) for cell in line.cells] for line in table.lines]
+    plain = replace(
+        table,
+        lines=tuple(
+            replace(one, cells=tuple(of)) for one, of in zip(table.lines, cells, strict=True)
+        ),
+    )
+    count = fitting(plain, width)
+    lines = tuple(replace(line, cells=line.cells[:count]) for line in plain.lines)
+    left = len(table.heads) - count
+    what = "Intervals" if any(cell.interval for cell in _cells(table)) else ""
+    more = f"{left} more column{'s' * (left > 1)}" if left else ""
+    said = " and ".join(filter(None, [what, more]))
+    verb = "is" if said.startswith("1 ") else "are"
+    return replace(plain, heads=table.heads[:count], lines=lines), (
+        f"{said} {verb} in {table.name}.csv." if said else ""
+    )
+
+
+def _cells(table: Table) -> list[Entry]:
+    return [cell for line in table.lines for cell in line.cells]
+
+
+def _cell(frame: Frame, label: Any) -> Entry:
+    return _without_article(entry(frame, label, frame.figures[0]))
+
+
+def _without_article(cell: Entry) -> Entry:
+    return replace(cell, article="")
+
+
+def _text(frame: Frame, rival: Rival) -> str:
+    """Return the main figure of a rival with its interval."""
+    cell = _cell(frame, rival.frame.rows.index[0])
+    return f"{cell.text} [{cell.interval}]" if cell.interval else cell.text

@@ -1,0 +1,120 @@
+"""Classifiers compared along the swept axis, the best first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pandas as pd
+
+from sweeps.report.frames import Frame, values_of
+from sweeps.report.pivot import at_main, in_words
+from sweeps.report.words import SIMPLEST, missing, preferred
+
+SCORES, SHIP = "scores", "ship"
+UNTESTED = ("training", "learned")  # kinds of scores that are none of tests
+FALLBACK = "frame_count"  # the axis of scores where nothing was swept
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One classifier's results at the preferred setting, in the order of an axis.
+
+    `axis` is empty if the results do not depend on it.
+    """
+
+    of: Mapping[str, Any]  # the classifier, by the columns that name it
+    frame: Frame
+    axis: str
+
+    @cached_property
+    def name(self) -> str:
+        """The classifier in words."""
+        columns = self.frame.columns
+        return ", ".join(columns[key].text(v) for key, v in self.of.items() if not missing(v))
+
+    @property
+    def mean(self) -> float:
+        """Mean of the main figure along the axis."""
+        return float(self.frame.rows[self.frame.figures[0]].mean())
+
+    @property
+    def complexity(self) -> tuple[Any, ...]:
+        """Where the classifier, then its sensor, stand among others, the simplest first."""
+        ranks = [SIMPLEST.index(v) if v in SIMPLEST else len(SIMPLEST) for v in self.of.values()]
+        return ("both" in self.of.values(), *ranks)
+
+
+def main_frame(frames: Mapping[str, Frame]) -> Frame:
+    """Return the table that the first answer is about: of scores those of tests, else the first."""
+    if SCORES not in frames:
+        return next(iter(frames.values()))
+    scores = frames[SCORES]
+    return scores.where(~scores.rows.kind.isin(UNTESTED))
+
+
+def main_axis(frame: Frame, swept: Sequence[str]) -> str:
+    """Return the column of the axis that results run along; empty if there is none.
+
+    The first of the swept axes, or that of most values where no axes are declared, numbers before
+    words; without any, the number of frames, then the axis of most numbers.
+    """
+    axes = [name for name in frame.several if name not in (frame.across, *in_words(frame))]
+    axes.sort(key=lambda name: name in frame.down)
+    numeric = [name for name in axes if frame.rows[name].dtype.kind in "fiu"]
+    asked = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
+    if not frame.down:
+        asked.sort(key=lambda name: -frame.rows[name].nunique())
+    most = sorted(numeric, key=lambda name: -frame.rows[name].nunique())
+    usual = [name for name in numeric if name == FALLBACK]
+    return next(iter([*(n for n in asked if n in numeric), *asked, *usual, *most, *axes]), "")
+
+
+def contest(frame: Frame, axis: str) -> list[Rival]:
+    """Return the rivals of a table that have results along an axis.
+
+    Percentages with a level of chance are ranked by their mean, and equal ones by simplicity;
+    others stay in their order, after the one that is shown first.
+    """
+    figure, names = frame.figures[0], _names(frame, axis)
+    at = at_main(frame, [*names, *[axis] * bool(axis)])
+    if across := at.across:
+        at = at.at({across: preferred(at.columns[across].axis, values_of(at.rows, across))})
+    at = at.where(at.rows[figure].notna())
+    if "scored" in names and (at.rows.scored == SHIP).any():
+        at = at.where(at.rows.scored == SHIP)
+    groups = at.rows.groupby(names, dropna=False, sort=False) if names else [((), at.rows)]
+    shown = [name for name in names if name in at.several]
+    rivals = []
+    for of, rows in groups:
+        named = {name: value for name, value in zip(names, of, strict=True) if name in shown}
+        rivals.append(
+            _rival(at.where(rows.index), named or dict(zip(names, of, strict=True)), axis)
+        )
+    rivals = [rival for rival in rivals if len(rival.frame.rows)]
+    if not frame.of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
+        first = {n: preferred(frame.columns[n].axis, values_of(at.rows, n)) for n in shown}
+        return sorted(rivals, key=lambda rival: rival.of != first)
+    return sorted(rivals, key=lambda rival: (-round(rival.mean, 6), rival.complexity))
+
+
+def _names(frame: Frame, axis: str) -> list[str]:
+    """Return the columns that name a rival: declared ones of words, else the first of words."""
+    names = [name for name in frame.down if frame.rows[name].dtype == object and name != axis]
+    if names or frame.down:
+        return names
+    words = [n for n in frame.several if frame.rows[n].dtype == object]
+    return [name for name in words if name not in (axis, frame.across)][:1]
+
+
+def _rival(frame: Frame, of: Mapping[str, Any], axis: str) -> Rival:
+    """Return a rival with one row for each value of the axis that its results depend on."""
+    applies = bool(axis) and bool(frame.rows[axis].notna().any())
+    if not applies:
+        return Rival(of, frame.where(frame.rows.index[:1]), "")
+    rows = frame.rows[frame.rows[axis].notna()].drop_duplicates(axis)
+    if pd.api.types.is_numeric_dtype(rows[axis]):
+        rows = rows.sort_values(axis)
+    return Rival(of, frame.where(rows.index), axis)

@@ -1,0 +1,80 @@
+"""Meanings of the words of tables: the glossary, which `--explain` prints and pages point to."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import sys
+import textwrap
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+GLOSSARY = Path(__file__).with_name("glossary.md")
+WIDTH, NEAR = 79, 4
+_ENTRY = re.compile(r"^((?:[^\s`].*\n)+)((?:  .*\n)+)", re.MULTILINE)
+_MARKUP = (
+    (re.compile(r",? ?\[theory\]\([^)]*\)"), ""),
+    (re.compile(r"\[([^]]*)\]\([^)]*\)"), r"\1"),
+    (re.compile(r"[`*]"), ""),
+)
+
+
+@cache
+def glossary() -> dict[tuple[str, ...], str]:
+    """Return the meaning of each term by its names, the first of which is the usual one."""
+    found = _ENTRY.findall(GLOSSARY.read_text(encoding="utf-8"))
+    return {tuple(names.splitlines()): _plain(text) for names, text in found}
+
+
+def meaning(word: str) -> str:
+    """Return the meaning of a word in any case; empty if the glossary lacks it."""
+    return _by_word().get(_folded(word), ("", ""))[1]
+
+
+def said(command: str, word: str) -> int:
+    """Print the meaning of a word, or all words without one; return the exit status of a command.
+
+    A word that the glossary lacks is refused in one sentence with those near to it.
+    """
+    with suppress(BrokenPipeError):
+        if not word:
+            print("\n".join(", ".join(names) for names in glossary()), flush=True)
+            return 0
+        if known := _by_word().get(_folded(word)):
+            print(known[0])
+            print(textwrap.fill(known[1], WIDTH, initial_indent="  ", subsequent_indent="  "))
+            return 0
+        print(
+            f"{command}: --explain has {word!r}, but must be a word of the glossary, {_near(word)}",
+            file=sys.stderr,
+        )
+        return 2
+    return 1
+
+
+def _near(word: str) -> str:
+    """Return the terms that are spelt like a word, or have it among their words."""
+    by_word, asked = _by_word(), _folded(word)
+    close = difflib.get_close_matches(asked, by_word, NEAR)
+    close += [one for one in by_word if set(asked.split()) & set(one.split())]
+    terms = list(dict.fromkeys(by_word[one][0] for one in close))[:NEAR]
+    return f"such as {', '.join(terms)}" if terms else "which --explain alone lists"
+
+
+@cache
+def _by_word() -> dict[str, tuple[str, str]]:
+    """Return the usual name and the meaning of each term, by any of its names."""
+    return {_folded(name): (names[0], text) for names, text in glossary().items() for name in names}
+
+
+def _folded(word: str) -> str:
+    return re.sub(r"[\s_-]+", " ", word).strip().casefold()
+
+
+def _plain(text: str) -> str:
+    """Return a text without markup, on one line."""
+    text = " ".join(text.split())
+    for pattern, instead in _MARKUP:
+        text = pattern.sub(instead, text)
+    return text

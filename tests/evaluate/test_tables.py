@@ -1,0 +1,45 @@
+"""Scores as tables and pictures: their numbers are those of the scores."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from ncti.evaluate import accuracy_by_aspect, score
+
+ASPECTS = [0, 3, 40, 80]
+RIGHT = np.array([[True, True, False, False], [True, False, False, True]])
+
+
+def test_accuracies_are_tables_by_bin_with_their_intervals():
+    accuracy = accuracy_by_aspect(RIGHT, ASPECTS)
+    found = accuracy.to_xarray()
+    assert found.fraction.dims == ("aspect_bin",)
+    assert found.aspect_bin.values.tolist() == ["0-3", "40", "80", "overall"]
+    np.testing.assert_array_equal(found.fraction, accuracy.fraction)
+    frame = accuracy.to_pandas()
+    assert frame.loc["0-3", "fraction"] == 0.75 and frame.loc["overall", "n"] == 8
+    shown = accuracy._repr_html_()
+    low, high = (100 * each[0] for each in (accuracy.ci_low, accuracy.ci_high))
+    assert f"75 [{low:.0f}-{high:.0f}]" in shown
+
+
+def test_leading_axes_stay_axes_and_are_not_drawn():
+    several = accuracy_by_aspect(np.stack([RIGHT, ~RIGHT]), ASPECTS)
+    assert several.to_xarray().sizes == {"dim_0": 2, "aspect_bin": 4}
+    assert len(several.to_pandas()) == 8
+    with pytest.raises(ValueError, match=r"fraction has shape \(2, 4\)"):
+        several.plot()
+
+
+def test_scores_are_a_confusion_and_its_picture():
+    mpl.use("Agg")
+    truth, named = ["duncan", "duncan", "texas"], ["duncan", "texas", "texas"]
+    scores = score(truth, named, aspect=[0, 40, 80], groups=[0, 1, 2])
+    confusion = scores.to_pandas()
+    assert confusion.loc["duncan", "texas"] == 1 and confusion.loc["texas", "duncan"] == 0
+    assert "nan" not in scores._repr_html_()
+    cells = [text.get_text() for text in scores.plot().texts]
+    assert cells == ["50", "50", "0", "100"]
+    drawn = scores.accuracy.plot()
+    assert drawn.get_ylabel() == "correct answers [%]"
+    mpl.pyplot.close("all")

@@ -1,0 +1,54 @@
+"""`--explain`: every word of the tables has a meaning, and near words are named for others."""
+
+import pytest
+from commands import ran
+from pages import read_page
+from rich.cells import cell_len
+from stores import reported
+
+from sweeps.report.explain import glossary, meaning
+from sweeps.report.frames import read_frames
+from sweeps.report.places import page_file
+
+ABBREVIATIONS = ("ACN", "MNN", "IFOV", "CNR", "NEdT", "chance", "n", "interval", "vigilance")
+
+
+@pytest.mark.parametrize(
+    "word", [*ABBREVIATIONS, "acn", "points below bound", "frame_count", "Range-Profile"]
+)
+def test_both_commands_print_the_entry_of_the_glossary(word, monkeypatch, capsys):
+    assert reported(monkeypatch, "--explain", *word.split()) == 0
+    found = capsys.readouterr()
+    assert ran("--explain", *word.split()) == 0
+    assert capsys.readouterr() == found
+    term, *lines = found.out.splitlines()
+    assert any(term in names for names in glossary()) and found.err == ""
+    assert " ".join("".join(f"{line} " for line in lines).split()) == meaning(word)
+    assert max(map(cell_len, lines)) < 80 and not set("`*[") & set(found.out)
+
+
+@pytest.mark.parametrize(
+    ("word", "near"),
+    [("ACM", "ACN"), ("vigilanse", "vigilance"), ("qqq", "--explain")],
+)
+def test_an_unknown_word_is_refused_with_near_ones(word, near, monkeypatch, capsys):
+    status = reported(monkeypatch, "--explain", word)
+    said = capsys.readouterr()
+    assert status == 2 and said.out == "" and said.err.count("\n") == 1
+    assert repr(word) in said.err and near in said.err
+
+
+def test_every_head_of_a_table_has_a_meaning(smoke_store):
+    for frame in read_frames(smoke_store).values():
+        names = [*frame.figures, *frame.several]
+        words = {frame.columns[name].words for name in names}
+        assert not {word for word in words if not meaning(word)}, frame.name
+
+
+def test_heads_of_the_page_point_to_it(smoke_store):
+    page = read_page(page_file(smoke_store))
+    section = page.root.one("section", id="table-scores")
+    heads = {one.text: one.attrs.get("title") for one in section.all("th", scope="col")}
+    assert heads["pulse width [ns]"] == meaning("pulse width")
+    assert meaning("classifier") in heads["classifier, channel, scored"]
+    assert heads["overall"] == meaning("overall")
