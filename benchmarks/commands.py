@@ -1,22 +1,25 @@
-"""Runs of the command `ncti-sweep`: time, memory, and the work of its stages."""
+"""Runs of the command `ncti-sweep`: time, memory and work; and sweeps in this process."""
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.processes import Run, watch
+from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.run.schedule import Watch
+from sweeps.engine.store.sweeping import RunOptions
+from sweeps.engine.store.sweeping import sweep as sweep_plan
 from sweeps.stages.views import cache_folder
 
 PROGRAM = ("-m", "sweeps.app")
 CORES = 2
 
-SUMMARY = re.compile(
-    r"(?P<done>[\d,]+) cells computed, (?P<reused>[\d,]+) reused, .*; work (?P<work>[\d.]+) s"
-)
+SUMMARY = re.compile(r"(?P<done>[\d,]+) cells computed, .*; work (?P<work>[\d.]+) s")
+"""Of `sweeps.engine.run.progress.summary`."""
 
 
 @dataclass(frozen=True)
@@ -27,15 +30,14 @@ class Swept:
     ----------
     run : Run
         Time and memory.
-    made, reused : int
-        Cells that it made, and found.
+    made : int
+        Number of cells computed.
     work : float
         Time that all calls of stages took, those of all workers added [s].
     """
 
     run: Run
     made: int
-    reused: int
     work: float
 
     @property
@@ -55,13 +57,12 @@ def new_folder(folder: Path) -> Path:
 
 
 def sweep(overrides: Sequence[str], folder: Path) -> Swept:
-    """Run `ncti-sweep` with its cache in a folder.
+    """Run `ncti-sweep` with its cache and the store `sweep.zarr` in a folder.
 
     Parameters
     ----------
     overrides : sequence of str
-        Its arguments. With a launcher of Hydra's among them, every job has a store in Hydra's
-        folder, else the store is `sweep.zarr` in the folder.
+        Its other arguments.
     folder : Path
         See `new_folder`.
 
@@ -74,25 +75,21 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
     RuntimeError
         If it fails, or does not say what it did.
     """
-    keys = {"cache": folder / "cache"}
-    if any(override.startswith("hydra/") for override in overrides):
-        keys["hydra.sweep.dir"] = folder / "hydra"
-    else:
-        keys["store"] = folder / "sweep.zarr"
-    arguments = [*overrides, *(f"{key}={value}" for key, value in keys.items())]
+    arguments = [*overrides, f"cache={folder / 'cache'}", f"store={folder / 'sweep.zarr'}"]
     run = watch([sys.executable, *PROGRAM, *arguments], cores=CORES)
-    rows = list(sweeps_printed(run.output))
-    if not rows:
+    found = SUMMARY.search(run.output)
+    if found is None:
         raise RuntimeError(f"`{' '.join([*PROGRAM, *arguments])}` printed no summary of a sweep")
-    done, reused, work = (sum(values) for values in zip(*rows, strict=True))
-    return Swept(run, int(done), int(reused), work)
+    return Swept(run, int(found["done"].replace(",", "")), float(found["work"]))
 
 
-def sweeps_printed(output: str) -> Iterator[tuple[int, int, float]]:
-    """Yield cells computed, cells reused and work [s] of every sweep of which a command printed.
+def completed(plan: Plan, options: RunOptions) -> None:
+    """Sweep a plan from this process, without a word.
 
-    The sentences are those of `sweeps.engine.run.progress.summary`.
+    Raises
+    ------
+    RuntimeError
+        If a cell fails.
     """
-    for found in SUMMARY.finditer(output):
-        done, reused = (int(found[name].replace(",", "")) for name in ("done", "reused"))
-        yield done, reused, float(found["work"])
+    for cell, reason in sweep_plan(plan, options, Watch(lambda sentence: None)).failures:
+        raise RuntimeError(f"{cell}: {reason}")

@@ -1,14 +1,11 @@
-"""Results of a benchmark, printed as a table and written as JSON."""
+"""Tables of measurements, printed on the screen and written as JSON."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import platform
 import statistics
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -18,9 +15,6 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-
-WIDTH = 120
-"""Columns of a line of prose in a page."""
 
 
 @dataclass(frozen=True)
@@ -85,36 +79,17 @@ def machine() -> dict[str, str]:
 def show(report: Report, console: Console) -> None:
     """Print a report."""
     table = Table(title=escape(report.title), title_justify="left")
-    for column in report.columns:
+    headings, *rows = cells(report)
+    for column, heading in zip(report.columns, headings, strict=True):
         text = column.spec == "s"
-        table.add_column(escape(column.heading), justify="left" if text else "right", no_wrap=True)
-    for row in report.rows:
-        cells = (_text(row.get(column.key), column.spec) for column in report.columns)
-        table.add_row(*map(escape, cells))
+        table.add_column(escape(heading), justify="left" if text else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*map(escape, row))
     wide = console.options.update(max_width=1000)
     console.width = max(console.width, 100, console.measure(table, options=wide).maximum)
     console.print(table)
     for note in report.notes:
         console.print(note, style="dim", highlight=False, markup=False)
-
-
-def to_markdown(report: Report) -> str:
-    """Return a report as a table of Markdown, its notes below."""
-
-    def line(cells: Iterable[str]) -> str:
-        return "| " + " | ".join(cells) + " |\n"
-
-    heads, *rows = map(line, _cells(report))
-    rules = line("---" if column.spec == "s" else "--:" for column in report.columns)
-    notes = (f"\n{_wrapped(note)}\n" for note in report.notes)
-    return heads + rules + "".join(rows) + "".join(notes)
-
-
-def to_csv(report: Report) -> str:
-    """Return the table of a report as CSV, with the same text in its cells and without notes."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(_cells(report))
-    return text.getvalue()
 
 
 def write_json(path: Path, where: Mapping[str, str], reports: Mapping[str, Report]) -> None:
@@ -123,18 +98,11 @@ def write_json(path: Path, where: Mapping[str, str], reports: Mapping[str, Repor
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def _cells(report: Report) -> Iterator[list[str]]:
+def cells(report: Report) -> Iterator[list[str]]:
     """Yield the headings, then the text of each row."""
     yield [column.heading for column in report.columns]
     for row in report.rows:
         yield [_text(row.get(column.key), column.spec) for column in report.columns]
-
-
-def _wrapped(note: str) -> str:
-    """Return a note in lines of a page, none of which begins with %, a comment's mark in MyST."""
-    glued = note.replace(" %", "\N{NO-BREAK SPACE}%")
-    lines = textwrap.fill(glued, WIDTH, break_long_words=False, break_on_hyphens=False)
-    return lines.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _text(value: Any, spec: str) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -16,9 +14,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 import ncti.ships
-from benchmarks.classifiers import Task, name_one_by_one, name_together, source_task
+from benchmarks.classifiers import PASSES, Task, source_task
 from benchmarks.reports import Column, Report, Sample
+from benchmarks.timing import in_turn, patched
 from benchmarks.views import DEPRESSION
+from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster
 from ncti.infrared import contrast, silhouette, thermal_images
 from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
 from ncti.render import LineImage, draw_lines, line_image, range_image, surfaces, threads
@@ -87,7 +87,8 @@ def measure(ship: str, *, repeats: int) -> Report:
     rows = []
     with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
         for skip in skips(ncti.ships.load(ship), source_task()):
-            with_, without = timed(skip, turns=TURNS * repeats)
+            ways = (skip.skipping, skip.plain)
+            with_, without = in_turn(ways, repeats=TURNS * repeats, limit=LONG).T
             rows.append(
                 {
                     "skip": skip.name,
@@ -115,22 +116,6 @@ def measure(ship: str, *, repeats: int) -> Report:
     )
 
 
-def timed(skip: Skip, *, turns: int) -> tuple[Array, Array]:
-    """Seconds of processor of a skip and the plain way, turn by turn, up to a time limit."""
-    taken: list[list[float]] = []
-    while len(taken) <= turns and (len(taken) <= 3 or np.sum(taken) < LONG):
-        ways = (skip.skipping, skip.plain)[:: (-1) ** len(taken)]
-        taken.append([_seconds(way) for way in ways][:: (-1) ** len(taken)])
-    with_, without = np.array(taken[1:]).T
-    return with_, without
-
-
-def _seconds(way: Callable[[], Array]) -> float:
-    start = time.process_time()
-    way()
-    return time.process_time() - start
-
-
 def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
     """Yield every skip of rendering a ship and of classification."""
     yield from of_facets(mesh)
@@ -140,9 +125,31 @@ def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
     yield sea_window(line_image(mesh, **VIEW))
     yield Skip(
         f"similarity shared by {len(VIGILANCES)} vigilances",
-        lambda: name_together(task, VIGILANCES),
-        lambda: name_one_by_one(task, VIGILANCES),
+        lambda: name_together(task),
+        lambda: name_one_by_one(task),
     )
+
+
+def name_one_by_one(task: Task) -> Array:
+    """(vigilance, test): ships that a network for each vigilance names."""
+    return np.array(
+        [
+            AdaptiveClusteringNetwork(vigilance=vigilance, max_passes=PASSES)
+            .fit(task.training, task.ship)
+            .predict(task.tests)
+            for vigilance in VIGILANCES
+        ]
+    )
+
+
+def name_together(task: Task) -> Array:
+    """(vigilance, test): the same from shared cosines."""
+    similarities = Similarities.of(task.training, task.tests)
+    named = []
+    for vigilance in VIGILANCES:
+        found = cluster(similarities, vigilance=vigilance, max_passes=PASSES)
+        named.append(found.names(task.ship)[found.match(similarities)[0]])
+    return np.array(named)
 
 
 def of_facets(mesh: trimesh.Trimesh) -> Iterator[Skip]:
@@ -307,14 +314,3 @@ def _image(mesh: trimesh.Trimesh, engine: str, **view: float) -> Any:
     if engine == "lines":
         return line_image(mesh, **view)
     return range_image(mesh, engine=engine, **view)
-
-
-@contextmanager
-def patched(module: Any, name: str, value: Any) -> Iterator[None]:
-    """Set a module's constant within this context."""
-    kept = getattr(module, name)
-    setattr(module, name, value)
-    try:
-        yield
-    finally:
-        setattr(module, name, kept)

@@ -6,14 +6,10 @@ import sys
 import time
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.settings import Choices, Settings, count, number, read_choices, word
 from sweeps.engine.declare.stage import Experiment, Group, Output, stage
 
-LENGTH = 1000  # floats of a profile
 NAP = 0.1  # s
 
 
@@ -41,12 +37,6 @@ def nothing(
     return 0.0
 
 
-@stage(Output("profile", ("bin",), label="aspect in every bin"), uses=(Grid,), group=Group("toy"))
-def profile(aspect: float) -> NDArray[np.float32]:
-    """Return the aspect, many times."""
-    return np.full(LENGTH, aspect, dtype=np.float32)
-
-
 @stage(Output("nap", label="aspect after a while"), uses=(Grid,), group=Group("toy"))
 def nap(aspect: float) -> float:
     """Return the aspect after a tenth of a second."""
@@ -55,7 +45,6 @@ def nap(aspect: float) -> float:
 
 
 NOTHING = Experiment("toy", "Nothing", (Grid, nothing), code=("benchmarks",))
-PROFILES = Experiment("toy", "Profiles", (Grid, profile), code=("benchmarks",))
 NAPS = Experiment("toy", "Naps", (Grid, nap), code=("benchmarks",))
 
 

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ROOMS = yaml.safe_load(Path(__file__).with_name("rooms.yaml").read_text())
 OTHERS = ("ncti.*", "studies.*")  # packages that have no rule of their own
 OURS = ("ncti", "studies", "sweeps")
-PROJECT = {"ncti", "studies", "sweeps", "benchmarks"}
+PROJECT = {"ncti", "studies", "sweeps", "benchmarks", "docs"}
 ONLY_THE_ENGINE = {"hydra", "omegaconf", "dask", "distributed", "zarr"}
 ALLOWED_OTHERS = {("sweeps.report", "zarr")}  # it reads stores
 OF_THE_EXPERIMENT = (
@@ -72,6 +72,11 @@ CODE = [path for package in OURS for path in modules(package) if "." in name_of(
 @pytest.mark.parametrize("path", CODE, ids=name_of)
 def test_imports_go_one_way(path):
     assert violations(path) == []
+
+
+@pytest.mark.parametrize("path", modules("benchmarks"), ids=name_of)
+def test_benchmarks_know_no_page(path):
+    assert not {name for name in imports(path) if name.split(".")[0] == "docs"}
 
 
 def test_every_rule_is_of_a_room():

@@ -16,10 +16,10 @@ FINE = (6, 7, 8)
 """Harmonics of the strands, in sixteenths of a cycle a line, near the spacing."""
 
 ROUGHNESS, FACTOR, FEW = -0.148, 0.95, 34.0
-"""Of `sampling_error`; `python -m benchmarks calibration` fits the first two again."""
+"""Of `sampling_error`; the first two are fitted by quantile regression."""
 
 PIXELS = 0.6
-"""Of `pixel_error`; `python -m benchmarks pixels` compares it with true errors."""
+"""Of `pixel_error`."""
 
 SLOPE = 1.6
 """Power of the spacing with which the error falls."""
@@ -43,11 +43,10 @@ def sampling_error(
 
     The last factor draws a towards that of a typical ship, which falls as n^-1.6, and the first
     allows for few lines that agree by chance. Quantile regressions on true errors gave the
-    constants (`python -m benchmarks calibration`), also on errors of extents within tolerances,
-    since adding lines until a bound is small enough favours bounds that are too small; `python -m
-    benchmarks tolerances` judges them in other views. The logarithm of the error scatters about any
-    such estimate by 0.25 to 0.45, most after long pulses: the phase of the harmonics at 1/d depends
-    on where the lines lie.
+    constants, also on errors of extents within tolerances, since adding lines until a bound is
+    small enough favours bounds that are too small; docs/accuracy.md judges them in other views. The
+    logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after long pulses:
+    the phase of the harmonics at 1/d depends on where the lines lie.
     """
     if line_count < 1:
         return math.nan
@@ -71,7 +70,7 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
     some 1.5, and that of spreading pixels in range, which all strands share, as fast or faster, so
     that the error of all pixels is a third of it in the median. Its scatter depends on where the
     pixels lie: 98 of 100 are within 0.6 of it, for pixels of 0.09 to 1.4 m and spreads of 0 to 1,
-    in the views that the factor was set on. `python -m benchmarks pixels` judges it by others.
+    in the views that the factor was set on. docs/accuracy.md judges it by others.
     """
     total = float(extent.sum())
     if not total > 0:

@@ -4,8 +4,9 @@ import sys
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import accuracy, engine, views
+from benchmarks import engine, steps, views
 from benchmarks.processes import watch
+from benchmarks.reports import Column, Report, Sample
 from ncti.render import available_engines
 
 TINY = 2.0  # pixels [m]
@@ -67,31 +68,33 @@ def test_watch_sees_the_memory_of_a_child_process():
 
 def test_cells_are_swept_by_workers(monkeypatch):
     monkeypatch.setattr(engine, "FEW", 2500)
-    [row] = engine.measure_cells(most=2500).rows
+    [row] = engine.measure(most=2500).rows
     assert row["cells"] == 2500 and all(0 < row[f"{step}_mib"] < 1000 for step in engine.STEPS)
     assert 0 < row["again"] < row["sweep"]
 
 
 def test_command_prints_and_writes_json(monkeypatch, tmp_path, capsys):
-    def small(ship, *, repeats):
-        return accuracy.measure(ship, repeats=repeats, aspects=(90.0,), pixels=(2.0,))
+    def measured(asked):
+        row = {"ship": asked.ship, "ms": Sample.of(range(asked.repeats))}
+        return Report("Time", (Column("ship", "ship"), Column("ms", "ms", ".1f")), [row])
 
-    monkeypatch.setitem(
-        command.REPORTS, "accuracy", lambda asked: small(asked.ship, repeats=asked.repeats)
-    )
+    monkeypatch.setitem(command.REPORTS, "steps", ("time", measured))
     path = tmp_path / "figures.json"
-    command.main(["accuracy", "--repeats", "2", "--ship", "spruance", "--json", str(path)])
-    assert "spruance" in capsys.readouterr().out
+    command.main(["steps", "--repeats", "2", "--ship", "spruance", "--json", str(path)])
+    assert "spruance │ 0.5 (0.0–1.0)" in capsys.readouterr().out
     written = json.loads(path.read_text())
-    assert written["machine"]["cores"]
-    assert set(written) == {"machine", "accuracy"}
-    row = written["accuracy"]["rows"][0]
-    assert set(row["wall_ms"]) == {"median", "low", "high", "n"}
-    assert row["wall_ms"]["n"] == 2
+    assert set(written) == {"machine", "steps"} and written["machine"]["cores"]
+    [row] = written["steps"]["rows"]
+    assert row["ms"] == {"median": 0.5, "low": 0, "high": 1, "n": 2}
 
 
-def test_every_report_is_explained():
-    assert set(command.MEANINGS) == set(command.REPORTS) | set(command.SETS)
+def test_each_step_is_timed_alone(monkeypatch):
+    """One view of each part: of a flight, of profiles, and of an image at each range."""
+    monkeypatch.setattr(steps, "ASPECTS", (90,))
+    monkeypatch.setattr(steps, "classifiers", lambda mesh: [])
+    rows = steps.measure("duncan", repeats=1).rows
+    assert len(rows) == len({(row["part"], row["step"]) for row in rows}) == 5 + 3 * 4 + 4
+    assert all(row["ms"].low > 0 for row in rows)
 
 
 @pytest.mark.parametrize(

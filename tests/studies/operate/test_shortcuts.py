@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.operate import Setting, compared, planned
+from docs._tables.operate import Setting, compared, planned
 
 TESTS, DRAWS = 240, 8
 VIEWS = planned(TESTS)

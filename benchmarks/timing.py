@@ -1,0 +1,55 @@
+"""Timing of functions in turn, so that all of them suffer alike from other load."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEAST = 3
+"""Rounds that a limit leaves."""
+
+
+def in_turn(
+    calls: Sequence[Callable[[], object]], *, repeats: int, limit: float = np.inf
+) -> NDArray[np.float64]:
+    """Return processor times of calls, forwards and backwards, after a round that is not counted.
+
+    Parameters
+    ----------
+    calls : sequence of callable
+        Functions to time.
+    repeats : int
+        Number of rounds.
+    limit : float
+        Time after which no further round begins, but for the first three [s].
+
+    Returns
+    -------
+    (round, call) float64 ndarray
+        Times [s].
+    """
+    seconds = np.empty((repeats + 1, len(calls)))
+    for turn in range(repeats + 1):
+        if turn > LEAST and seconds[:turn].sum() >= limit:
+            return seconds[1:turn]
+        for k, call in list(enumerate(calls))[:: (-1) ** turn]:
+            start = time.process_time()
+            call()
+            seconds[turn, k] = time.process_time() - start
+    return seconds[1:]
+
+
+@contextmanager
+def patched(module: Any, name: str, value: Any) -> Iterator[None]:
+    """Set a module's constant within this context."""
+    kept = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, kept)

@@ -1,0 +1,207 @@
+"""The command `python -m docs._tables`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping
+
+from rich.console import Console
+
+import ncti.ships
+from benchmarks.reports import Report, show
+from docs._tables import (
+    bounds,
+    budget,
+    coverage,
+    dataset,
+    design,
+    fits,
+    lines,
+    mismatch,
+    operate,
+    pages,
+    reproduced,
+    reproduction,
+    results,
+    scale,
+    splits,
+    tolerances,
+)
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.stages.views import cache_folder
+
+Reports = Report | Mapping[str, Report]
+
+REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
+    "results": (
+        "README.md and results.md: percent correct, as means over --seeds",
+        lambda asked: results.measure(results.Sizes(asked.seeds, parts=tuple(asked.part))),
+    ),
+    "coverage": (
+        "results.md: coverage of these intervals, by repeats of the procedure",
+        lambda asked: coverage.measure(),
+    ),
+    "bounds": (
+        "bounds.md: percent correct of the likelihood, by what it takes as known",
+        lambda asked: bounds.measure(),
+    ),
+    "budget": (
+        "error_budget.md: effect of each approximation on profiles and identification",
+        lambda asked: budget.measure(),
+    ),
+    "mismatch": (
+        "error_budget.md: percent correct by each difference between tests and templates",
+        lambda asked: mismatch.measure(),
+    ),
+    "tolerances": (
+        "accuracy.md: bounds and costs of tolerances, against the reference",
+        lambda asked: tolerances.measure(),
+    ),
+    "pixels": (
+        "accuracy.md: bounds that images of pixels state, against the reference",
+        lambda asked: tolerances.measure_pixels(),
+    ),
+    "lines": (
+        "lines.md: time of a view against error, by pixels, lines and a tolerance",
+        lambda asked: lines.measure(),
+    ),
+    "line_rays": (
+        "lines.md: time of a view by lines and by embree's rays, end-on to abeam",
+        lambda asked: lines.measure_rays(),
+    ),
+    "line_names": (
+        "lines.md: percent correct by pixels, lines and a tolerance",
+        lambda asked: lines.measure_names(),
+    ),
+    "dataset": ("datasets.md: rows of a data set a second", lambda asked: dataset.measure()),
+    "scale": (
+        "scale.md: time, memory, files and bytes of a sweep by number of views, up to --most",
+        lambda asked: scale.measure(most=asked.most),
+    ),
+    "design": (
+        "design_claims.md: the article's statements on the design of its sensors",
+        lambda asked: design.measure(),
+    ),
+    "reproduced": (
+        "reproduction.md: the article's tables over what it leaves open",
+        lambda asked: reproduced.measure(),
+    ),
+    "fit_tolerance": (
+        "reproduction.md: tolerance of the MNN, fitted to Table 2's training row",
+        lambda asked: fits.tolerance(),
+    ),
+    "fit_target_free": (
+        "reproduction.md: target-free IFOVs, fitted to 32 frames near the bow",
+        lambda asked: fits.target_free(),
+    ),
+    "fit_learning_rate": (
+        "reproduction.md: learning rate of the ACN, fitted to Table 3 at 30 ns",
+        lambda asked: fits.learning_rate(),
+    ),
+    "fit_inner_radius": (
+        "reproduction.md: inner radius of log-polar maps, fitted to Table 5 at 25 km",
+        lambda asked: fits.inner_radius(),
+    ),
+    "spread": (
+        "reproduction.md: silhouettes with and without a spread of temperatures",
+        lambda asked: reproduction.spread(),
+    ),
+    "protocol": (
+        "reproduction.md: training aspects beside aspects absent from training",
+        lambda asked: reproduction.protocol(),
+    ),
+    "near_stern": (
+        "article_figures.md: Figure 16, effects of the models and of the flight",
+        lambda asked: reproduction.near_stern(),
+    ),
+    "figures": (
+        "article_figures.md: the article's statements on its figures, measured on ours",
+        lambda asked: reproduction.figures(),
+    ),
+    "operate": (
+        "operate.md: what sensor suffices, what its shortcuts cost, and Sobol indices",
+        lambda asked: operate.measure(),
+    ),
+    "benchmark": (
+        "README.md and benchmark.md: classifiers on splits, as means over ten seeds",
+        lambda asked: splits.measure(),
+    ),
+}
+"""Page of each report with its content, and the function that makes it."""
+
+FITS = (
+    *("fit_tolerance", "fit_target_free", "fit_learning_rate", "fit_inner_radius"),
+    *("spread", "protocol", "near_stern", "figures"),
+)
+"""Reports that `fits` makes together."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line."""
+    parser = _parser()
+    asked = parser.parse_args(arguments)
+    for option, least in (("seeds", results.LEAST_SEEDS), ("most", scale.LEAST_VIEWS)):
+        if (value := getattr(asked, option)) < least:
+            parser.error(f"--{option} is {value}, but must be at least {least}")
+    for ship in ncti.ships.names():
+        # built here, so that no report includes the build
+        ncti.ships.load(ship, cache=cache_folder() / "meshes")
+    console = Console()
+    reports: dict[tuple[str, str], Report] = {}
+    for name in FITS if asked.report == "fits" else (asked.report,):
+        _, measure = REPORTS[name]
+        try:
+            made = measure(asked)
+        except (RuntimeError, ConfigurationError) as error:
+            print(f"{name} failed: {error}", file=sys.stderr)
+            sys.exit(1)
+        tables = {"": made} if isinstance(made, Report) else made
+        for table, report in tables.items():
+            show(report, console)
+            reports[name, table] = report
+    if asked.write:
+        pages.write(reports)
+
+
+def _parser() -> argparse.ArgumentParser:
+    meanings = {name: meaning for name, (meaning, _) in REPORTS.items()}
+    meanings["fits"] = "all of reproduction.md but reproduced, and article_figures.md"
+    parser = argparse.ArgumentParser(
+        prog=pages.PROGRAM,
+        description="Print tables of the pages again.",
+        epilog="\n".join(f"{name:<17} {meaning}" for name, meaning in meanings.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("report", metavar="NAME", choices=list(meanings))
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=results.SEEDS,
+        metavar="N",
+        help=f"results: number of seeds ({results.SEEDS})",
+    )
+    parser.add_argument(
+        "--part",
+        action="append",
+        default=[],
+        choices=results.PARTS,
+        help="results: a part of them, several if repeated; all by default",
+    )
+    parser.add_argument(
+        "--most",
+        type=int,
+        default=scale.MOST,
+        metavar="N",
+        help=f"scale: largest number of views ({scale.MOST})",
+    )
+    parser.add_argument(
+        "--write",
+        action="store_true",
+        help="write them into the pages and CSV files in docs that have them, too",
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Coverage of the intervals of published means, by repeats with other aspects and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmarks.reports import Column, Report
+from docs._tables.repeated import Interval, over_seeds, swept_by_seed
+from docs._tables.result_tables import shares, views_of
+from docs._tables.sweeping import WORKERS
+from sweeps.engine.run.cluster import ClusterChoice
+
+REPEATS, SEEDS, FRESH, STEP = 20, 10, 2, 1.5
+LAST = 90.0
+RANGES = (50, 100)  # km
+CLASSIFIERS = ("acn", "correlation", "likelihood")
+BINS = ("0-30°", "30-60°", "60-90°", "overall")
+ASKED = (
+    *("grid.frame_count=16", f"grid.range=[{','.join(map(str, RANGES))}]", "render.engine=lines"),
+    f"classifier.name=[{','.join(CLASSIFIERS)}]",
+)
+
+
+def measure(
+    repeats: int = REPEATS,
+    seeds: int = SEEDS,
+    last: float = LAST,
+    more: Sequence[str] = (),
+    workers: ClusterChoice = WORKERS,
+) -> Report:
+    """Return how often the interval of a repeat holds the mean of the others.
+
+    Parameters
+    ----------
+    repeats, seeds : int
+        Repeats of the procedure, each with seeds of its own.
+    last : float
+        Last learned aspect [deg].
+    more : sequence of str
+        Arguments of `ncti-sweep` that are added.
+    workers : ClusterChoice
+        Where cells are computed.
+    """
+    answers = swept_by_seed(
+        [*ASKED, *more],
+        [f"classification/{name}" for name in CLASSIFIERS],
+        seeds=repeats * seeds,
+        learned=np.arange(0.0, last + 0.1, STEP).tolist(),
+        fresh=FRESH,
+        label="repeats of the procedure",
+        workers=workers,
+    )
+    rows: list[dict[str, Any]] = []
+    for km in RANGES:
+        for name in CLASSIFIERS:
+            group = f"classification/{name}"
+            row: dict[str, Any] = {"what": f"{km} km: {name}"}
+            for each in BINS:
+                percent = np.reshape(shares(answers, group, each, {"range": km}), (repeats, seeds))
+                row[each] = 100 * covered(percent, views_of(answers, group, each))
+            rows.append(row)
+    mean = {each: float(np.mean([row[each] for row in rows])) for each in BINS}
+    rows.append({"what": "mean"} | mean)
+    return Report(
+        "Coverage of 95 % intervals",
+        (
+            Column("what", f"share of {repeats} repeats [%]"),
+            *(Column(each, each, ".0f") for each in BINS),
+        ),
+        rows,
+        [
+            f"Each repeat has {seeds} seeds, with {FRESH} random aspects in every 30° and draws of "
+            "place and noise of its own. Its interval should hold the mean of the other repeats, "
+            "whose own error is allowed for: 95 % of these do if intervals are right."
+        ],
+    )
+
+
+def covered(percent: np.ndarray, views: int) -> float:
+    """Return the share of (repeat, seed) percentages whose interval holds the mean of the others.
+
+    The interval is as much wider as the error of that mean takes, which is known 1 / (repeats - 1)
+    times as well.
+    """
+    wider = np.sqrt(1 + 1 / (len(percent) - 1))
+    held = []
+    for k, own in enumerate(percent):
+        interval: Interval = over_seeds(own, views=views)
+        truth = float(np.delete(percent, k, axis=0).mean())
+        low = interval.mean - wider * (interval.mean - interval.low)
+        high = interval.mean + wider * (interval.high - interval.mean)
+        held.append(low <= truth <= high)
+    return float(np.mean(held))

@@ -1,0 +1,296 @@
+"""Parameters fitted to the source's figures, and checked against its other figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from benchmarks.reports import Column, Report
+from docs._tables.sweeping import swept
+from ncti.article import article_figures
+from ncti.classify import Similarities, cluster
+from ncti.evaluate import aspect_bins
+from ncti.features import profile_vector
+
+GROUPS = ("0-27°", "30-57°", "60-90°")
+FRAMES = (32, 16, 8, 4)  # the rows of the source's Tables 2 and 4
+VIEW = ("ship", "aspect")
+DRAWN = ("seed", "replicate", "phase", "order", "draw")
+
+DRAWS = ("grid.replicate=2", "seed=[0,1,2,3]")
+MNN = ("classifier=mnn", "grid.replicate=2", "seed=[0,1,2,3,4,5,6,7]")
+TOLERANCES = (0.1, 0.3, 0.35, 0.4)
+ACN = ("classifier.name=[acn,mnn]", "grid.pulse_width=[10,30,50]", *DRAWS)
+TARGET_FREE = (0, 1000, 2000, 4000, 6000, 16000)
+INFRARED = ("sensor=infrared", "infrared.frame_count=16", "infrared.vigilance=0.87")
+RADII = (0.4, 0.45, 0.5, 0.55, 0.6, 0.7)
+RATES = (0.03, 0.1, 0.3)
+ORDERS = 24
+
+Floats = NDArray[np.float64]
+
+
+def percent(correct: xr.DataArray) -> xr.DataArray:
+    """(..., group) float64 DataArray: percent of the (..., ship, aspect) answers that are right.
+
+    Views with a negative answer were not asked.
+    """
+    labels, index = aspect_bins(correct.aspect.values)
+    right = xr.where(correct >= 0, 100.0 * (correct == 1), np.nan)
+    of_bins = [right.isel(aspect=index == k).mean(VIEW) for k in range(len(labels))]
+    return xr.concat(of_bins, "group").transpose(..., "group")
+
+
+def overall(correct: xr.DataArray) -> xr.DataArray:
+    """Return the percentage of right answers, (ship, aspect) pooled."""
+    return xr.where(correct >= 0, 100.0 * (correct == 1), np.nan).mean(VIEW)
+
+
+def mean_and_error(draws: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
+    """Return the mean over all draws, and its standard error.
+
+    Draws of several kinds are crossed, such as phases on the detector and orders of presentation:
+    the variances of the means of each kind are added, over their numbers.
+    """
+    kinds = [dim for dim in DRAWN if draws.sizes.get(dim, 1) > 1]
+    variance = xr.zeros_like(draws.mean(kinds))
+    for kind in kinds:
+        of_kind = draws.mean([dim for dim in kinds if dim != kind])
+        variance = variance + of_kind.var(kind, ddof=1) / draws.sizes[kind]
+    return draws.mean(kinds), variance**0.5
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some figures of the source, and ours for every value of a parameter.
+
+    Attributes
+    ----------
+    name : str
+        Heading.
+    ours : DataArray
+        Percent, along the parameter, draws, and the dimensions of the source's figures.
+    source : array_like
+        The source's figures, in percent.
+    over : tuple of str
+        Dimensions of the source's figures.
+    """
+
+    name: str
+    ours: xr.DataArray
+    source: ArrayLike
+    over: tuple[str, ...] = ("group",)
+
+    def distance(self, parameter: str) -> tuple[Floats, Floats]:
+        """Return root mean square distances for every value of the parameter.
+
+        Of the mean to the source, and what is expected of a single draw to the mean.
+        """
+        source = xr.DataArray(np.asarray(self.source, dtype=np.float64), dims=self.over)
+        draws = [dim for dim in DRAWN if dim in self.ours.dims]
+        apart = ((self.ours.mean(draws) - source) ** 2).mean(self.over) ** 0.5
+        single = self.ours.var(draws, ddof=1).mean(self.over) ** 0.5
+        return apart.transpose(parameter).values, single.transpose(parameter).values
+
+
+def fit_rows(
+    parameter: str, default: float, parts: Sequence[Part], shown: Mapping[str, xr.DataArray]
+) -> list[dict[str, Any]]:
+    """Return a row for every value of a parameter; the best of each part is marked by a star.
+
+    Parameters
+    ----------
+    parameter : str
+        Its dimension.
+    default : float
+        Value in the project's settings, which is named.
+    parts : sequence of Part
+        What is compared.
+    shown : mapping of str to DataArray
+        Further figures by heading, with draws: their mean and two standard errors.
+    """
+    values = parts[0].ours[parameter].values
+    rows: list[dict[str, Any]] = [
+        {"value": f"{value:g}" + (" (default)" if value == default else "")} for value in values
+    ]
+    for part in parts:
+        apart, single = part.distance(parameter)
+        for k, row in enumerate(rows):
+            best = " *" if k == apart.argmin() else ""
+            row[part.name] = f"{apart[k]:.1f} ({single[k]:.1f}){best}"
+    for name, draws in shown.items():
+        mean, error = mean_and_error(draws.transpose(parameter, ...))
+        for row, one, its in zip(rows, mean.values, error.values, strict=True):
+            row[name] = with_errors(one, its)
+    return rows
+
+
+def with_errors(mean: ArrayLike, error: ArrayLike) -> str:
+    """Return figures with two standard errors, separated by slashes."""
+    pairs = zip(np.atleast_1d(mean), np.atleast_1d(error), strict=True)
+    return " / ".join(f"{one:.0f} ± {2 * its:.0f}" for one, its in pairs)
+
+
+def fit_report(
+    title: str, overrides: Sequence[str], heading: str, rows: list[dict[str, Any]], notes: list[str]
+) -> Report:
+    """Return the report of a fit, all columns but the first as they come."""
+    names = [name for name in rows[0] if name != "value"]
+    columns = (Column("value", heading), *(Column(name, name) for name in names))
+    return Report(title, columns, rows, [f"`ncti-sweep {' '.join(overrides)}`. {notes[0]}"])
+
+
+DISTANCES = (
+    "Root mean square distance to the source's figures [points], in brackets that of a single "
+    "draw from the mean; * the smallest of a column. Others: percent correct ± two standard "
+    "errors of the mean over draws. "
+)
+
+
+def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANCES) -> Report:
+    """MNN tolerance: fitted to Table 2's training rows, judged by its test rows."""
+    asked = [*overrides, f"classifier.mnn.tolerance=[{','.join(map(str, values))}]"]
+    answers = swept(asked, ["classification/mnn"])["classification/mnn"]
+    table = article_figures()["table2_percent_correct"]
+    answers = answers.squeeze(drop=True)
+    trained, tested = percent(answers.training_correct), percent(answers.correct)
+    counts = [count for count in FRAMES if count in answers.frame_count]
+    parts = [
+        Part("training, fitted", trained, table["training"]),
+        *(
+            Part(f"{count} frames", tested.sel(frame_count=count), table["frames"][count])
+            for count in counts
+        ),
+    ]
+    shown = {
+        "training [%]": trained,
+        "16 frames [%]": tested.sel(frame_count=16),
+    }
+    source = f"{table['training']}, 16 frames {table['frames'][16]}"
+    return fit_report(
+        "MNN tolerance: fitted to the training row of Table 2, judged by its test rows",
+        asked,
+        "tolerance",
+        fit_rows("tolerance", 0.35, parts, shown),
+        [f"{DISTANCES}A seed is another training. Source, by bin: training {source}."],
+    )
+
+
+def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET_FREE) -> Report:
+    """Target-free IFOVs: fitted to 32 frames near the bow, judged by all else of Tables 2 and 4."""
+    asked = [
+        *overrides,
+        "classifier.learn_in_test=true",
+        f"ladar.target_free_ifovs=[{','.join(map(str, values))}]",
+    ]
+    groups = ("classification/acn", "classification/mnn", "tables/acn")
+    acn, mnn, table3 = swept(asked, groups).values()
+    figures = article_figures()
+    counts = [count for count in FRAMES if count in acn.frame_count]
+    parts, shown = [], {}
+    for name, answers, table in (
+        ("ACN", acn, figures["table4_percent_correct"]),
+        ("MNN", mnn, figures["table2_percent_correct"]),
+    ):
+        score = percent(answers.correct.squeeze(drop=True)).sel(frame_count=counts)
+        at_30 = score.sel(pulse_width=30)
+        printed = np.array([table["frames"][count] for count in counts], dtype=np.float64)
+        fitted = f"{name} bow, {counts[0]} frames, fitted"
+        parts.append(Part(fitted, at_30.isel(group=0, frame_count=0), printed[0, 0], ()))
+        bow = at_30.isel(group=0, frame_count=slice(1, None))
+        rest = ("frame_count",)
+        parts.append(Part(f"{name} bow, fewer frames", bow, printed[1:, 0], rest))
+        for group in (1, 2):
+            of_group = at_30.isel(group=group)
+            parts.append(Part(f"{name} {GROUPS[group]}", of_group, printed[:, group], rest))
+        shown[f"{name} bow, 16 frames, 10 / 30 / 50 ns [%]"] = score.isel(group=0).sel(
+            frame_count=16
+        )
+    formed = table3.category_count.squeeze(drop=True).transpose("pulse_width", ...).values
+    alike = formed.reshape(3, -1)
+    same = "the same for every G" if (alike == alike[:, :1]).all() else "not the same for every G"
+    return fit_report(
+        "G, target-free IFOVs a frame: fitted to 32 frames near the bow, judged by the rest",
+        asked,
+        "G",
+        fit_rows("target_free_ifovs", 4000, parts, shown),
+        [
+            f"{DISTANCES}Categories at 10, 30 and 50 ns are "
+            f"{', '.join(map(str, alike[:, 0]))}, {same}. Source near the bow, 16 frames, 30 ns: "
+            "78 %, at 10 and 50 ns 'similar'."
+        ],
+    )
+
+
+def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = RADII) -> Report:
+    """Inner radius of the log-polar map: fitted at 25 km of Table 5, judged at 50 km."""
+    asked = [
+        *overrides,
+        "classifier.learn_in_test=true",
+        "grid.range=[25,50]",
+        "infrared.super_resolution=[none,perfect]",
+        f"infrared.inner_radius=[{','.join(map(str, values))}]",
+    ]
+    groups = ("classification/acn_infrared", "tables/acn_infrared")
+    answers, formed = swept(asked, groups).values()
+    table = article_figures()["table5_percent_correct"]
+    score = percent(answers.correct.squeeze(drop=True))
+    at = {
+        "25 km, fitted": ("none", 25),
+        "50 km": ("none", 50),
+        "50 km, perfect 2x": ("perfect", 50),
+    }
+    found = {
+        name: score.sel(super_resolution=way, range=km).drop_vars(["super_resolution", "range"])
+        for name, (way, km) in at.items()
+    }
+    parts = [Part(name, found[name], table[way][km]) for name, (way, km) in at.items()]
+    rows = fit_rows("inner_radius", 0.5, parts, {f"{name} [%]": found[name] for name in at})
+    of_radius = formed.category_count.squeeze(drop=True).transpose("inner_radius", ...).values
+    for row, one in zip(rows, of_radius, strict=True):
+        row["categories"] = f"{one.mean():.1f} ({one.min()}–{one.max()})"
+    printed = ", ".join(f"{name} {table[way][km]}" for name, (way, km) in at.items())
+    return fit_report(
+        "Inner radius of the log-polar map: fitted at 25 km of Table 5, judged at 50 km",
+        asked,
+        "radius",
+        rows,
+        [f"{DISTANCES}Source, by bin: {printed}; {table['categories']} categories."],
+    )
+
+
+def learning_rate(values: Sequence[float] = RATES, orders: int = ORDERS) -> Report:
+    """Learning rate: fitted at 30 ns of Table 3, judged at 10 and 50 ns; orders of presentation."""
+    asked = ("grid.pulse_width=[10,30,50]", "grid.frame_count=16")
+    profiles = swept(asked, ["range_profile"])["range_profile"]
+    table = article_figures()["table3_categories"]
+    rng, views = np.random.default_rng(0), profiles.sizes["ship"] * profiles.sizes["aspect"]
+    turns = [np.arange(views), *(rng.permutation(views) for _ in range(orders))]
+    rows: list[dict[str, Any]] = [
+        {"value": f"{rate:g}" + (" (default)" if rate == 0.1 else "")} for rate in values
+    ]
+    for pulse in profiles.pulse_width.values:
+        seen = profiles.expected.squeeze().sel(pulse_width=pulse).transpose(*VIEW, ...).values
+        alike = Similarities.of(profile_vector(seen.reshape(views, -1)))
+        for row, rate in zip(rows, values, strict=True):
+            how = {"vigilance": table["vigilance"], "learning_rate": rate}
+            of_grid, *others = (
+                int(cluster(alike, **how, order=turn).labels.max()) + 1 for turn in turns
+            )
+            text = f"{of_grid}; {np.mean(others):.1f} ({min(others)}–{max(others)})"
+            row[f"{pulse:g} ns (source {table['categories'][int(pulse)]})"] = text
+    return Report(
+        "Categories of Table 3 by learning rate",
+        (Column("value", "learning rate"), *(Column(n, n) for n in rows[0] if n != "value")),
+        rows,
+        [
+            "`ncti-sweep grid.pulse_width=[10,30,50] grid.frame_count=16`. Categories formed at a "
+            f"vigilance of {table['vigilance']:g} in the grid's own order of presentation; then "
+            f"mean (least–most) of {orders} random orders."
+        ],
+    )

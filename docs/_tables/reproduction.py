@@ -1,0 +1,341 @@
+"""The source's other figures beside ours: effects of assumptions, and results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import ncti.ships
+from benchmarks.reports import Column, Report
+from docs._tables.fits import INFRARED, Floats, mean_and_error, overall, percent, with_errors
+from docs._tables.sweeping import swept
+from ncti.article import article_figures
+from ncti.features import profile_vector
+from ncti.irar import profile_correlation
+
+CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")
+FLOWN = (
+    *("sensor=irar", "grid.ship=[connole,roberts,duncan]", "grid.replicate=4"),
+    "grid.aspect=175",
+)
+NEAR = 10  # bins by which profiles of two ships may be shifted against each other
+PUT_IN = ("stern_to_hangar", "transom_ratio", "mast_position", "forward_position")
+TILTS = ("mast_tilt", "waterline_tilt", "intensity_mast_tilt", "intensity_waterline_tilt")
+
+
+def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1, 0.0)) -> Report:
+    """Return the effect of a spread of the temperatures of ship and sea on silhouettes."""
+    listed = ",".join(map(str, spreads))
+    both = [
+        *(f"infrared.{one}_spread=[{listed}]" for one in ("target", "sea")),
+        "grid.zip=[[target_spread,sea_spread]]",
+    ]
+    alone = [*overrides, "grid.range=[25,50,100]", *both]
+    together = ["+experiment=fusion", "grid.frame_count=16", "infrared.frame_count=16", *both]
+    groups = ("classification/acn_infrared", "tables/detection")
+    answers, detected = swept(alone, groups).values()
+    (fused,) = swept(together, ["classification/fusion"]).values()
+    rows: list[dict[str, Any]] = []
+
+    def add(what: str, correct: xr.DataArray) -> dict[str, Any]:
+        row = {"what": what}
+        for value in spreads:
+            one = correct.isel(
+                {axis_of(correct): np.flatnonzero(correct.target_spread == value)[0]}
+            )
+            row[f"bins_{value:g}"] = with_errors(*mean_and_error(percent(one)))
+            row[f"all_{value:g}"] = with_errors(*mean_and_error(overall(one)))
+        rows.append(row)
+        return row
+
+    for km in answers.range.values:
+        for way in answers.super_resolution.values if km > 25 else ("none",):
+            one = answers.correct.sel(range=km, super_resolution=way)
+            row = add(f"ACN, {km:g} km, {way}", one.squeeze(drop=True))
+            for value in spreads if way == "none" else ():
+                found = detected.probability.sel(range=km, aspect_bin="overall")
+                at = {axis_of(found): np.flatnonzero(found.target_spread == value)[0]}
+                row[f"found_{value:g}"] = f"{100 * float(found.isel(at).mean()):.0f}"
+    far = fused.correct.sel(range=100)
+    for way in ("none", "shifted"):
+        for channel in far.channel.values:
+            if channel != "range" or way == "none":
+                what = {"range": "profile"}.get(channel, f"{channel}, {way}")
+                one = far.sel(channel=channel, super_resolution=way).squeeze(drop=True)
+                add(f"likelihood of {what}, 100 km", one)
+    named = [
+        *(("bins", "0-27° / 30-57° / 60-90° [%]"), ("all", "overall [%]")),
+        ("found", "detected [%]"),
+    ]
+    return Report(
+        "Silhouettes with a spread of the temperatures of ship and sea, and without",
+        (
+            Column("what", "16 frames"),
+            *(
+                Column(f"{key}_{value:g}", f"{value:g} K: {heading}")
+                for value in spreads
+                for key, heading in named
+            ),
+        ),
+        rows,
+        [
+            f"`ncti-sweep {' '.join(alone)}` and `ncti-sweep {' '.join(together)}`. Percent "
+            "correct ± two standard errors of the mean over draws."
+        ],
+    )
+
+
+def axis_of(values: xr.DataArray) -> str:
+    """Return the dimension along which the spread of temperatures runs."""
+    (dim,) = values.target_spread.dims
+    return str(dim)
+
+
+def protocol(fresh: int = 10, replicates: int = 8) -> Report:
+    """Compare the source's protocol with aspects absent from training."""
+    common = [
+        *("sensor=both", f"classifier.name=[{','.join(CLASSIFIERS)}]", "grid.frame_count=16"),
+        *(f"grid.replicate={replicates}", "infrared.range=[25,50]", "infrared.vigilance=0.87"),
+        *("infrared.frame_count=16", "infrared.super_resolution=none"),
+    ]
+    groups = [f"classification/{name}" for name in (*CLASSIFIERS, "acn_infrared")]
+    commands = [
+        [*common, "classifier.learn_in_test=[true,false]"],
+        [*common, f"grid.random_aspects={fresh}"],
+    ]
+    regular, drawn = (swept(command, groups).values() for command in commands)
+    rows: list[dict[str, Any]] = []
+    for name, learned, random in zip(groups, regular, drawn, strict=True):
+        new = ~np.isin(random.aspect.values, learned.aspect.values)
+        for km in np.atleast_1d(learned.range.values):
+            what = name.partition("/")[2].replace("_infrared", " on silhouettes")
+            row = {"what": f"{what}, {km:g} km"}
+            of = {
+                "off": learned.correct,
+                "random": random.correct.isel(aspect=new),
+            }
+            if "learn_in_test" in learned.dims:
+                of["on"] = learned.correct.sel(learn_in_test=True)
+                of["off"] = learned.correct.sel(learn_in_test=False)
+            for key, correct in of.items():
+                one = correct.sel(range=km) if "range" in correct.dims else correct
+                one = one.squeeze(drop=True)
+                row[key] = with_errors(*mean_and_error(percent(one)))
+                row[key] += "; overall " + with_errors(*mean_and_error(overall(one)))
+            rows.append(row)
+    return Report(
+        "Training aspects and aspects absent from training",
+        (
+            Column("what", "16 frames, 30 ns"),
+            Column("on", "learned aspects, learning on in the test (source's protocol) [%]"),
+            Column("off", "learned aspects, learning off [%]"),
+            Column("random", "random aspects, learning off [%]"),
+        ),
+        rows,
+        [
+            " and ".join(f"`ncti-sweep {' '.join(command)}`" for command in commands)
+            + ". Percent correct "
+            "by bin, ± two standard errors of the mean over draws. Templates every 3°."
+        ],
+    )
+
+
+def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
+    """Return the features of Figure 16: due to the models, and due to the flight."""
+    (flights,) = swept(overrides, ["validation"]).values()
+    flights = flights.squeeze(drop=True)
+    rows: list[dict[str, Any]] = []
+    for name in PUT_IN:
+        row = {"what": flights[name].attrs["long_name"]}
+        for ship in ("duncan", "roberts"):
+            of_ship = flights[name].sel(ship=ship)
+            row[f"model_{ship}"] = f"{float(of_ship.sel(source='noiseless').mean()):.2f}"
+            change = of_ship.sel(source="measured") - of_ship.sel(source="noiseless")
+            row[f"flight_{ship}"] = small(change)
+        rows.append(row)
+    for ship in ("duncan", "roberts", "connole"):
+        row = {"what": f"correlation with the noiseless {ship}"}
+        model = flights.profile.sel(ship=ship, source="noiseless").isel(replicate=0)
+        for flown in ("duncan", "roberts"):
+            own = flights.profile.sel(ship=flown, source="noiseless").isel(replicate=0)
+            row[f"model_{flown}"] = f"{alike(own.values, model.values):.3f}"
+            seen = flights.profile.sel(ship=flown, source="measured")
+            likeness = [alike(one.values, model.values) for one in seen.transpose("replicate", ...)]
+            row[f"flight_{flown}"] = small(xr.DataArray(likeness, dims="replicate"), 3)
+        rows.append(row)
+    for name in TILTS:
+        if name in flights:
+            row = {"what": f"{name.replace('_', ' ')}, largest of the draws [deg]"}
+            for ship in ("duncan", "roberts"):
+                row[f"flight_{ship}"] = f"{float(abs(flights[name].sel(ship=ship)).max()):.2f}"
+            rows.append(row)
+    return Report(
+        "Near the stern: similarity of the models, and changes by a flight",
+        (
+            Column("what", "figure"),
+            *(
+                Column(f"{kind}_{ship}", f"{ship.title()}, {words}")
+                for ship in ("duncan", "roberts")
+                for kind, words in (("model", "noiseless"), ("flight", "flown"))
+            ),
+        ),
+        rows,
+        [
+            f"`ncti-sweep {' '.join(overrides)}`. Landmarks: flown less noiseless. Mean ± two "
+            f"standard errors of {flights.sizes['replicate']} draws. Correlations are the best "
+            f"within shifts of {NEAR} m. Of the Duncan's {len(components('duncan'))} components "
+            f"{len(components('duncan') & components('roberts'))} are repeated in the "
+            "Roberts's sheet."
+        ],
+    )
+
+
+def components(ship: str) -> set[str]:
+    """Return the lines of a ship's sheet that are components."""
+    text = (Path(ncti.ships.__file__).parent / "sheets" / f"{ship}.yaml").read_text("utf-8")
+    return {line.strip() for line in text.splitlines() if line.strip().startswith("- {name")}
+
+
+def small(draws: xr.DataArray, digits: int = 2) -> str:
+    """Mean of some draws with two standard errors."""
+    mean, error = mean_and_error(draws)
+    return f"{float(mean):+.{digits}f} ± {2 * float(error):.{digits}f}"
+
+
+def alike(first: Floats, second: Floats) -> float:
+    """Return the highest correlation of two profiles shifted against each other."""
+    shifts = range(-NEAR, NEAR + 1)
+    return max(float(profile_correlation(np.roll(first, shift), second)) for shift in shifts)
+
+
+Said = tuple[str, str, str, str]  # figure, what, the source's words, ours
+
+
+def figures(replicates: int = 8) -> Report:
+    """Compare the source's statements on its Figures 3, 4, 5, 19 and 20 with ours."""
+    profiles_of = [
+        *("grid.frame_count=[1,4,8,16]", f"grid.replicate={replicates}"),
+        "ladar.target_free_ifovs=[0,4000]",
+    ]
+    silhouettes_of = [*INFRARED, "grid.range=25", "infrared.super_resolution=none"]
+    profiles, formed = swept(profiles_of, ["range_profile", "classification/acn"]).values()
+    (clustered,) = swept(silhouettes_of, ["classification/acn_infrared"]).values()
+    profiles, formed = (one.squeeze(drop=True) for one in (profiles, formed))
+    expected = xr.apply_ufunc(
+        profile_vector,
+        profiles.expected.sel(target_free_ifovs=4000),
+        input_core_dims=[["down_range"]],
+        output_core_dims=[["down_range"]],
+    )
+    said = [
+        sensor(),
+        depths(expected.sel(ship="duncan")),
+        likeness(expected.sel(aspect=30)),
+        noise(profiles.sel(ship="duncan", aspect=30)),
+        shared_categories(formed.sel(target_free_ifovs=4000)),
+        shared_by_bin(clustered),
+    ]
+    names = ("figure", "what", "source", "ours")
+    return Report(
+        "The source's statements on its figures, and ours measured",
+        tuple(Column(name, name) for name in names),
+        [dict(zip(names, one, strict=True)) for one in said],
+        [
+            f"`ncti-sweep {' '.join(profiles_of)}`, `ncti-sweep {' '.join(silhouettes_of)}`. "
+            f"30 ns, 100 km and 16 frames unless stated; noise: {replicates} draws; Figure 19: "
+            "the grid's own order of presentation; Figure 20: means ± two standard errors over "
+            "phases and orders."
+        ],
+    )
+
+
+def depths(profiles: xr.DataArray) -> Said:
+    """Return what Figure 3 shows of a ship's expected profiles from bow to beam."""
+    found = [depth(profiles.sel(aspect=aspect)) for aspect in (0, 30, 60, 90)]
+    return (
+        "Figure 3",
+        "depth of the Duncan at 0, 30, 60, 90°, above 5 % of the peak",
+        "deep at the bow, little abeam",
+        ", ".join(f"{one:g}" for one in found) + " m",
+    )
+
+
+def likeness(profiles: xr.DataArray) -> Said:
+    """Return what Figure 4 shows of the (ship, down_range) expected profiles at one aspect."""
+    pairs = np.corrcoef(profiles.values)[np.triu_indices(len(profiles), 1)]
+    return (
+        "Figure 4",
+        "correlation of two ships at 30°, lowest to highest",
+        "distinguishable",
+        f"{pairs.min():.2f} to {pairs.max():.2f}",
+    )
+
+
+def noise(profiles: xr.Dataset) -> Said:
+    """Return what Figure 5 shows of averages of a view, by number of frames."""
+    peak = profiles.expected.max("down_range") - profiles.expected.min("down_range")
+    off = (profiles.averaged - profiles.expected) ** 2
+    rms = 100 * np.sqrt(off.mean(("replicate", "down_range"))) / peak
+    return (
+        "Figure 5",
+        "rms noise of 1, 4, 8, 16 frames over the peak, Duncan at 30°",
+        "speckle dominates below eight frames",
+        "; ".join(
+            ", ".join(f"{value:.0f}" for value in rms.sel(target_free_ifovs=free).values)
+            + f" % at G = {free}"
+            for free in rms.target_free_ifovs.values
+        ),
+    )
+
+
+def shared_categories(formed: xr.Dataset) -> Said:
+    """Return what Figure 19 shows of views in categories that ships share, by aspect."""
+    first = []
+    for ship in formed.ship.values:
+        confused = formed.training_confused.sel(ship=ship) == 1
+        aspects = formed.aspect.values[confused.values]
+        first.append(f"{ship} {aspects.min():g}°" if aspects.size else f"{ship} none")
+    before, beyond = (
+        100 * float((formed.training_confused.isel(aspect=where) == 1).mean())
+        for where in (formed.aspect.values < 50, formed.aspect.values >= 50)
+    )
+    return (
+        "Figure 19",
+        "first aspect at which a ship shares a category; views that do below 50° and beyond",
+        "about 50°; none, most",
+        f"{', '.join(first)}; {before:.0f}, {beyond:.0f} %",
+    )
+
+
+def shared_by_bin(formed: xr.Dataset) -> Said:
+    """Return what Figure 20 shows of views in categories that ships share, by aspect bin."""
+    share = percent((formed.training_confused == 1).where(formed.training_confused >= 0, -1))
+    return (
+        "Figure 20",
+        "views in shared categories, by bin",
+        "confused at 0-30°",
+        with_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
+    )
+
+
+def depth(profile: xr.DataArray) -> float:
+    """Distance between the ends of a profile above 5 % of its peak [m]."""
+    there = profile.down_range.values[profile.values > 0.05 * float(profile.max())]
+    return float(there.max() - there.min())
+
+
+def sensor() -> Said:
+    """Return Table 1 at 50 and 100 km, from its attenuations and its contrast at 25 km alone."""
+    table = article_figures()["table1_sensor"]["ranges"]
+    loss = {km: float(one["attenuation_db"]) for km, one in table.items()}
+    contrast = {
+        km: float(table[25]["contrast_k"]) * 10 ** ((loss[25] - loss[km]) / 20) for km in loss
+    }
+    pairs = [f"{contrast[km]:.2f} K, {(contrast[km] / 0.1) ** 2:.1f}" for km in (50, 100)]
+    printed = [f"{table[km]['contrast_k']} K, {table[km]['snr']}" for km in (50, 100)]
+    what = "contrast and SNR at 50; 100 km from the contrast at 25 km, the attenuation and 0.1 K"
+    return "Table 1", what, "; ".join(printed), "; ".join(pairs)

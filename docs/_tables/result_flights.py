@@ -1,0 +1,234 @@
+"""Tables of simulated flights, from sweeps of several draws of the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from benchmarks.reports import Column, Report
+from docs._tables.repeated import at, listed, over_seeds
+
+FLIGHT = ("sensor=irar", "grid.aspect=175")
+NEAR = ("+experiment=validation", "irar.pictures=false")
+FLOWN = ("connole", "roberts")
+MISSIONS = {"connole": 3, "roberts": 3.9, "duncan": 4}  # slant ranges [km], as in the experiment
+CLUTTERS = (0, 0.3, 1)  # of the sea [K]
+CHAINS = ("+experiment=corrections",)
+ERRORS = {  # of navigation, that the table has; units are below
+    "aircraft_speed": (-5, -2, -1, 1, 2, 5),
+    "ship_speed": (-2, 2),
+    "aircraft_heading": (-5, 5),
+    "ship_heading": (-10, 10),
+    "pointing": (-1, 1),
+}
+UNITS = {"aircraft_speed": " %", "ship_speed": " m/s"}  # of errors; others are degrees
+WRONG = tuple((name, value) for name, values in ERRORS.items() for value in values)
+SENSITIVITY = (
+    "+experiment=sensitivity",
+    *(f"irar.errors.{name}={listed(values)}" for name, values in ERRORS.items()),
+)
+
+MEASURED = ("+experiment=measured", "grid.pulse_width=30")
+LEARNERS = {"acn": "ACN", "mnn": "MNN", "correlation": "correlation"}
+KINDS = {
+    "learned": "synthetic, as learned",
+    "measured": "of simulated flights",
+    "test": "synthetic averages of 16 frames",
+}
+
+ASSUMED = {  # inputs taken from the article's explanation, by what is assumed
+    "nothing": {"transom_gain": 1.0, "mast_gain": 1.0},
+    "dark transoms*": {"transom_gain": 0.0, "mast_gain": 1.0},
+    "masts x 3*": {"transom_gain": 1.0, "mast_gain": 3.0},
+    "both*": {"transom_gain": 0.0, "mast_gain": 3.0},
+}
+
+
+def text_of(draws: xr.DataArray, digits: int, bounds: tuple[float, float]) -> str:
+    """Return the mean of a figure over draws, with its interval if they differ."""
+    values = draws.transpose("replicate", ...).values.reshape(draws.sizes["replicate"], -1)
+    of_draw = values.mean(axis=1)
+    if np.ptp(of_draw) == 0:
+        return f"{of_draw[0]:.{digits}f}"
+    return over_seeds(of_draw, bounds=bounds).text(digits)
+
+
+def joined(flights: Mapping[str, xr.Dataset], name: str, **places: float) -> xr.DataArray:
+    """Return a figure of all ships, (ship, replicate)."""
+    found = [at(flight[name], **places).squeeze(drop=True) for flight in flights.values()]
+    return xr.concat(found, "ship")
+
+
+def heading(draws: int) -> str:
+    """Return the heading of a first column."""
+    return f"mean of {draws} draws [95 % interval]"
+
+
+def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
+    """Return landmarks of near-stern profiles, and how far all profiles resemble noiseless ones."""
+    nominal = ASSUMED["nothing"]
+    duncan, roberts = at(flights["duncan"], **nominal), flights["roberts"]
+    columns = {
+        "Duncan synthetic, point sampled": duncan.sel(source="point"),
+        "the same, spread": duncan.sel(source="synthetic"),
+        "Roberts flown past": at(roberts, **nominal, source="measured"),
+        "with a dark transom*": at(roberts, **ASSUMED["dark transoms*"], source="measured"),
+        "with masts x 3*": at(roberts, **ASSUMED["masts x 3*"], source="measured"),
+    }
+    rows: list[dict[str, Any]] = []
+    for label, name, digits, said in (
+        ("stern to hangar [m]", "stern_to_hangar", 1, "same"),
+        ("transom over hangar", "transom_ratio", 2, "large, none"),
+        ("spikes of the flight deck", "deck_spikes", 1, "three, none"),
+        ("main mast past hangar [m]", "mast_position", 1, "same"),
+        ("main mast over hangar", "mast_ratio", 2, "less, more"),
+    ):
+        row = {"what": label, "said": said}
+        for key, one in columns.items():
+            row[key] = text_of(one[name], digits, (0, np.inf))
+        rows.append(row)
+    draws = roberts.sizes["replicate"]
+    likeness = []
+    for label, gains in ASSUMED.items():
+        row = {"what": label}
+        for key in ("profile_correlation", "profile_correlation_without_hangar"):
+            together = joined(flights, key, **gains)
+            row[key] = f"{text_of(together, 3, (-1, 1))}; {float(together.min()):.3f}"
+        likeness.append(row)
+    passes = f"{len(flights)} x {draws} flights"
+    return {
+        "near_stern": Report(
+            "Near-stern profiles of simulated flights",
+            (
+                Column("what", heading(draws)),
+                *(Column(key, key) for key in columns),
+                Column("said", "article's words"),
+            ),
+            rows,
+        ),
+        "likeness": Report(
+            "Correlation of profiles of simulated flights with noiseless ones",
+            (
+                Column("what", f"assumed; {heading(draws)}; least of {passes}"),
+                Column("profile_correlation", "correlation"),
+                Column("profile_correlation_without_hangar", "without the hangar's peak"),
+            ),
+            likeness,
+        ),
+    }
+
+
+def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
+    """Return tilts left in corrected images, by the images that they are fitted to and clutter."""
+    draws = next(iter(flights.values())).sizes["replicate"]
+
+    def leaning(name: str, clutter: float) -> str:
+        """Return the root mean square of each draw, and the largest of all flights."""
+        found = joined(flights, name, clutter=clutter)
+        rms = (found**2).mean("ship") ** 0.5
+        return f"{text_of(rms, 2, (0, np.inf))}; {float(abs(found).max()):.2f}"
+
+    channels = {"": "both images", "intensity_": "intensity alone"}
+    columns = {
+        f"{channel}{what}_tilt": f"{what}, {said}"
+        for what in ("mast", "waterline")
+        for channel, said in channels.items()
+    }
+    rows = [
+        {"what": f"clutter of {clutter:g} K"} | {name: leaning(name, clutter) for name in columns}
+        for clutter in CLUTTERS
+    ]
+    rows[0]["what"] = "calm sea"
+    still = {"what": "no noise"}
+    for what in ("mast", "waterline"):
+        still[f"{what}_tilt"] = leaning(f"noiseless_{what}_tilt", 0)
+    title = (
+        f"root mean square tilt [°], {heading(draws)}; largest of {len(flights) * draws} flights"
+    )
+    return {
+        "tilts": Report(
+            "Tilts left in images of simulated flights",
+            (Column("what", title), *(Column(name, said) for name, said in columns.items())),
+            [*rows, still],
+        )
+    }
+
+
+def chains(flights: xr.Dataset) -> dict[str, Report]:
+    """Return what the chain of corrections printed in the article costs."""
+    rows = []
+    for label, chain in (
+        ("exact", "exact"),
+        ("as printed, f the line rate", "printed"),
+        ("as printed, f the pulse rate", "printed_pulse_rate"),
+    ):
+        one = flights.sel(chain=chain).squeeze(drop=True)
+        rows.append(
+            {
+                "what": label,
+                "correlation": text_of(one.profile_correlation, 3, (-1, 1)),
+                "tilt": text_of(abs(one.mast_tilt), 1, (0, 90)),
+            }
+        )
+    return {
+        "chains": Report(
+            "Chains of corrections",
+            (
+                Column("what", f"chain; {heading(flights.sizes['replicate'])}"),
+                Column("correlation", "correlation with the noiseless profile"),
+                Column("tilt", "masts lean by [°]"),
+            ),
+            rows,
+        )
+    }
+
+
+def sensitivity(flights: xr.Dataset) -> dict[str, Report]:
+    """Return correlations with the noiseless profile where a parameter of the flight is wrong."""
+    flights = flights.squeeze(drop=True)
+    pairs = list(zip(flights.error_parameter.values, flights.error_value.values, strict=True))
+    rows = []
+    for name, value in (("none", 0.0), *WRONG):
+        one = flights.profile_correlation.isel(error=pairs.index((name, value)))
+        said = f"{name.replace('_', ' ')} {value:+g}{UNITS.get(name, '°')}"
+        row = {"what": said if value else "none"}
+        for key, focused in (("plain", False), ("focused", True)):
+            row[key] = text_of(one.sel(autofocus=focused), 2, (-1, 1))
+        rows.append(row)
+    return {
+        "sensitivity": Report(
+            "Errors of navigation",
+            (
+                Column("what", f"error; {heading(flights.sizes['replicate'])}"),
+                Column("plain", "correlation"),
+                Column("focused", "with autofocus"),
+            ),
+            rows,
+        )
+    }
+
+
+def measured(answers: xr.Dataset) -> dict[str, Report]:
+    """Return how often profiles of simulated flights are identified, beside synthetic ones."""
+    answers = answers.squeeze(drop=True)
+    draws = answers.sizes["replicate"]
+    # Ships that were not flown past have no answers of flights.
+    flown = (answers.ship_correct.sel(kind="measured") >= 0).any(["replicate", "aspect"])
+    correct = answers.ship_correct.where(answers.ship_correct >= 0)
+    shares = 100 * correct.isel(ship=flown.all("classifier").values).mean(["ship", "aspect"])
+    rows = [
+        {"kind": said}
+        | {name: text_of(shares.sel(kind=kind, classifier=name), 0, (0, 100)) for name in LEARNERS}
+        for kind, said in KINDS.items()
+    ]
+    title = f"percent correct at 30 ns, {heading(draws)}"
+    return {
+        "measured": Report(
+            "Profiles of simulated flights, identified after synthetic training",
+            (Column("kind", title), *(Column(name, said) for name, said in LEARNERS.items())),
+            rows,
+        )
+    }

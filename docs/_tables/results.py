@@ -1,0 +1,374 @@
+"""Every figure of README.md and docs/results.md: means over seeds, with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import xarray as xr
+
+from benchmarks.reports import Report
+from docs._tables.repeated import listed, swept_anew, swept_by_seed
+from docs._tables.result_flights import (
+    CHAINS,
+    CLUTTERS,
+    FLIGHT,
+    FLOWN,
+    MEASURED,
+    MISSIONS,
+    NEAR,
+    SENSITIVITY,
+    chains,
+    measured,
+    near_stern,
+    sensitivity,
+    tilts,
+)
+from docs._tables.result_learners import learners
+from docs._tables.result_tables import (
+    DENSE,
+    GROUPS,
+    STEP,
+    TRACKS,
+    UNKNOWN_SHIPS,
+    Answers,
+    categories,
+    fusion,
+    new_aspects,
+    pairs,
+    places,
+    prior_knowledge,
+    protocol,
+    sensors,
+    tracked,
+    unknown,
+    with_known,
+)
+from docs._tables.sweeping import WORKERS, swept
+from studies.operate.fleets import ARTICLE
+from sweeps.engine.run.cluster import ClusterChoice
+
+SEEDS, LEAST_SEEDS = 20, 2
+DRAWS = 10  # of what takes long: trainings of the multilayered network, and flights
+CLASSIFIERS = ("acn", "correlation", "likelihood")
+
+LEARNED = tuple(np.arange(0.0, 90.1, STEP).tolist())
+FINEST = tuple(np.arange(0.0, 90.1, DENSE[0]).tolist())
+FRESH = 10
+SOURCE_STEP = 3
+LINES = "render.engine=lines"
+BOTH = ("sensor=both", "grid.frame_count=16", "infrared.frame_count=16", "infrared.vigilance=0.87")
+NEW = (
+    *(*BOTH, "grid.range=[25,50,100]", "infrared.range=[25,50,100]"),
+    *("infrared.super_resolution=none", "classifier.template_spacing=[1.5,3,6]"),
+    "classifier.name=[acn,correlation,likelihood,fusion]",
+)
+SHIFTED = (
+    *(*BOTH, "grid.range=100", "infrared.range=100", "infrared.super_resolution=shifted"),
+    *("classifier.template_spacing=[1.5,3,6]", "classifier.name=fusion"),
+)
+KNOWN = (
+    *("grid.frame_count=16", "classifier.name=likelihood", "classifier.misfit_weight=0"),
+    *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
+)
+PLACES = (1, 2, 4, 8, 16, 32)  # of templates
+CORNER = ("ladar.place=corner", "classifier.template_places=1")
+ABEAM = (
+    *(*BOTH, "grid.range=25", "infrared.range=25", "infrared.super_resolution=none"),
+    *("classifier.template_spacing=6", "classifier.name=fusion"),
+)
+TRACKED = (
+    *("grid.frame_count=16", "classifier.name=likelihood"),
+    *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
+    "classifier.template_spacing=[1.5,6]",
+)
+LEARNERS = ("grid.frame_count=16", "classifier.name=mnn", "grid.replicate=4")
+PROTOCOL = (
+    *("+experiment=draws", "grid.pulse_width=30", "grid.vigilance=0.95", "grid.replicate=2"),
+    *("classifier.orders=4", "infrared.subpixel_offsets=2", "infrared.orders=4"),
+    "classifier.name=[acn,mnn,correlation,likelihood]",
+)
+FORMED = (
+    *("grid.pulse_width=[10,30,50]", "grid.frame_count=16", "classifier.orders=8"),
+    "classifier.name=acn",
+)
+REJECTING = ("grid.frame_count=16", "grid.range=[25,100]")
+LOOKED_UP = (*REJECTING, "classifier.name=[acn,correlation]", "classifier.template_spacing=3")
+DENSITIES = (
+    *(*REJECTING, "classifier.name=likelihood", f"classifier.template_spacing={listed(DENSE)}"),
+    "classifier.misfit_weight=[0,0.01]",
+)
+NEAREST = f"classifier.template_spacing={SOURCE_STEP}"
+AGAINST = (*REJECTING, "classifier.name=likelihood", NEAREST)
+GENERATED = 8  # of each ship learned
+FAR = (*("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood", NEAREST),)
+CALIBRATED = ("classifier.gain_sigma=0", "classifier.floor_sigma=0")
+FOLLOWED = "classifier.aspect_sigma=5"
+SIX = (*ARTICLE, *UNKNOWN_SHIPS)
+PAIRS, PAIR_SEEDS = tuple(combinations(SIX, 2)), 5
+
+
+def of_unknown(
+    *alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS, tested: Sequence[str] = ARTICLE
+) -> tuple[str, ...]:
+    """Return the ships of a sweep with unknown ones, and with some that are known to be unknown."""
+    absent = list(dict.fromkeys([*unknown, *alternative]))
+    given = [f"classifier.alternative=[{','.join(alternative)}]"] if alternative else []
+    ships = ",".join(dict.fromkeys([*tested, *absent]))
+    return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(absent)}]", *given
+
+
+def against_pair(pair: Sequence[str], generated: int) -> dict[str, tuple[str, ...]]:
+    """Return the arguments of sweeps in which two of six ships are unknown, by the alternative."""
+
+    def others(*alternative: str) -> tuple[str, ...]:
+        return of_unknown(*alternative, unknown=pair, tested=SIX)
+
+    return {
+        "none": others(),
+        "generated ships": (*others(), f"classifier.generated={generated}"),
+        "variants of the unknown ships": others(*_variants(pair)),
+        "the unknown ships themselves": others(*pair),
+    }
+
+
+def _variants(ships: Iterable[str]) -> tuple[str, ...]:
+    """Return a variant of each ship, drawn with twice the uncertainty of its sheet."""
+    return tuple(f"{ship}@1.1x2" for ship in ships)
+
+
+PARTS = (
+    "new",
+    "known",
+    "track",
+    "sensors",
+    "learners",
+    "protocol",
+    "categories",
+    "unknown",
+    "pairs",
+    "flights",
+)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of the sweeps: as published, or smaller for a test.
+
+    Attributes
+    ----------
+    seeds : int
+        Number of seeds, at least two.
+    draws : int
+        Number of seeds of trainings of the multilayered network and of flights, at least two.
+    more : tuple of str
+        Arguments of `ncti-sweep` that are added to every sweep.
+    learned : tuple of float
+        Learned aspects, multiples of `STEP` [deg].
+    fresh : int
+        Number of random aspects of a seed in every 30 degrees.
+    parts : tuple of str
+        Names of the parts of `PARTS` that are made; all if empty.
+    workers : ClusterChoice
+        Where cells are computed.
+    finest : tuple of float
+        Learned aspects where unknown ships are rejected [deg].
+    generated : int
+        Number of ships that are generated of each one learned, to stand for unknown ones.
+    pairs : tuple of (str, str)
+        Ships of the six that are unknown together.
+    """
+
+    seeds: int
+    draws: int = DRAWS
+    more: tuple[str, ...] = ()
+    learned: tuple[float, ...] = LEARNED
+    fresh: int = FRESH
+    parts: tuple[str, ...] = ()
+    workers: ClusterChoice = WORKERS
+    finest: tuple[float, ...] = FINEST
+    generated: int = GENERATED
+    pairs: tuple[tuple[str, str], ...] = PAIRS
+
+    def alone(
+        self, overrides: Sequence[str], groups: Sequence[str], label: str
+    ) -> dict[str, xr.Dataset]:
+        """Return groups of one sweep with all seeds as an axis, at the article's aspects."""
+        aspects = [aspect for aspect in self.learned if aspect % SOURCE_STEP == 0]
+        axes = [f"seed={listed(range(self.seeds))}", f"grid.aspect={listed(aspects)}"]
+        return swept([*overrides, *axes, *self.more], groups, label=label, workers=self.workers)
+
+    def each(self, overrides: Sequence[str], groups: Sequence[str], label: str) -> Answers:
+        """Return groups of a sweep with the random aspects of all seeds."""
+        return swept_by_seed(
+            *([*overrides, LINES, *self.more], groups),
+            seeds=self.seeds,
+            learned=self.learned,
+            fresh=self.fresh,
+            label=label,
+            workers=self.workers,
+        )
+
+    def rejecting(
+        self,
+        overrides: Sequence[str],
+        names: Sequence[str],
+        label: str,
+        step: float = DENSE[0],
+        seeds: int | None = None,
+    ) -> Answers:
+        """Return answers of some classifiers, of several draws, to ships that may be unknown."""
+        return swept_by_seed(
+            [*overrides, LINES, *self.more],
+            in_group("classification/", *names),
+            seeds=seeds or self.draws,
+            learned=[aspect for aspect in self.finest if aspect % step == 0],
+            fresh=self.fresh,
+            label=label,
+            workers=self.workers,
+        )
+
+    def flown(self, overrides: Sequence[str], label: str, group: str = "validation") -> xr.Dataset:
+        """Return a group of a sweep of flights, of several draws."""
+        asked = [*overrides, f"grid.replicate={self.draws}", *self.more]
+        return swept(asked, [group], label=label, workers=self.workers)[group].squeeze(drop=True)
+
+    def past(
+        self, ships: Iterable[str], overrides: Sequence[str], label: str
+    ) -> dict[str, xr.Dataset]:
+        """Return flights past ships, each at its range."""
+        at_range = {ship: (f"grid.ship={ship}", f"irar.range={MISSIONS[ship]}") for ship in ships}
+        return {
+            ship: self.flown([*overrides, *of_ship], f"{label}, {ship}")
+            for ship, of_ship in at_range.items()
+        }
+
+
+def in_group(group: str, *names: str) -> tuple[str, ...]:
+    """Return the names of groups of a store that begin alike."""
+    return tuple(group + name for name in names)
+
+
+def measure(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables by name, after the sweeps that they need."""
+    parts = sizes.parts or PARTS
+    made: dict[str, Report] = {}
+    if "new" in parts:
+        answers = sizes.each(NEW, GROUPS, "new aspects")
+        shifted = sizes.each(SHIFTED, in_group("classification/", "fusion"), "shifted frames")
+        made |= new_aspects(answers) | {"fusion": fusion(answers, shifted)}
+    if "known" in parts:
+        groups = in_group("classification/", "likelihood")
+        made |= prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
+        made |= places(
+            {
+                f"{count} place{'s' * (count > 1)}": sizes.rejecting(
+                    [*KNOWN, f"classifier.template_places={count}"],
+                    CLASSIFIERS[2:],
+                    f"templates at {count} places",
+                    STEP,
+                )
+                for count in PLACES
+            }
+            | {
+                "at the corner": sizes.rejecting(
+                    [*KNOWN, *CORNER], CLASSIFIERS[2:], "templates and tests at the corner", STEP
+                )
+            }
+        )
+    if "track" in parts:
+        tracks = f"classifier.aspect_sigma={listed(TRACKS)}"
+        groups = in_group("classification/", "likelihood")
+        made |= tracked(
+            sizes.each(TRACKED, groups, "aspect unknown"),
+            sizes.each([*TRACKED, tracks], groups, "tracks"),
+        )
+    if "sensors" in parts:
+        near, far = (
+            swept_by_seed(
+                [*overrides, LINES, *sizes.more],
+                in_group("classification/", "fusion"),
+                seeds=sizes.draws,
+                learned=sizes.learned,
+                fresh=sizes.fresh,
+                label=label,
+                workers=sizes.workers,
+            )
+            for overrides, label in ((ABEAM, "both sensors, 25 km"), (SHIFTED, "shifted frames"))
+        )
+        made |= sensors(near, far)
+    if "summary" in made and "known" in made:
+        made["summary"] = with_known(made["summary"], made["known"])
+    if "learners" in parts:
+        made |= learners(
+            swept_anew(
+                [*LEARNERS, LINES, *sizes.more],
+                ["range_profile", "classification/mnn"],
+                seeds=sizes.draws,
+                learned=sizes.learned,
+                fresh=sizes.fresh,
+                label="other learners",
+                workers=sizes.workers,
+            )
+        )
+    if "protocol" in parts:
+        groups = in_group("classification/", *CLASSIFIERS, "mnn", "acn_infrared")
+        made |= protocol(sizes.alone(PROTOCOL, groups, "the article's protocol"))
+    if "categories" in parts:
+        made |= categories(sizes.alone(FORMED, in_group("classification/", "acn"), "categories"))
+    if "unknown" in parts:
+        sisters = of_unknown(*_variants(UNKNOWN_SHIPS))
+        looked_up, likely, against, themselves = (
+            sizes.rejecting([*overrides, *ships], names, label)
+            for overrides, ships, names, label in (
+                (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
+                (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
+                (AGAINST, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
+                (AGAINST, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
+            )
+        )
+        blind = [*of_unknown(), f"classifier.generated={sizes.generated}"]
+        every, calibrated, tracked_too = (
+            sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
+            for ships, label in (
+                (blind, "generated ships"),
+                ([*blind, *CALIBRATED], "generated ships, gain and floor known"),
+                ([*blind, *CALIBRATED, FOLLOWED], "generated ships, and a track"),
+            )
+        )
+        made |= unknown(
+            looked_up,
+            likely,
+            {
+                "blind": every,
+                "blind, gain and floor known": calibrated,
+                "blind, gain and floor known, aspect within 5°": tracked_too,
+            },
+            against,
+            themselves,
+        )
+    if "pairs" in parts:
+        made |= pairs(
+            {
+                pair: {
+                    alternative: sizes.rejecting(
+                        [*FAR, *overrides],
+                        CLASSIFIERS[2:],
+                        f"{' and '.join(pair)} unknown, alternative: {alternative}",
+                        SOURCE_STEP,
+                        seeds=min(sizes.draws, PAIR_SEEDS),
+                    )
+                    for alternative, overrides in against_pair(pair, sizes.generated).items()
+                }
+                for pair in sizes.pairs
+            }
+        )
+    if "flights" in parts:
+        made |= near_stern(sizes.past(MISSIONS, NEAR, "near-stern flights"))
+        made |= tilts(sizes.past(FLOWN, [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"], "clutter"))
+        made |= chains(sizes.flown(CHAINS, "chains of corrections"))
+        made |= sensitivity(sizes.flown(SENSITIVITY, "errors of navigation"))
+        made |= measured(sizes.flown(MEASURED, "measured profiles", "classification/measured"))
+    return made
