@@ -204,7 +204,9 @@ def rays(
     index = np.empty(number, np.int64)
     begin = np.empty((number, 3), np.float32)
     direction = np.empty((number if curvature > 0.0 else 1, 3), np.float32)
-    direction[0] = axes[2]
+    if curvature <= 0.0:
+        for axis in range(3):  # to assign a row takes numba seconds to compile
+            direction[0, axis] = axes[2, axis]
     spread = 1.0 + curvature * near
     number = 0
     for row in range(len(span)):
