@@ -11,7 +11,7 @@ from benchmarks.reports import Report
 from benchmarks.sweeping import by_stage, choices_of, on_workers
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.packs import cells_of
-from sweeps.engine.declare.stage import Bound
+from sweeps.engine.declare.stage import BoundStage
 from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid
@@ -60,11 +60,11 @@ def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
     )
 
 
-def naming_stages(plan: Plan) -> list[Bound]:
+def naming_stages(plan: Plan) -> list[BoundStage]:
     """Return the stored stages that use all views at once, and those that depend on them."""
-    found: list[Bound] = []
+    found: list[BoundStage] = []
     views = {Grid.ship.key, Grid.aspect.key}
     for bound in plan.bound.values():  # every stage behind those that it needs
         if views <= set(bound.gather) or any(source in found for source in bound.inputs):
             found.append(bound)
-    return [bound for bound in found if bound.stage.kept]
+    return [bound for bound in found if bound.stage.is_cached]

@@ -18,7 +18,7 @@ from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, stopping
 
 if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
-    from sweeps.engine.declare.places import PathOrUrl
+    from sweeps.engine.declare.paths import PathOrUrl
     from sweeps.engine.declare.settings import Choices
     from sweeps.engine.store.sweeping import Finished
 

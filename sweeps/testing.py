@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.packs import cells_of, each_cell
 from sweeps.engine.declare.settings import Choices
-from sweeps.engine.declare.stage import MEASURED, Bound, Experiment
+from sweeps.engine.declare.stage import MEASURED, BoundStage, Experiment
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.run.process import one_thread
@@ -69,7 +69,7 @@ def _ignore(sentence: str) -> None:
     pass
 
 
-def _difference(schedule: Schedule, index: CellIndex, bound: Bound, cell: int) -> str:
+def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: int) -> str:
     """Return how a cell that was computed differs from the same computed alone, if it does."""
     locations = schedule.locations[schedule.results[bound][[cell]]]
     [first] = each_cell(index.cells, locations)
@@ -78,7 +78,7 @@ def _difference(schedule: Schedule, index: CellIndex, bound: Bound, cell: int) -
     [outcome] = run_batches((planned.batch,), [0], index.cells).outcomes
     forget_all()
     if outcome.pack is None:
-        return f"it raises {outcome.failed[0].why}"
+        return f"it raises {outcome.failed[0].reason}"
     pack = np.array([index.add(outcome.pack)], np.int32)
     [again] = each_cell(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
     if first is None or again is None:

@@ -61,7 +61,7 @@ def _reported(arguments: argparse.Namespace) -> int:
 
 def _place(given: str) -> Any:
     """Return a store's URL, or its absolute path; refuse other URLs."""
-    from sweeps.engine.declare.places import path_or_url
+    from sweeps.engine.declare.paths import path_or_url
 
     place = path_or_url("store", given)
     return place.absolute() if isinstance(place, Path) else place

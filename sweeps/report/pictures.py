@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import track
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.manifest import manifest_of
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.compare import compare, compared_name, sentences
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import path_beside, path_or_url
+from sweeps.engine.declare.paths import path_beside, path_or_url
 from sweeps.engine.declare.settings import (
     COORDINATE,
     DIMENSION,

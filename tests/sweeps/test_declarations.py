@@ -84,7 +84,7 @@ def test_anything_is_values_or_a_sentence(setting, value):
 def test_every_setting_is_read_by_a_stage_or_says_where_to_run():
     bound = bind(EXPERIMENT).values()
     read = {key for stage in bound for key in (*stage.needs, *stage.gather)}
-    unread = {setting.key for setting in DECLARED if setting.identity} - read
+    unread = {setting.key for setting in DECLARED if setting.affects_results} - read
     assert unread == NOT_READ
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import CLOSED, UNREACHED, Objects
-from sweeps.engine.declare.places import PathOrUrl, child
+from sweeps.engine.declare.paths import PathOrUrl, join
 from sweeps.engine.declare.stage import Output
 from sweeps.engine.declare.undeclared import Layout, Undeclared
 from sweeps.engine.resolve.keys import Keys
@@ -119,7 +119,7 @@ def unseal(line: bytes) -> Any:
 
 def cells_of(cache: PathOrUrl, *, make: bool = True) -> Objects:
     """Return the packs of a cache, a folder that is closed to others when it is made."""
-    return Objects(child(cache, ROOM), make=make, mode=CLOSED, clean=False)
+    return Objects(join(cache, ROOM), make=make, mode=CLOSED, clean=False)
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ from sweeps.engine.cache.packs import SHORTAGES, cells_of
 from sweeps.engine.command.status import described
 from sweeps.engine.command.usage import listing, usage
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
-from sweeps.engine.declare.failures import FailureLog, reason
+from sweeps.engine.declare.failures import FailureLog, one_line
 from sweeps.engine.declare.kinds import Value
-from sweeps.engine.declare.places import PathOrUrl, path_beside, path_or_url
+from sweeps.engine.declare.paths import PathOrUrl, path_beside, path_or_url
 from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.overrides import (
@@ -284,7 +284,7 @@ class Command:
         except SweepIncomplete as error:
             left.append(str(error))
         except Exception as error:  # the store is complete without it
-            say(self.name, f"the store is written, but not its report: {reason(error)}")
+            say(self.name, f"the store is written, but not its report: {one_line(error)}")
         return left
 
     def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
@@ -312,8 +312,8 @@ class Command:
                 with used(packs.place, alone=True):
                     cells, size = index.prune(limit)
             except BlockingIOError:
-                reason = "which a sweep uses; wait until it ends"
-                raise ConfigurationError(f"cache is {str(place)!r}, {reason}") from None
+                one_line = "which a sweep uses; wait until it ends"
+                raise ConfigurationError(f"cache is {str(place)!r}, {one_line}") from None
         done = "kept" if limit is None else "removed"
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
 
@@ -343,7 +343,7 @@ def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
     return (
         f"{' and '.join(counted)} failed: {named}"
         + (f"; and {more:,} more" if more > 0 else "")
-        + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.written else "")
+        + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.exists else "")
     )
 
 

@@ -9,7 +9,7 @@ from datetime import datetime
 from rich.table import Table
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.run.progress import counted, state_of, states_in, time_left
 from sweeps.engine.run.schedule import Progress
 from sweeps.engine.store.locks import is_locked

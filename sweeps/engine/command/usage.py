@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import spelt
+from sweeps.engine.declare.kinds import override_text
 from sweeps.engine.declare.settings import DIMENSION, Cluster, Run, Setting, Together
 from sweeps.engine.declare.stage import Experiment
 
@@ -70,8 +70,10 @@ def usage(experiment: Experiment) -> str:
 
 def main_settings(experiment: Experiment) -> list[Setting]:
     """Return the settings that `--help` lists: dimensions of stores, and those of every run."""
-    dims = [one for one in experiment.own if one.single == DIMENSION and one.fallback is None]
-    own = [one for one in experiment.own if "." not in one.key]
+    dims = [
+        one for one in experiment.own_settings if one.single == DIMENSION and one.fallback is None
+    ]
+    own = [one for one in experiment.own_settings if "." not in one.key]
     return [*own, *dims, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
 
 
@@ -98,7 +100,7 @@ def _header(conf: Path | None) -> list[str]:
 def _about(setting: Setting) -> str:
     """Return the label of a setting, with its unit and default."""
     unit = f" [{setting.unit}]" if setting.unit != "1" else ""
-    return f"{setting.label}{unit}; default {spelt(setting.written)}"
+    return f"{setting.label}{unit}; default {override_text(setting.default_input)}"
 
 
 def _listed(entries: Sequence[tuple[str, str]]) -> list[str]:
@@ -135,7 +137,7 @@ def listing(experiment: Experiment, words: Sequence[str] = ()) -> str:
             unit = f" [{setting.unit}]" if setting.unit != "1" else ""
             null = "null or " if setting.fallback is not None else ""
             axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
-            lines += _wrapped(f"{setting.key}={spelt(setting.written)}{unit}", "")
+            lines += _wrapped(f"{setting.key}={override_text(setting.default_input)}{unit}", "")
             for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrapped(about, 2 * INDENT)
     if not lines:

@@ -50,14 +50,14 @@ class Display:
     chance: float | Callable[[Choices], float] | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
-    def written(self, choices: Choices) -> dict[str, Any]:
+    def as_attribute(self, choices: Choices) -> dict[str, Any]:
         """Return it as an attribute of its group, for a sweep's choices."""
         chance = self.chance(choices) if callable(self.chance) else self.chance
         return {**asdict(self), "chance": chance}
 
 
-def read_display(written: Mapping[str, Any]) -> Display:
+def parse_display(attribute: Mapping[str, Any]) -> Display:
     """Return the display that an attribute was written from."""
-    figures = tuple(Figure(**figure) for figure in written["figures"])
-    rows, notes = tuple(written["rows"]), tuple(written["notes"])
-    return Display(**{**written, "figures": figures, "rows": rows, "notes": notes})
+    figures = tuple(Figure(**figure) for figure in attribute["figures"])
+    rows, notes = tuple(attribute["rows"]), tuple(attribute["notes"])
+    return Display(**{**attribute, "figures": figures, "rows": rows, "notes": notes})

@@ -22,7 +22,7 @@ class SweepIncomplete(RuntimeError):
     """Some cells failed; the message names them (exit 1)."""
 
 
-def located(thing: type | Callable[..., Any], sentence: str) -> str:
+def with_location(thing: type | Callable[..., Any], sentence: str) -> str:
     """Return a sentence on a class or function after its file and line, where it has these."""
     try:
         file, line = inspect.getfile(thing), inspect.getsourcelines(thing)[1]

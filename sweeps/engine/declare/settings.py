@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar, Self
 
-from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, located
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, with_location
 from sweeps.engine.declare.kinds import (
     Count,
     Draws,
@@ -33,13 +33,15 @@ from sweeps.engine.declare.kinds import (
     Value,
     Vector,
     Word,
-    shown,
-    spelt,
+    message_text,
+    override_text,
 )
 
 CACHE = "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
 DIMENSION, COORDINATE = "dimension", "coordinate"  # what a setting of one value may be in a store
-NO_RESULT = "no result depends on it"  # why a setting of where or how to run takes one value
+AFFECTS_NO_RESULT = (
+    "no result depends on it"  # why a setting of where or how to run takes one value
+)
 
 
 class Unit(str):
@@ -90,14 +92,14 @@ class Setting:
         return self.default if isinstance(self.default, Setting) else None
 
     @property
-    def written(self) -> Any:
+    def default_input(self) -> Any:
         """Its default as a user would write it."""
         return None if isinstance(self.default, Setting) else self.default
 
     @property
-    def identity(self) -> bool:
+    def affects_results(self) -> bool:
         """Whether results depend on it."""
-        return self.fixed != NO_RESULT
+        return self.fixed != AFFECTS_NO_RESULT
 
     def in_si(self, value: Value) -> Value:
         """Return a value, or a tuple of values, as stages get it: in SI of a `Unit`."""
@@ -108,13 +110,13 @@ class Setting:
         return value * self.unit.si
 
     @property
-    def called(self) -> str:
+    def message_name(self) -> str:
         """What messages call it."""
         return self.key
 
-    def spelling(self, values: Iterable[Value]) -> str:
+    def override(self, values: Iterable[Value]) -> str:
         """Return how a user gives it some values."""
-        return f"{self.key}=[{','.join(map(spelt, values))}]"
+        return f"{self.key}=[{','.join(map(override_text, values))}]"
 
     @property
     def entries(self) -> tuple[Setting, ...]:
@@ -146,13 +148,15 @@ class Settings:
             if isinstance(value, Setting):
                 if name in ("key", "declared"):
                     wrong = f"setting {name} must have another name: every group has its own {name}"
-                    raise DeclarationError(located(cls, wrong))
+                    raise DeclarationError(with_location(cls, wrong))
                 if not isinstance(value.unit, str):
                     wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
-                    raise DeclarationError(located(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
-                of_class = {"single": single, "fixed": fixed}.items()
-                own: Any = {of: given for of, given in of_class if getattr(value, of) is None}
-                setting = replace(value, key=f"{key}.{name}".lstrip("."), **own)
+                    raise DeclarationError(with_location(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
+                class_options = {"single": single, "fixed": fixed}.items()
+                inherited: Any = {
+                    of: given for of, given in class_options if getattr(value, of) is None
+                }
+                setting = replace(value, key=f"{key}.{name}".lstrip("."), **inherited)
                 if value.fallback in found:  # of the same group, whose key is set only now
                     setting = replace(setting, default=found[value.fallback])
                 setattr(cls, name, setting)
@@ -220,7 +224,7 @@ def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...
 CLUSTERS = ("inline", "local", "address", "slurm")
 
 
-class Run(Settings, fixed=NO_RESULT):
+class Run(Settings, fixed=AFFECTS_NO_RESULT):
     """The run."""
 
     seed = count(0, 0, 2**63, label="seed of all noise", fixed="")
@@ -233,7 +237,7 @@ class Run(Settings, fixed=NO_RESULT):
     partial = switch(False, label="compute nothing, and store the cells that the cache has")
 
 
-class Together(Settings, key="grid", fixed=NO_RESULT):
+class Together(Settings, key="grid", fixed=AFFECTS_NO_RESULT):
     """Axes that run together."""
 
     zip = Setting(
@@ -241,7 +245,7 @@ class Together(Settings, key="grid", fixed=NO_RESULT):
     )
 
 
-class Cluster(Settings, key="cluster", fixed=NO_RESULT):
+class Cluster(Settings, key="cluster", fixed=AFFECTS_NO_RESULT):
     """The cluster; see `sweeps.engine.run.cluster.ClusterChoice`."""
 
     kind = word("local", CLUSTERS, label="where tasks run")
@@ -278,11 +282,11 @@ class Choices:
     values: Mapping[str, tuple[Value, ...]]
     joint: tuple[Joint, ...] = ()
     given: tuple[str, ...] = field(default=(), compare=False)  # keys of the command line
-    asked: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
+    read_keys: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
         """Return all values of a setting."""
-        self.asked.add(setting.key)
+        self.read_keys.add(setting.key)
         return self.values[setting.key]
 
     @property
@@ -296,7 +300,7 @@ class Choices:
         (value,) = self[setting]
         return value
 
-    def having(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
+    def replace(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
         """Return choices with other values of one setting."""
         return replace(self, values={**self.values, setting.key: values})
 
@@ -322,14 +326,14 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
         Naming the first invalid key.
     """
     values: dict[str, tuple[Value, ...]] = {}
-    standing_for: dict[str, str] = {}
+    defaulting: dict[str, str] = {}
     for setting in settings:
-        written = given.get(setting.key, setting.written)
+        written = given.get(setting.key, setting.default_input)
         if written is None and setting.fallback is not None:
-            standing_for[setting.key] = setting.fallback.key
+            defaulting[setting.key] = setting.fallback.key
         else:
             values[setting.key] = setting.values(written)
-    for key, other in standing_for.items():
+    for key, other in defaulting.items():
         values[key] = values[other]
     return Choices(values)
 
@@ -352,7 +356,7 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
             )
     for name, one in by_name.items():
         if name not in given and one.default is None and not one.kind.null:
-            raise ConfigurationError(f"{key} is {shown(given)}, but must have {name}")
+            raise ConfigurationError(f"{key} is {message_text(given)}, but must have {name}")
     return {name: one.values(given.get(name, one.default))[0] for name, one in by_name.items()}
 
 

@@ -9,26 +9,28 @@ from typing import Any
 
 import numpy as np
 
-LARGEST = {"c": 16}  # bytes of a number; of other kinds 8
+MAX_BYTES = {"c": 16}  # bytes of a number; of other kinds 8
 DATES = np.dtype("M8[ns]")  # the only times that every version of xarray reads back
 NAT = np.iinfo(np.int64).min
 
 
-def plain(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[int | float]]:
+def encode_attributes(
+    attributes: Mapping[str, Any],
+) -> dict[str, str | int | float | list[int | float]]:
     """Return attributes as texts, numbers and lists of numbers; all others as JSON text.
 
     NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
     TypeError if JSON has no text of a value.
     """
     texts = {
-        name: json.dumps(value, ensure_ascii=False, default=_of_numpy)
+        name: json.dumps(value, ensure_ascii=False, default=_from_numpy)
         for name, value in attributes.items()
     }
     given = {name: json.loads(text) for name, text in texts.items()}
-    return {name: value if _is_plain(value) else texts[name] for name, value in given.items()}
+    return {name: value if _is_native(value) else texts[name] for name, value in given.items()}
 
 
-def nested(attributes: Mapping[str, Any]) -> dict[str, Any]:
+def decode_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return plain attributes with mappings and lists read from their JSON text."""
     found = dict(attributes)
     for name, value in found.items():
@@ -38,7 +40,7 @@ def nested(attributes: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _is_plain(value: Any) -> bool:
+def _is_native(value: Any) -> bool:
     numbers = value if isinstance(value, list) and value else [value]
     return isinstance(value, str) or all(
         type(number) is float or (type(number) is int and -(2**63) <= number < 2**63)
@@ -46,7 +48,7 @@ def _is_plain(value: Any) -> bool:
     )
 
 
-def _of_numpy(value: Any) -> Any:
+def _from_numpy(value: Any) -> Any:
     """Return a value of numpy as one that JSON knows."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()

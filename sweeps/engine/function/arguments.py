@@ -28,12 +28,12 @@ class Argument(Setting):
         return {**super().attrs, **self.about}
 
     @property
-    def called(self) -> str:
-        """See `Setting.called`."""
+    def message_name(self) -> str:
+        """See `Setting.message_name`."""
         return f"values[{self.name!r}]"
 
-    def spelling(self, values: Iterable[Value]) -> str:
-        """See `Setting.spelling`."""
+    def override(self, values: Iterable[Value]) -> str:
+        """See `Setting.override`."""
         return f"values={{{self.name!r}: [{', '.join(map(_spelt, values))}], ...}}"
 
 

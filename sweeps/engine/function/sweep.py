@@ -14,10 +14,10 @@ from platformdirs import user_cache_path
 
 from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import Failure
-from sweeps.engine.declare.places import path_or_url
+from sweeps.engine.declare.paths import path_or_url
 from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
 from sweeps.engine.declare.stage import RNG, VALID, Experiment, Group, Stage
-from sweeps.engine.declare.undeclared import NUMBERS, PADDING, Undeclared
+from sweeps.engine.declare.undeclared import NUMBER_DTYPE, PADDING, Undeclared
 from sweeps.engine.function.arguments import Argument, read_values
 from sweeps.engine.resolve.code import place_of
 from sweeps.engine.resolve.plan import Plan
@@ -266,7 +266,7 @@ def _result(
                 what = "two of them" if found.count(one) > 1 else what
                 raise ConfigurationError(f"{key} has {one!r}, the name of {what}; rename one")
     how: dict[str, Any] = {"names": names, "dims_of": of, "taken": taken, "about": attrs}
-    return Undeclared(name, every, dtype or NUMBERS, label=name, free=not dtype, **how)
+    return Undeclared(name, every, dtype or NUMBER_DTYPE, label=name, infer_dtype=not dtype, **how)
 
 
 def _names(key: str, given: Any) -> tuple[str, ...]:
@@ -280,7 +280,7 @@ def _names(key: str, given: Any) -> tuple[str, ...]:
 def _told(finished: Finished, failed: Sequence[Failure]) -> str:
     """Return which calls failed, and all about the first of them."""
     calls = sum(one.total for one in finished.progress.values())
-    named = [f"  {one.what}: {one.why}" for one in failed[:NAMED_FAILURES]]
+    named = [f"  {one.name}: {one.reason}" for one in failed[:NAMED_FAILURES]]
     more = len(failed) - NAMED_FAILURES
     first = failed[0]
     given = f", with {', '.join(first.arguments.splitlines())}" if first.arguments else ""
@@ -290,6 +290,6 @@ def _told(finished: Finished, failed: Sequence[Failure]) -> str:
             *named,
             *([f"  and {more:,} more"] if more > 0 else []),
             f"The first of them{given}:",
-            first.traceback or first.why,
+            first.traceback or first.reason,
         ]
     )

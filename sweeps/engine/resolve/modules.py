@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 from platformdirs import user_cache_path
 
-from sweeps.engine.declare.places import is_own
+from sweeps.engine.declare.paths import is_private
 
 ENGINE = frozenset({__name__.rpartition(".")[0].rpartition(".")[0]})
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
@@ -100,7 +100,7 @@ def _before() -> dict[str, Any]:
     Nothing if the file is missing, damaged, or another user may write to its folder.
     """
     with suppress(OSError, TypeError, ValueError):
-        if is_own(CACHE):
+        if is_private(CACHE):
             return dict(json.loads((CACHE / SOURCES).read_bytes()))
     return {}
 

@@ -37,8 +37,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import MOST_VALUES, Value, rank, shown, spelt
-from sweeps.engine.declare.places import PathOrUrl, path_or_url
+from sweeps.engine.declare.kinds import MAX_VALUES, Value, message_text, override_text, sort_key
+from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.declare.settings import (
     CLUSTERS,
     Choices,
@@ -86,7 +86,7 @@ def register(experiment: Experiment) -> None:
 def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the defaults of a group; values are of any type, since settings check their own."""
     return {
-        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "written", None)
+        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "default_input", None)
         for key, entry in tree.items()
     }
 
@@ -199,7 +199,7 @@ def _check_tree(experiment: Experiment, tree: Mapping[str, Any], node: Any, pare
 
 def not_members(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
     """Return the error of a group that is given another value."""
-    return ConfigurationError(f"{key} is {shown(value)}, but must hold {', '.join(tree)}")
+    return ConfigurationError(f"{key} is {message_text(value)}, but must hold {', '.join(tree)}")
 
 
 def unknown(
@@ -224,14 +224,16 @@ def unknown(
 def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
     keys = [setting.key for setting in settings]
-    listed = [_as_written(setting, given.get(setting.key, setting.written)) for setting in settings]
+    listed = [
+        _as_written(setting, given.get(setting.key, setting.default_input)) for setting in settings
+    ]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
         raise ConfigurationError(
             f"grid.zip has {', '.join(keys)}, which must have equally many values, but "
             f"{', '.join(counts)}"
         )
-    points = sorted(zip(*listed, strict=True), key=lambda point: [rank(one) for one in point])
+    points = sorted(zip(*listed, strict=True), key=lambda point: [sort_key(one) for one in point])
     if len(set(points)) < len(points):
         raise ConfigurationError(
             f"grid.zip has {', '.join(keys)}, which have the same values together twice"
@@ -337,8 +339,8 @@ def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) 
 
 def _in_steps(swept: RangeSweep) -> str:
     """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
-    values: list[Any] = [*islice(swept.range(), MOST_VALUES)] or [swept.start]
-    return spelt({"start": min(values), "stop": max(values), "step": abs(swept.step)})
+    values: list[Any] = [*islice(swept.range(), MAX_VALUES)] or [swept.start]
+    return override_text({"start": min(values), "stop": max(values), "step": abs(swept.step)})
 
 
 def pasted(text: str) -> str:
@@ -445,7 +447,7 @@ def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator
         options[key] = [line]
         if not override.is_sweep_override():
             continue
-        values = _values(override, MOST_VALUES)
+        values = _values(override, MAX_VALUES)
         refers = any(f"{{{name}}}" in other for other in lines)
         if (
             name in axes
@@ -512,16 +514,16 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
         if all(job.choices[setting] == first[setting] for job in jobs):
             continue
         if setting.fixed:
-            asked = " and ".join(shown(value) for value in sorted(values, key=rank))
+            asked = " and ".join(message_text(value) for value in sorted(values, key=sort_key))
             raise ConfigurationError(
                 f"{setting.key} is {asked} in jobs of one store, but must be one: "
                 f"{setting.fixed}; {OWN_STORES}"
             )
-        union[setting] = tuple(sorted(values, key=rank))
+        union[setting] = tuple(sorted(values, key=sort_key))
     values_of = {setting.key: values for setting, values in union.items()}
     joint = _bound_together(jobs, union) if union else []
     return replace(
-        first, values={**first.values, **values_of}, joint=(*first.joint, *joint), asked=set()
+        first, values={**first.values, **values_of}, joint=(*first.joint, *joint), read_keys=set()
     )
 
 
@@ -561,7 +563,7 @@ def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list
     sizes = [len(union[setting]) for setting in alone] + [len(group.points) for group in groups]
     if math.prod(sizes) == len(points):
         return groups
-    every = sorted(points, key=lambda point: [rank(value) for value in point])
+    every = sorted(points, key=lambda point: [sort_key(value) for value in point])
     labels = {
         point: ",".join(f"{one.name}={value}" for one, value in zip(union, point, strict=True))
         for point in every

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import RAISED
-from sweeps.engine.declare.kinds import Value, spelt
+from sweeps.engine.declare.kinds import Value, override_text
 from sweeps.engine.declare.settings import Choices, Run, Setting
-from sweeps.engine.declare.stage import Bound, Experiment, bind, value_token
+from sweeps.engine.declare.stage import BoundStage, Experiment, bind, value_token
 from sweeps.engine.resolve.code import Code, CodeDigest, place_of
 from sweeps.engine.resolve.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
 from sweeps.engine.resolve.modules import keep_sources
@@ -70,7 +70,7 @@ class InputCells(NamedTuple):
     `Stage.gather`.
     """
 
-    source: Bound
+    source: BoundStage
     first: Cells
     offsets: Cells
 
@@ -105,13 +105,13 @@ class Plan:
         self._strides = {bound: self._strides_of(bound) for bound in self.bound.values()}
         self.together = {bound: self._together(bound) for bound in self.bound.values()}
         # What follows is filled as it is needed.
-        self._input_cells: dict[Bound, dict[Bound, InputCells]] = {}
-        self._keys: dict[Bound, Keys] = {}
-        self._fingerprints: dict[Bound, str] = {}
-        self._plain: dict[Bound, NDArray[np.object_]] = {}  # by number of the cell
+        self._input_cells: dict[BoundStage, dict[BoundStage, InputCells]] = {}
+        self._keys: dict[BoundStage, Keys] = {}
+        self._fingerprints: dict[BoundStage, str] = {}
+        self._plain: dict[BoundStage, NDArray[np.object_]] = {}  # by number of the cell
         for bound in self.bound.values():
             self._check_joint(bound)
-            if bound.stage.at:
+            if bound.stage.substitutions:
                 self.input_cells(bound)  # which may refuse it
 
     def unread(self, keys: Iterable[str]) -> list[str]:
@@ -120,7 +120,7 @@ class Plan:
         noting = Choices(self.choices.values, self.choices.joint)
         for group in {bound.stage.group for bound in self._every.values()}:
             group.when(noting)
-        read |= noting.asked
+        read |= noting.read_keys
         read |= {
             setting.fallback.key
             for setting in self.experiment.declared
@@ -144,11 +144,11 @@ class Plan:
         """Return the number of a setting's axis."""
         return self._axis_of[key][0]
 
-    def axes_on(self, bound: Bound) -> tuple[int, ...]:
+    def axes_on(self, bound: BoundStage) -> tuple[int, ...]:
         """Return numbers of the axes with several values that a stage depends on, ascending."""
         return tuple(self._strides[bound])
 
-    def _together(self, bound: Bound) -> dict[int, int]:
+    def _together(self, bound: BoundStage) -> dict[int, int]:
         """Return axes that a stage computes together: number, and stride of its cells along it."""
         return {
             number: stride
@@ -157,17 +157,17 @@ class Plan:
             and self.axes[number].settings[0].key in bound.along
         }
 
-    def _strides_of(self, bound: Bound) -> dict[int, int]:
+    def _strides_of(self, bound: BoundStage) -> dict[int, int]:
         """Return by axis of several values how far apart the cells of neighbouring places are."""
         numbers = sorted({self.axis_number(key) for key in bound.needs})
         several = [number for number in numbers if self.axes[number].several]
         lengths = [len(self.axes[number].points) for number in several]
         return {number: prod(lengths[at + 1 :]) for at, number in enumerate(several)}
 
-    def _check_joint(self, bound: Bound) -> None:
+    def _check_joint(self, bound: BoundStage) -> None:
         """Refuse settings that run together with others, but are gathered."""
         for axis in (self.axes[self.axis_number(key)] for key in bound.gather):
-            if axis.several and axis.is_joint and not bound.stage.plain:
+            if axis.several and axis.is_joint and not bound.stage.is_plain:
                 raise ConfigurationError(
                     f"{axis.settings[0].key} runs together with other settings, but must run "
                     f"alone because {bound.name} uses all of its values"
@@ -175,31 +175,31 @@ class Plan:
 
     # cells ----------------------------------------------------------------------------------
 
-    def count(self, bound: Bound) -> int:
+    def count(self, bound: BoundStage) -> int:
         """Return the number of cells of a stage."""
         return prod(len(self.axes[number].points) for number in self._strides[bound])
 
-    def cells(self, bound: Bound) -> Cells:
+    def cells(self, bound: BoundStage) -> Cells:
         """Return the numbers of all cells of a stage."""
         return np.arange(self.count(bound))
 
-    def places(self, bound: Bound, number: int, cells: Cells | int) -> Any:
+    def places(self, bound: BoundStage, number: int, cells: Cells | int) -> Any:
         """Return the places of some cells of a stage on an axis; 0 if it does not depend on it."""
         stride = self._strides[bound].get(number)
         return 0 * cells if stride is None else cells // stride % len(self.axes[number].points)
 
-    def start(self, bound: Bound, cells: Cells) -> Cells:
+    def start(self, bound: BoundStage, cells: Cells) -> Cells:
         """Return cells at the first place of all axes computed together."""
         for number, stride in self.together[bound].items():
             cells = cells - stride * self.places(bound, number, cells)
         return cells
 
-    def value(self, bound: Bound, key: str, cell: int) -> Value:
+    def value(self, bound: BoundStage, key: str, cell: int) -> Value:
         """Return the value of a setting in a cell of a stage."""
         number, position = self._axis_of[key]
         return self.axes[number].points[self.places(bound, number, cell)][position]
 
-    def described(self, bound: Bound, cell: int) -> str:
+    def described(self, bound: BoundStage, cell: int) -> str:
         """Return a cell in words: name=value for every axis of several values."""
         words = [bound.name]
         for number in self._strides[bound]:
@@ -207,15 +207,17 @@ class Plan:
             if axis.bare:
                 pairs = zip(axis.settings, axis.points[at], strict=True)
                 read = [(one.name, value) for one, value in pairs if one.key in bound.needs]
-                words += [f"{name}={spelt(value)}" for name, value in read]
+                words += [f"{name}={override_text(value)}" for name, value in read]
                 continue
-            shown = axis.labels[at] if axis.labels else ",".join(map(spelt, axis.points[at]))
+            shown = (
+                axis.labels[at] if axis.labels else ",".join(map(override_text, axis.points[at]))
+            )
             words.append(f"{axis.name}={shown}")
         return " ".join(words)
 
     # inputs ---------------------------------------------------------------------------------
 
-    def input_cells(self, bound: Bound) -> dict[Bound, InputCells]:
+    def input_cells(self, bound: BoundStage) -> dict[BoundStage, InputCells]:
         """Return which cells of each of its inputs the cells of a stage take."""
         if bound not in self._input_cells:
             sources = dict.fromkeys(bound.inputs)
@@ -224,15 +226,15 @@ class Plan:
             }
         return self._input_cells[bound]
 
-    def inputs(self, bound: Bound) -> list[InputCells]:
+    def inputs(self, bound: BoundStage) -> list[InputCells]:
         """Return what a stage takes of its inputs that are cells."""
-        return [one for one in self.input_cells(bound).values() if not one.source.stage.plain]
+        return [one for one in self.input_cells(bound).values() if not one.source.stage.is_plain]
 
-    def _input_cells_of(self, bound: Bound, source: Bound) -> InputCells:
+    def _input_cells_of(self, bound: BoundStage, source: BoundStage) -> InputCells:
         cells, strides = self.cells(bound), self._strides[source]
         moved = {
             self.axis_number(one.key): self._moved(bound, source, one, other)
-            for one, other in bound.stage.at.items()
+            for one, other in bound.stage.substitutions.items()
             if one.key in source.needs
         }
         first = 0 * cells
@@ -245,7 +247,7 @@ class Plan:
             offsets = offsets[..., None] + strides.get(number, 0) * places
         return InputCells(source, first, offsets)
 
-    def _moved(self, bound: Bound, source: Bound, one: Setting, other: Setting) -> Cells:
+    def _moved(self, bound: BoundStage, source: BoundStage, one: Setting, other: Setting) -> Cells:
         """Return by cell the place of an input on a setting's axis that takes another's value.
 
         Raises
@@ -271,13 +273,13 @@ class Plan:
                 places.append(fitting[0])
             else:
                 raise ConfigurationError(
-                    f"{other.key} has {spelt(value)}, but every value must be one of {one.key}, "
+                    f"{other.key} has {override_text(value)}, but must be a value of {one.key}, "
                     "which must not run together with other settings, because "
                     f"{bound.name} takes {source.name} there"
                 )
         return np.array(places)[inverse]
 
-    def plain_argument(self, bound: Bound, source: Setting | Bound, cell: int) -> Value:
+    def plain_argument(self, bound: BoundStage, source: Setting | BoundStage, cell: int) -> Value:
         """Return the value of an argument that is a setting or a plain stage."""
         if isinstance(source, Setting):
             gathered = source.key in bound.gather
@@ -291,27 +293,27 @@ class Plan:
             known[there] = self._plain_value(source, there)
         return known[there]
 
-    def _plain_value(self, bound: Bound, cell: int) -> Value:
+    def _plain_value(self, bound: BoundStage, cell: int) -> Value:
         """Return the result of a plain stage in one of its cells."""
         arguments = bound.arguments.items()
         given = {name: self.plain_argument(bound, one, cell) for name, one in arguments}
         try:
-            return bound.stage.checked_value(bound.stage.function(**given))
+            return bound.stage.check_value(bound.stage.function(**given))
         except (ConfigurationError, DeclarationError):
             raise
         except RAISED as error:
-            words = ", ".join(f"{name}={spelt(value)}" for name, value in given.items())
+            words = ", ".join(f"{name}={override_text(value)}" for name, value in given.items())
             raise ConfigurationError(
                 f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"
             ) from error
 
     def column(
-        self, bound: Bound, source: Setting | Bound, cells: Cells
+        self, bound: BoundStage, source: Setting | BoundStage, cells: Cells
     ) -> tuple[tuple[Value, ...], Cells]:
         """Return distinct values of an argument that is a setting or a plain stage, and of which
         of them is that of each of some cells.
         """
-        if isinstance(source, Bound):
+        if isinstance(source, BoundStage):
             places, size = self.input_cells(bound)[source].first[cells], self.count(source)
         elif source.key not in bound.gather:
             number = self.axis_number(source.key)
@@ -320,7 +322,7 @@ class Plan:
             places, size = 0 * cells, 1
         return _column(places, size, cells, partial(self.plain_argument, bound, source))
 
-    def stream(self, bound: Bound, cell: int) -> tuple[int, dict[str, Any]]:
+    def stream(self, bound: BoundStage, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `resolve.keys`."""
         name: dict[str, Any] = {"stage": self._stream_name(bound)}
         for label, setting, optional in self._stream_settings(bound):
@@ -329,10 +331,10 @@ class Plan:
                 name[label] = value
         return self.value(bound, Run.seed.key, cell), name
 
-    def _stream_name(self, bound: Bound) -> str:
+    def _stream_name(self, bound: BoundStage) -> str:
         return (bound.stage.stream and bound.stage.stream.name) or bound.name
 
-    def _stream_settings(self, bound: Bound) -> list[tuple[str, Setting, bool]]:
+    def _stream_settings(self, bound: BoundStage) -> list[tuple[str, Setting, bool]]:
         """Return label, setting, and whether it is optional, of what a stream depends on."""
         stream, by_key = bound.stage.stream, self.experiment.by_key
         if stream is None:
@@ -342,11 +344,11 @@ class Plan:
 
     # keys -----------------------------------------------------------------------------------
 
-    def key(self, bound: Bound, cell: int) -> str:
+    def key(self, bound: BoundStage, cell: int) -> str:
         """Return the key of one cell as text; see `keys`."""
         return spelt_key(self.keys(bound)[cell])
 
-    def keys(self, bound: Bound) -> Keys:
+    def keys(self, bound: BoundStage) -> Keys:
         """Return the hash of all that a cell depends on, of each cell of a stage, (cell, 2).
 
         Those of all that they depend on are made first, and none is made twice.
@@ -359,15 +361,17 @@ class Plan:
             self._keys[bound] = keys
         return self._keys[bound]
 
-    def forget_keys(self, bound: Bound) -> None:
+    def forget_keys(self, bound: BoundStage) -> None:
         """Free the memory of a stage's keys, which are made again if they are asked for."""
         self._keys.pop(bound, None)
 
-    def new_keys(self, bound: Bound, cells: Cells, known: Callable[[Bound], Keys]) -> Keys:
+    def new_keys(
+        self, bound: BoundStage, cells: Cells, known: Callable[[BoundStage], Keys]
+    ) -> Keys:
         """Return the keys of some cells of a stage, made of the `known` ones of its inputs."""
         keys = np.tile(hashed([self.identity[bound.name]]), (len(cells), 1))
         for name, source in bound.arguments.items():
-            if isinstance(source, Setting) or source.stage.plain:
+            if isinstance(source, Setting) or source.stage.is_plain:
                 values, places = self.column(bound, source, cells)
                 texts = [f"{name}={value_token(value)}" for value in values]
                 fold(keys, hashed(texts)[places])
@@ -394,7 +398,7 @@ class Plan:
                 fold(keys, hashed(named.get(one, "") for one in values)[places])
         return keys
 
-    def fingerprint(self, bound: Bound) -> str:
+    def fingerprint(self, bound: BoundStage) -> str:
         """Return the hash of the keys of all cells of a stage, as text."""
         if bound not in self._fingerprints:
             self._fingerprints[bound] = spelt_key(hashed([self.keys(bound).data])[0])
@@ -444,6 +448,6 @@ def _column(
     return tuple(map(value, one_of_each[used].tolist())), (np.cumsum(used) - 1)[places]
 
 
-def _read_by(stages: Iterable[Bound]) -> set[str]:
+def _read_by(stages: Iterable[BoundStage]) -> set[str]:
     """Return keys of the settings that some stages depend on."""
     return {key for bound in stages for key in (*bound.needs, *bound.gather)}

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from sweeps.engine.cache.objects import CLOSED, Objects
 from sweeps.engine.declare.failures import Failure, FailureLog
-from sweeps.engine.declare.places import PathOrUrl, child, real_place
+from sweeps.engine.declare.paths import PathOrUrl, join, resolve_path
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.run.process import say
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
@@ -75,7 +75,7 @@ class _Shown:
         self.log.add(failure)
         self.failures += 1
         if self.failures <= NAMED_FAILURES:
-            self.say(f"failed: {failure.what}: {failure.why}", "red")
+            self.say(f"failed: {failure.name}: {failure.reason}", "red")
         elif self.failures == NAMED_FAILURES + 1:
             self.say("further failures are counted at the end", "red")
 
@@ -187,9 +187,9 @@ FOLDER = "status"  # of a cache
 
 def states_in(cache: PathOrUrl, *, make: bool = False) -> Objects:
     """Return the states of sweeps that a cache knows."""
-    return Objects(child(cache, FOLDER), make=make, mode=CLOSED, clean=False)
+    return Objects(join(cache, FOLDER), make=make, mode=CLOSED, clean=False)
 
 
 def state_of(store: PathOrUrl) -> str:
     """Return the name of the state of a store's latest sweep."""
-    return f"{digest(str(real_place(store)))}.json"
+    return f"{digest(str(resolve_path(store)))}.json"

@@ -22,7 +22,7 @@ from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.packs import NO_LOCATIONS, Locations
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.settings import Setting
-from sweeps.engine.declare.stage import VALID, At, Bound
+from sweeps.engine.declare.stage import VALID, At, BoundStage
 from sweeps.engine.resolve.keys import Keys, distinct, hashed, joined
 from sweeps.engine.resolve.plan import Cells, InputCells, Plan
 from sweeps.engine.run.tasks import (
@@ -39,7 +39,7 @@ MOST_CELLS = 4096  # of one task
 FAILED = hashed(["failed"])[0]  # in place of the key of a result
 
 Flags = NDArray[np.bool_]
-Call = tuple[Bound, Cells]  # cells of a stage that one call computes
+Call = tuple[BoundStage, Cells]  # cells of a stage that one call computes
 
 
 @dataclass
@@ -51,7 +51,7 @@ class ReadyCalls:
     calls that share most are neighbours.
     """
 
-    stages: list[Bound]
+    stages: list[BoundStage]
     stage: Cells
     begins: Cells
     cells: Cells
@@ -61,7 +61,7 @@ class ReadyCalls:
     def __len__(self) -> int:
         return len(self.stage) - self.at
 
-    def run(self, most: int) -> tuple[Bound, Cells]:
+    def run(self, most: int) -> tuple[BoundStage, Cells]:
         """Return the stage of the next calls, and where their cells begin, and the last ends."""
         calls = self.stage[self.at : self.at + most]
         same = int(np.argmax(np.append(calls != calls[0], True)))
@@ -76,12 +76,12 @@ class Queue:
         self._ready: deque[ReadyCalls] = deque()
         self._split: deque[Call] = deque()
         self._made: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
-        self.load: Counter[Bound] = Counter()  # cells
+        self.load: Counter[BoundStage] = Counter()  # cells
 
     def __bool__(self) -> bool:
         return bool(self._split or self._ready)
 
-    def add(self, ready: Mapping[Bound, Cells]) -> None:
+    def add(self, ready: Mapping[BoundStage, Cells]) -> None:
         """Add calls for cells of some stages, of which those that share in-memory objects mix."""
         tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
         width = max(objects.shape[1] for _, _, objects, _ in tables)
@@ -101,12 +101,14 @@ class Queue:
         self._ready.append(ReadyCalls([*ready], stage, begins, cells, objects))
         self.load.update({bound: len(of) for bound, of in ready.items()})
 
-    def again(self, bound: Bound, cells: Cells) -> None:
+    def again(self, bound: BoundStage, cells: Cells) -> None:
         """Add a call, which comes before all others."""
         self._split.append((bound, cells))
         self.load[bound] += len(cells)
 
-    def _calls(self, number: int, bound: Bound, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
+    def _calls(
+        self, number: int, bound: BoundStage, cells: Cells
+    ) -> tuple[Cells, Cells, Cells, Cells]:
         """Return stage, number of cells and in-memory objects of each call; and all their cells.
 
         Cells that differ only on axes computed together share a call.
@@ -121,11 +123,11 @@ class Queue:
         stage = np.full(len(begins), number, dtype=np.int16)
         return stage, lengths.astype(np.int32), objects.T[begins], cells.astype(np.int32)
 
-    def _shared(self, bound: Bound, cells: Cells) -> list[Cells]:
+    def _shared(self, bound: BoundStage, cells: Cells) -> list[Cells]:
         """Return numbers of the in-memory objects that cells need, dependencies first."""
         found: list[Cells] = []
         for source, first, _ in self._plan.inputs(bound):
-            if not source.stage.kept:
+            if not source.stage.is_cached:
                 taken, places = np.unique(first[cells], return_inverse=True)
                 known, keys = len(self._made), joined(self._made, self._plan.keys(source)[taken])
                 of_first, number = distinct(keys)
@@ -218,7 +220,7 @@ class PlannedBatch(NamedTuple):
     `cells` and `results` are (cell,).
     """
 
-    bound: Bound
+    bound: BoundStage
     cells: Cells
     results: Cells
     batch: Batch
@@ -244,7 +246,7 @@ class Schedule:
     costs: dict[str, float] = field(default_factory=dict)
     failed: dict[int, str] = field(default_factory=dict)
     progress: dict[str, Progress] = field(default_factory=dict)
-    results: dict[Bound, Cells] = field(default_factory=dict)
+    results: dict[BoundStage, Cells] = field(default_factory=dict)
     locations: Locations = field(default_factory=lambda: NO_LOCATIONS)
 
     # what is missing ------------------------------------------------------------------------
@@ -258,11 +260,11 @@ class Schedule:
         for bound in plan.targets:
             wanted[bound][:] = True
             plan.fingerprint(bound)  # while its keys are known
-        missing: dict[Bound, Cells] = {}
+        missing: dict[BoundStage, Cells] = {}
         of_function: dict[str, list[range]] = defaultdict(list)  # results by code of their function
         for bound in reversed(plan.bound.values()):  # each before those that it needs
             cells = np.flatnonzero(wanted[bound])
-            if bound.stage.kept and cells.size:
+            if bound.stage.is_cached and cells.size:
                 cells = self._look_up(bound, cells, of_function[plan.identity[bound.name]])
                 missing[bound] = cells
             for taken in plan.inputs(bound):
@@ -280,15 +282,15 @@ class Schedule:
         }
         missing_of = self._missing.items()
         self._counts = [(one, len(cells), self._count(one, cells)) for one, cells in missing_of]
-        self._object_keys: dict[Bound, Keys] = {}
+        self._object_keys: dict[BoundStage, Keys] = {}
         self._calls = Queue(plan)
         self._open()
 
-    def _makers(self, bound: Bound, maker: NDArray[np.int16]) -> set[int]:
+    def _makers(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
         """Return who makes the inputs of a stage, also of its in-memory objects."""
         found: set[int] = set()
         for source, *_ in self.plan.inputs(bound):
-            if source.stage.kept:
+            if source.stage.is_cached:
                 results = self.results[source]
                 found |= {
                     *(np.flatnonzero(np.bincount(maker[results[results >= 0]] + 1)) - 1).tolist()
@@ -297,7 +299,7 @@ class Schedule:
                 found |= self._makers(source, maker)
         return found
 
-    def _look_up(self, bound: Bound, cells: Cells, earlier: list[range]) -> Cells:
+    def _look_up(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
         """Number the results of some cells; return those that are to be computed, one of each.
 
         Cells of equal keys are one result, also of other stages of the same function, whose
@@ -329,11 +331,11 @@ class Schedule:
         self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
 
-    def missing_cells(self) -> list[tuple[Bound, int, int]]:
+    def missing_cells(self) -> list[tuple[BoundStage, int, int]]:
         """Return every stage with missing cells, how many, and in how many calls."""
         return self._counts
 
-    def _count(self, bound: Bound, cells: Cells) -> int:
+    def _count(self, bound: BoundStage, cells: Cells) -> int:
         """Return in how many calls some cells are computed."""
         return len(np.unique(self.plan.start(bound, cells))) if bound.along else len(cells)
 
@@ -357,7 +359,7 @@ class Schedule:
             if calls := {bound: cells for bound, cells in possible.items() if len(cells)}:
                 self._calls.add(calls)
 
-    def _possible(self, bound: Bound, cells: Cells) -> Cells:
+    def _possible(self, bound: BoundStage, cells: Cells) -> Cells:
         """Return which cells of a stage are to be computed: those whose inputs have not failed.
 
         A result that gathers failed ones with others has another key, and may be in the cache.
@@ -385,7 +387,9 @@ class Schedule:
         self._finish(bound, results[here], found.pack[found.present], found.row[found.present])
         return np.delete(cells, here)
 
-    def _lack(self, taken: list[InputCells], gone: Mapping[Bound, Flags], cells: Cells) -> Flags:
+    def _lack(
+        self, taken: list[InputCells], gone: Mapping[BoundStage, Flags], cells: Cells
+    ) -> Flags:
         """Return which cells lack an input, or all of one that they gather."""
         lost = np.zeros(len(cells), dtype=bool)
         for source, first, offsets in taken:
@@ -393,17 +397,17 @@ class Schedule:
             lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[places]
         return lost
 
-    def _are_lost(self, bound: Bound) -> Flags:
+    def _are_lost(self, bound: BoundStage) -> Flags:
         """Return which cells of a stage failed, or cannot be made in memory."""
-        if bound.stage.kept:
+        if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
         taken = self.plan.inputs(bound)
         gone = {source: self._are_lost(source) for source, *_ in taken}
         return self._lack(taken, gone, self.plan.cells(bound))
 
-    def _keys_now(self, bound: Bound) -> Keys:
+    def _keys_now(self, bound: BoundStage) -> Keys:
         """Return the keys of a stage's cells as they are with the inputs that failed."""
-        if bound.stage.kept:
+        if bound.stage.is_cached:
             keys = self.locations.keys[self.results[bound]]
         elif bound in self._object_keys:
             return self._object_keys[bound]
@@ -431,9 +435,9 @@ class Schedule:
 
     def _task(self, calls: Iterable[Call]) -> Task:
         """Return a task of calls: the stage of each, and the cells that it computes."""
-        of_stage: dict[tuple[Bound, bytes], list[Cells]] = defaultdict(list)
+        of_stage: dict[tuple[BoundStage, bytes], list[Cells]] = defaultdict(list)
         order: list[int] = []
-        numbers: dict[tuple[Bound, bytes], int] = {}
+        numbers: dict[tuple[BoundStage, bytes], int] = {}
         for bound, cells in calls:
             # Those of a batch compute equal places of the axes that are computed together.
             starts = self.plan.start(bound, cells[:1]) if bound.along else None
@@ -445,7 +449,7 @@ class Schedule:
 
     # calls ----------------------------------------------------------------------------------
 
-    def planned(self, bound: Bound, calls: Sequence[Cells]) -> PlannedBatch:
+    def planned(self, bound: BoundStage, calls: Sequence[Cells]) -> PlannedBatch:
         """Return a batch of calls of a stage, each of which computes equal places of its axes."""
         plan, cells = self.plan, np.concatenate(calls)
         begins = np.cumsum([0, *map(len, calls)])
@@ -471,7 +475,7 @@ class Schedule:
         )
         return PlannedBatch(bound, cells, results, batch)
 
-    def _batch_at(self, bound: Bound, firsts: Cells, grid: Cells, **computed: Any) -> Batch:
+    def _batch_at(self, bound: BoundStage, firsts: Cells, grid: Cells, **computed: Any) -> Batch:
         """Return a batch of calls for cells, (call,), and a grid of others from each of these on.
 
         The grid is an array of numbers to be added; each axis is one that is computed together.
@@ -490,10 +494,10 @@ class Schedule:
                 arguments[name] = PlainArgument(
                     (source.in_si(values),), np.zeros(count, dtype=np.int32)
                 )
-            elif isinstance(source, Setting) or source.stage.plain:
+            elif isinstance(source, Setting) or source.stage.is_plain:
                 found, places = plan.column(bound, source, firsts)
                 arguments[name] = PlainArgument(found, places.astype(np.int32))
-            elif not source.stage.kept:
+            elif not source.stage.is_cached:
                 made, places = np.unique(
                     plan.input_cells(bound)[source].first[firsts], return_inverse=True
                 )
@@ -517,7 +521,7 @@ class Schedule:
         )
 
     def _read(
-        self, bound: Bound, source: Bound, firsts: Cells, grid: Cells
+        self, bound: BoundStage, source: BoundStage, firsts: Cells, grid: Cells
     ) -> tuple[Locations, Flags]:
         """Return where an input is, and by call where on gathered axes all of its cells exist."""
         _, first, offsets = self.plan.input_cells(bound)[source]
@@ -552,8 +556,8 @@ class Schedule:
             if split and failure.traceback and together[number]:
                 self._calls.again(bound, cells)
             else:
-                failed.append(failure._replace(what=self.plan.described(bound, int(cells[0]))))
-                self._fail(bound, int(planned.results[number]), failure.why)
+                failed.append(failure._replace(name=self.plan.described(bound, int(cells[0]))))
+                self._fail(bound, int(planned.results[number]), failure.reason)
         results = planned.results[done]
         self._finish(bound, results, pack, np.arange(len(results), dtype=np.int32))
         self.progress[name].seconds += outcome.seconds
@@ -572,12 +576,12 @@ class Schedule:
             for begin, end in pairwise(planned.batch.begins.tolist())
         ]
 
-    def _finish(self, bound: Bound, results: Cells, pack: Any, row: Any) -> None:
+    def _finish(self, bound: BoundStage, results: Cells, pack: Any, row: Any) -> None:
         self.locations.pack[results], self.locations.row[results] = pack, row
         self.progress[bound.name].done += len(results)
         self._left[bound] -= len(results)
 
-    def _fail(self, bound: Bound, result: int, why: str) -> None:
+    def _fail(self, bound: BoundStage, result: int, why: str) -> None:
         self.failed[result] = why
         self.progress[bound.name].failed += 1
         self._left[bound] -= 1

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.declare.places import is_own
+from sweeps.engine.declare.paths import is_private
 from sweeps.engine.resolve.modules import SHADERS, files, place
 
 
@@ -63,7 +63,7 @@ def _check_mark(packs: Objects, mark: str) -> None:
         found = packs.get(mark)
     if found is None:
         what, remedy = "does not see the cache", "it must be where all of them see it"
-    elif isinstance(packs.place, Path) and not is_own(packs.place):
+    elif isinstance(packs.place, Path) and not is_private(packs.place):
         what, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return

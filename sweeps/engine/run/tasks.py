@@ -25,9 +25,15 @@ from numpy.typing import NDArray
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Arrays, Locations, Pack, Packing, each_cell
 from sweeps.engine.declare.errors import DeclarationError
-from sweeps.engine.declare.failures import RAISED, Failure, described, reason, traceback_of
+from sweeps.engine.declare.failures import (
+    RAISED,
+    Failure,
+    format_arguments,
+    format_traceback,
+    one_line,
+)
 from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
-from sweeps.engine.declare.undeclared import NUMBERS, Undeclared, spread
+from sweeps.engine.declare.undeclared import NUMBER_DTYPE, Undeclared, split_variables
 from sweeps.engine.resolve.code import MAIN, looked_up, place_of
 from sweeps.engine.resolve.keys import Keys, cell_rng
 
@@ -54,7 +60,9 @@ class ShippedStage:
         function, (module, name) = stage.function, place_of(stage.function)
         there = looked_up(module, name) if module != MAIN else None
         given = None if getattr(there, "function", there) is function else function
-        even = tuple(o.name for o in stage.outputs if stage.place_of(o) and stage.is_even(o))
+        even = tuple(
+            o.name for o in stage.outputs if stage.store_group(o) and stage.has_fixed_shape(o)
+        )
         return cls(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
 
     @property
@@ -190,7 +198,7 @@ class _Running:
         self.begins: list[int] = batch.begins.tolist()
         self.packing = Packing()
         self.next = 0
-        self.kept: list[int] = []  # numbers of cells that are packed
+        self.is_cached: list[int] = []  # numbers of cells that are packed
         self.seconds = 0.0
         self.failed: dict[int, Failure] = {}
         self.lacking: dict[int, tuple[bytes, ...]] = {}
@@ -215,13 +223,13 @@ class _Running:
             if batch.streams:  # from which the generator can be made again
                 seed, name = batch.streams[number]
                 given[RNG] = f"cell_rng({seed}, **{name})"
-            failure = Failure("", reason(error), described(given), traceback_of(error))
+            failure = Failure("", one_line(error), format_arguments(given), format_traceback(error))
             self.failed |= dict.fromkeys(range(begin, end), failure)
             return
         self.seconds += time.perf_counter() - start
         for cell, arrays in enumerate(cells, begin):
             self.packing.add(arrays)
-            self.kept.append(cell)
+            self.is_cached.append(cell)
         for output in stage.even:  # those of a call are of one array
             self.shapes.add((stage.name, output, cells[0][output].shape))
 
@@ -243,9 +251,9 @@ class _Running:
 
     def outcome(self) -> Outcome:
         """Write the pack of all cells; return the outcome."""
-        if not self.kept:
+        if not self.is_cached:
             return Outcome(self.seconds, self.failed, self.lacking)
-        keys, name = self.batch.keys[self.kept], self.batch.stage.name
+        keys, name = self.batch.keys[self.is_cached], self.batch.stage.name
         pack = self.packing.write(self.packs, name, keys, self.seconds, self.batch.room)
         return Outcome(self.seconds, self.failed, self.lacking, pack)
 
@@ -371,7 +379,7 @@ class Gathered:
         locations, own = self.locations[at], self.shape[self.locations.pack.ndim :]
         if not locations.present.any():
             [output] = self.stage.outputs
-            return np.full((*locations.pack.shape, *own), output.empty, output.dtype)
+            return np.full((*locations.pack.shape, *own), output.fill_value, output.dtype)
         [array] = self.arrays(locations).values()
         return array
 
@@ -384,7 +392,7 @@ class Gathered:
                 name, array = output.name, arrays[output.name]
                 if name not in whole:
                     shape = (present.size, *array.shape)
-                    whole[name] = np.full(shape, output.empty, output.dtype)
+                    whole[name] = np.full(shape, output.fill_value, output.dtype)
                 if array.shape != whole[name].shape[1:]:
                     what = f"{name} of {self.stage.name}"
                     raise ValueError(f"{what} has a shape that differs between cells")
@@ -429,9 +437,9 @@ def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[in
     """
     first = outputs[0]
     if isinstance(first, Undeclared):
-        if first.plain and _is_number(found):  # at once: many functions are quick
-            return {first.name: np.array(found, NUMBERS)}
-        declared, about = spread(first, found)
+        if first.is_number and _is_number(found):  # at once: many functions are quick
+            return {first.name: np.array(found, NUMBER_DTYPE)}
+        declared, about = split_variables(first, found)
         arrays = {output.name: _array(stage, output, values, ()) for output, values in declared}
         return arrays | ({about: np.empty(0, "u1")} if about else {})
     names = [output.name for output in outputs]

@@ -17,7 +17,7 @@ import numpy as np
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
-from sweeps.engine.declare.storable import DATES, LARGEST, NAT, plain
+from sweeps.engine.declare.storable import DATES, MAX_BYTES, NAT, encode_attributes
 from sweeps.engine.resolve.keys import BYTES
 
 METADATA = "zarr.json"
@@ -97,7 +97,7 @@ class Array:
             return np.dtype(f"<i{2 * dtype.itemsize}")
         if dtype == DATES:
             return np.dtype("<i8")
-        numbers = dtype.kind in "iufc" and dtype.itemsize <= LARGEST.get(dtype.kind, 8)
+        numbers = dtype.kind in "iufc" and dtype.itemsize <= MAX_BYTES.get(dtype.kind, 8)
         if (dtype.kind == "U" and dtype.itemsize) or numbers:
             return dtype.newbyteorder("<")
         raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and texts can")
@@ -106,7 +106,9 @@ class Array:
     def attributes(self) -> dict[str, Any]:
         """Return the stored attributes, with the dtype that xarray converts integers to."""
         kind, of_bool = np.dtype(self.dtype).kind, {"dtype": "bool"}
-        return plain(self.attrs) | (of_bool if kind == "b" else OF_DATES if kind == "M" else {})
+        return encode_attributes(self.attrs) | (
+            of_bool if kind == "b" else OF_DATES if kind == "M" else {}
+        )
 
     @property
     def empty(self) -> Any:
@@ -159,7 +161,7 @@ class Group:
             name for name, one in self.arrays.items() if one.coordinate and one.dims != (name,)
         ]
         named = {"coordinates": " ".join(sorted(others))} if others else {}
-        return plain(self.attrs) | named
+        return encode_attributes(self.attrs) | named
 
     def stored(self, taken: Collection[str] = ()) -> Group:
         """Return the group as it is written: scalar coordinates are attributes of it.

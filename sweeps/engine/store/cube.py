@@ -16,11 +16,19 @@ from numpy.typing import NDArray
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Arrays, Locations, layouts
 from sweeps.engine.declare.errors import DeclarationError
-from sweeps.engine.declare.kinds import spelt
+from sweeps.engine.declare.kinds import override_text
 from sweeps.engine.declare.settings import DIMENSION, Setting
-from sweeps.engine.declare.stage import COORDINATE, FIRST, MEASURED, SHARE, STATE, Bound, Output
+from sweeps.engine.declare.stage import (
+    COORDINATE,
+    FIRST,
+    MEASURED,
+    SHARE,
+    STATE,
+    BoundStage,
+    Output,
+)
 from sweeps.engine.declare.storable import DATES
-from sweeps.engine.declare.undeclared import Undeclared, common, learned
+from sweeps.engine.declare.undeclared import Undeclared, infer_outputs, longest_arrays
 from sweeps.engine.resolve.plan import Axis, Cells, Plan
 from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.run.tasks import undamaged_cells, uneven
@@ -36,7 +44,7 @@ ANEW = "measured while the cell was computed; differs if computed again"
 class StoredVariable:
     """An output of a stage as a variable of the store."""
 
-    bound: Bound
+    bound: BoundStage
     output: Output
     group: str
     axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
@@ -71,7 +79,7 @@ class RegionReader:
     def values(self, region: Region) -> NDArray[Any]:
         """Return the values of the region; raise `Damaged` if a cell cannot be read back."""
         output, own = self.output, self.own
-        dtype, empty = output.in_store
+        dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
         flat[self.lost] = FAILED
         cells = undamaged_cells(self.packs, self.locations)
@@ -100,7 +108,9 @@ def _begins(output: Output, arrays: Arrays) -> list[int]:
     return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
 
 
-def stored_variables(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[StoredVariable]:
+def stored_variables(
+    plan: Plan, bound: BoundStage, outputs: Iterable[Output]
+) -> list[StoredVariable]:
     """Return the variables of a stage's stored outputs."""
     of = bound.stage.group
     order = {name: place for place, name in enumerate(of.dims)}
@@ -113,7 +123,7 @@ def stored_variables(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> lis
 
     variables = []
     for output in outputs:
-        group = bound.stage.place_of(output)
+        group = bound.stage.store_group(output)
         if not group:
             continue
         left_out = set(output.without)
@@ -128,7 +138,7 @@ def stored_variables(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> lis
     return variables
 
 
-def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
+def _dimensions(plan: Plan, *bounds: BoundStage) -> list[int]:
     """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
@@ -169,7 +179,7 @@ class Cube:
             found.setdefault(name, Group()).arrays.update(arrays)
         return dict(sorted(found.items()))
 
-    def _outputs(self, bound: Bound) -> tuple[Sequence[Output], dict[str, Array]]:
+    def _outputs(self, bound: BoundStage) -> tuple[Sequence[Output], dict[str, Array]]:
         """Return the outputs of a stage, of undeclared ones what its results have.
 
         And coordinates that are the same in all of these, along own dimensions.
@@ -179,9 +189,9 @@ class Cube:
             return bound.stage.outputs, {}
         results = np.unique(self.schedule.results[bound])
         locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
-        found = learned(output, layouts(self.packs, locations))
+        found = infer_outputs(output, layouts(self.packs, locations))
         names = [one.name for one in found if one.role == COORDINATE]
-        values = common(undamaged_cells(self.packs, locations), names) if names else {}
+        values = longest_arrays(undamaged_cells(self.packs, locations), names) if names else {}
         coordinates = {}
         for one in found:
             if values.get(one.name) is not None:
@@ -233,7 +243,7 @@ class Cube:
         own = [lengths[dim] for dim in output.dims]
         shape = (*(len(self.plan.axes[number].points) for number in variable.axes), *own)
         dims = (*(names[number] for number in variable.axes), *output.dims)
-        dtype, empty = output.in_store
+        dtype, empty = output.store_dtype
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if dtype.kind in "UM" else {"units": output.unit}
@@ -283,7 +293,7 @@ class Cube:
             lengths |= {dim: max(lengths.get(dim, 0), gathered.get(dim, 0)) for dim in output.dims}
             if gathered.keys() >= set(output.dims):
                 continue
-            origin, even = variable.origin, variable.bound.stage.is_even(output)
+            origin, even = variable.origin, variable.bound.stage.has_fixed_shape(output)
             results = self._results(variable, [range(len(axes[n].points)) for n in variable.axes])
             results = results[self.schedule.locations.present[results]]
             results = results[:1] if even else np.unique(results)
@@ -314,7 +324,7 @@ class Cube:
             self.schedule.locations[results[wanted]].alone(),
             variable.bound.name,
             output,
-            variable.bound.stage.is_even(output),
+            variable.bound.stage.has_fixed_shape(output),
             shape=tuple(map(len, ranges)),
             first=tuple(starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims),
             own=tuple(lengths[dim] for dim in output.dims),
@@ -356,7 +366,7 @@ class Cube:
 
     def _statuses(self) -> Iterator[tuple[str, dict[str, Array]]]:
         """Yield group and arrays of the states of stages."""
-        members: dict[tuple[str, str, tuple[int, ...]], list[Bound]] = defaultdict(list)
+        members: dict[tuple[str, str, tuple[int, ...]], list[BoundStage]] = defaultdict(list)
         for bound in self.plan.targets:
             of = bound.stage.group
             if all(output.role == COORDINATE for output in bound.stage.outputs):
@@ -373,7 +383,7 @@ class Cube:
             yield group, self._status(variable, label, bounds, over)
 
     def _status(
-        self, name: str, label: str, bounds: Sequence[Bound], numbers: Sequence[int]
+        self, name: str, label: str, bounds: Sequence[BoundStage], numbers: Sequence[int]
     ) -> dict[str, Array]:
         """Return the worst state of some stages along axes, and the coordinates of these."""
         plan = self.plan
@@ -422,7 +432,9 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
     if axis.bare:
         return found
     labels = axis.labels or [
-        ",".join(f"{label}={spelt(value)}" for label, value in zip(found, point, strict=True))
+        ",".join(
+            f"{label}={override_text(value)}" for label, value in zip(found, point, strict=True)
+        )
         for point in axis.points
     ]
     about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}

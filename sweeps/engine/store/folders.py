@@ -11,14 +11,14 @@ from pathlib import Path
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import ROOM
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import (
+from sweeps.engine.declare.paths import (
     PathOrUrl,
     ancestors,
-    child,
-    is_own,
+    is_private,
+    join,
     path_beside,
     path_or_url,
-    real_place,
+    resolve_path,
 )
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import read_manifest
@@ -60,8 +60,8 @@ def check_cache(path: PathOrUrl) -> None:
     Who may write to a bucket is said there.
     """
     place = _checked_place("cache", path, inside=False)
-    for folder in (place, child(place, ROOM)):
-        if isinstance(folder, Path) and not is_own(folder):
+    for folder in (place, join(place, ROOM)):
+        if isinstance(folder, Path) and not is_private(folder):
             reason = f"but others own {str(folder)!r} or may write there; a cache is its user's own"
             raise _wrong("cache", path, f"{reason}: chmod go-w, or give another folder")
 
@@ -74,18 +74,18 @@ def check_apart(
     `check_target` and `check_cache` refuse those that are there already. `beside` returns the
     paths that the report of a store writes to, which may be a store that is there, too.
     """
-    places = {real_place(path): path for path in stores}
+    places = {resolve_path(path): path for path in stores}
     reports: dict[Path, PathOrUrl] = {}
     for path in places.values():
         for written in beside(path_beside(path)):
-            if real_place(written) in places or is_store(written):
+            if resolve_path(written) in places or is_store(written):
                 reason = f"whose report would be written into the store {str(written)!r}"
                 raise _wrong("store", path, f"{reason}; give another path")
             if (other := reports.setdefault(written, path)) != path:
                 reason = f"whose report would be written in the place of that of {str(other)!r}"
                 raise _wrong("store", path, f"{reason}; give another name")
     for key, path in (("cache", cache), *(("store", path) for path in places.values())):
-        place = real_place(path)
+        place = resolve_path(path)
         outside = [place, *ancestors(place)][key == "store" :]
         if store := next((places[one] for one in outside if one in places), None):
             raise _wrong(key, path, f"but must not be in the store {str(store)!r}")

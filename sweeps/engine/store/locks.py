@@ -25,7 +25,7 @@ from filelock import FileLock, Timeout
 
 from sweeps.engine.cache.objects import OPEN, Objects, make_folder
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, real_place, split_parent
+from sweeps.engine.declare.paths import PathOrUrl, resolve_path, split_parent
 from sweeps.engine.run.process import repeating
 
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
@@ -83,7 +83,7 @@ def is_locked(place: PathOrUrl) -> bool:
 
 def _beside(place: PathOrUrl) -> tuple[PathOrUrl, str]:
     """Return the folder or URL that a store is in, and the name of its lock there."""
-    above, name = split_parent(real_place(place))
+    above, name = split_parent(resolve_path(place))
     return above, f".{name}.lock"
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import seal, unseal
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 
 MANIFEST = "manifest"

@@ -18,7 +18,7 @@ from sweeps.engine.declare.kinds import (
     Text,
     Value,
     Word,
-    spelt,
+    override_text,
 )
 from sweeps.engine.declare.settings import Joint, Run, Setting, flatten, nested, read_choices
 from sweeps.engine.declare.stage import Experiment
@@ -31,7 +31,7 @@ ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
 
 def written(setting: Setting, values: tuple[Value, ...]) -> Any:
     """Return values of a setting as a user would write them."""
-    own = getattr(setting.kind, "written", None)
+    own = getattr(setting.kind, "as_input", None)
     if own is not None:
         return own(values)
     if isinstance(setting.kind, Draws):
@@ -131,7 +131,7 @@ def _code_of(function: Callable[..., Any], plan: Plan) -> str:
 
 def _identity(experiment: Experiment) -> tuple[Setting, ...]:
     """Return the settings that results depend on."""
-    return tuple(setting for setting in experiment.declared if setting.identity)
+    return tuple(setting for setting in experiment.declared if setting.affects_results)
 
 
 def versions(plan: Plan) -> dict[str, str]:
@@ -172,10 +172,10 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
         advice = "give another store"
         if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
             both = sorted({*there, *asked}, key=lambda value: (value is None, value))
-            advice = f"give {setting.spelling(both)} to have both, or another store"
+            advice = f"give {setting.override(both)} to have both, or another store"
         raise ConfigurationError(
-            f"{setting.called} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
-            f"{', '.join(map(spelt, lacking))}: {advice}"
+            f"{setting.message_name} is {', '.join(map(override_text, asked))}, but the store "
+            f"{path!r} has {', '.join(map(override_text, lacking))}: {advice}"
         )
     texts = replace(
         before,

@@ -21,9 +21,9 @@ from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import CLOSED, Objects, make_folder
 from sweeps.engine.cache.packs import MISSING, cells_of, declared, each_cell
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.failures import Failure, reason, traceback_of
-from sweeps.engine.declare.places import PathOrUrl
-from sweeps.engine.declare.storable import nested, plain
+from sweeps.engine.declare.failures import Failure, format_traceback, one_line
+from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.declare.storable import decode_attributes, encode_attributes
 from sweeps.engine.resolve.code import place_of
 from sweeps.engine.resolve.keys import distinct
 from sweeps.engine.resolve.modules import within
@@ -291,7 +291,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                 suspects += schedule.each(task)
                 continue
             if error is not None:
-                lost = Failure("", reason(error), traceback=traceback_of(error))
+                lost = Failure("", one_line(error), traceback=format_traceback(error))
                 cells = range(len(task.batches[0].cells))
                 report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
             if report.unwritten is not None:
@@ -329,7 +329,7 @@ def is_whole(
     """Return whether a store already has all of a plan, and is undamaged."""
     # As read back from a store.
     raise_if_stopped()
-    new = nested(plain(provenance(plan)))
+    new = decode_attributes(encode_attributes(provenance(plan)))
     if "failures" in old or dict(old) != new:
         keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
         LOG.debug("store is written again: its %s differ", ", ".join(keys))
@@ -382,7 +382,7 @@ def _write(
             from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
 
             found = add_tables(plan, groups)
-    lost = {failure.what: failure.why for failure in found}
+    lost = {failure.name: failure.reason for failure in found}
     for failure in found:
         watch.failed(failure)
     attributes = provenance(plan, failures | lost)

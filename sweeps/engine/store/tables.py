@@ -22,10 +22,10 @@ from xarray.core.indexing import (
 
 from sweeps.engine.cache.packs import raise_shortage
 from sweeps.engine.declare.display import ATTRIBUTE
-from sweeps.engine.declare.errors import DeclarationError, located
-from sweeps.engine.declare.failures import RAISED, Failure, reason, traceback_of
-from sweeps.engine.declare.places import PathOrUrl
-from sweeps.engine.declare.storable import nested
+from sweeps.engine.declare.errors import DeclarationError, with_location
+from sweeps.engine.declare.failures import RAISED, Failure, format_traceback, one_line
+from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.declare.storable import decode_attributes
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.tasks import Damaged
 from sweeps.engine.store.arrays import SCALARS, Array, Group, metadata
@@ -58,17 +58,17 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                     )
                 if made is None and not _returns(table.make):
                     sentence = "its function has no return, but must return a data set or None"
-                    raise TypeError(located(table.make, sentence))
+                    raise TypeError(with_location(table.make, sentence))
                 if made is not None:
                     if table.displays:
-                        shown = [display.written(plan.choices) for display in table.displays]
+                        shown = [display.as_attribute(plan.choices) for display in table.displays]
                         made = made.assign_attrs({ATTRIBUTE: shown})
                     groups[table.group] = group_of(made)
         except (Damaged, DeclarationError):  # of cells, not of the table
             raise
         except RAISED as error:
             raise_shortage(error)
-            failed[name] = Failure(name, reason(error), traceback=traceback_of(error))
+            failed[name] = Failure(name, one_line(error), traceback=format_traceback(error))
     return list(failed.values())
 
 
@@ -121,7 +121,7 @@ def dataset_of(group: Group) -> xr.Dataset:
 def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
     """Return a group of a store with the scalar coordinates that are attributes there."""
     attrs = dict(dataset.attrs)
-    about = nested({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
+    about = decode_attributes({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
     scalars = {}
     for name, given in about.items():
         value = attrs.pop(name, math.nan)

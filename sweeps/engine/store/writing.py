@@ -22,8 +22,8 @@ from typing import Any
 
 from sweeps.engine.cache.objects import AT_ONCE, Objects, readable
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, real_place
-from sweeps.engine.declare.storable import nested, plain
+from sweeps.engine.declare.paths import PathOrUrl, resolve_path
+from sweeps.engine.declare.storable import decode_attributes, encode_attributes
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped
 from sweeps.engine.store.arrays import (
@@ -158,7 +158,7 @@ def read_attributes(place: PathOrUrl) -> dict[str, Any] | None:
     try:
         if content is None or not manifest.allows(METADATA, len(content)):
             raise ValueError("its size differs")
-        return nested(json.loads(content)["attributes"])
+        return decode_attributes(json.loads(content)["attributes"])
     except ValueError as error:
         raise ConfigurationError(
             f"store is {str(place)!r}, whose {METADATA} cannot be read; "
@@ -233,7 +233,7 @@ def _written_elsewhere(
 
     What they do not write, as where they do not see the store, is left to this process.
     """
-    objects = Objects(real_place(objects.place))  # which no worker makes
+    objects = Objects(resolve_path(objects.place))  # which no worker makes
     new = [chunk for chunk in chunks if chunk.array.sent is not None]
     size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
     parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
@@ -283,8 +283,8 @@ def _nodes(
     everywhere: tuple[str, ...],
 ) -> Nodes:
     """Return the metadata of the root, groups and arrays by path, the root's being empty."""
-    shared = plain({name: attributes[name] for name in everywhere})
-    nodes = {"": _group_node(plain(attributes))}
+    shared = encode_attributes({name: attributes[name] for name in everywhere})
+    nodes = {"": _group_node(encode_attributes(attributes))}
     for name, group in groups.items():
         for parent in accumulate(name.split("/"), "{}/{}".format):
             nodes.setdefault(parent, _group_node(shared))

@@ -15,11 +15,11 @@ PathOrUrl = Path | str
 """A folder, or a URL."""
 
 SCHEMES = ("s3", "gs", "az")
-OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 # A Path keeps one slash of a URL; several schemes may be chained.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.:-]*:/")
-_OF_BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)+")
+_BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)+")
 
 
 def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
@@ -30,54 +30,54 @@ def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
     if not _URL.match(str(given)):
         return Path(given)
     url = str(given).rstrip("/")
-    if not _OF_BUCKET.fullmatch(url):
+    if not _BUCKET.fullmatch(url):
         kinds = ", ".join(f"{scheme}://BUCKET/NAME" for scheme in SCHEMES)
-        shown = re.sub(r"//[^/]*@|[?#].*", lambda found: found[0][:1] + "...", url)
+        redacted = re.sub(r"//[^/]*@|[?#].*", lambda found: found[0][:1] + "...", url)
         raise ConfigurationError(
-            f"{key} is {shown!r}, but must be a folder on a file system or a URL such as {kinds}: "
-            "other URLs are not supported, and credentials belong to the environment"
+            f"{key} is {redacted!r}, but must be a folder or a URL such as {kinds}; "
+            "put credentials into the environment"
         )
     return url
 
 
-def child(place: PathOrUrl, name: str) -> PathOrUrl:
+def join(path: PathOrUrl, name: str) -> PathOrUrl:
     """Return a place in another one; a folder by its absolute path."""
-    return f"{place}/{name}" if isinstance(place, str) else place.absolute() / name
+    return f"{path}/{name}" if isinstance(path, str) else path.absolute() / name
 
 
-def real_place(place: PathOrUrl) -> PathOrUrl:
+def resolve_path(path: PathOrUrl) -> PathOrUrl:
     """Return the absolute path without links: a store behind a link is written where it is."""
-    return Path(os.path.realpath(place)) if isinstance(place, Path) else place
+    return Path(os.path.realpath(path)) if isinstance(path, Path) else path
 
 
-def split_parent(place: PathOrUrl) -> tuple[PathOrUrl, str]:
+def split_parent(path: PathOrUrl) -> tuple[PathOrUrl, str]:
     """Return the folder or URL that a place is in, and its name there."""
-    if isinstance(place, Path):
-        return place.parent, place.name
-    above, _, name = place.rpartition("/")
-    return above, name
+    if isinstance(path, Path):
+        return path.parent, path.name
+    parent, _, name = path.rpartition("/")
+    return parent, name
 
 
-def ancestors(place: PathOrUrl) -> list[PathOrUrl]:
+def ancestors(path: PathOrUrl) -> list[PathOrUrl]:
     """Return all folders or URLs that a place is in, the nearest first."""
-    if isinstance(place, Path):
-        return list(place.parents)
-    bucket, *names = place.removeprefix(scheme := place.partition("//")[0] + "//").split("/")
+    if isinstance(path, Path):
+        return list(path.parents)
+    bucket, *names = path.removeprefix(scheme := path.partition("//")[0] + "//").split("/")
     inside = list(accumulate(names[:-1], "{}/{}".format, initial=scheme + bucket))
     return list(reversed(inside))
 
 
-def path_beside(place: PathOrUrl) -> Path:
+def path_beside(path: PathOrUrl) -> Path:
     """Return the path beside which files about a place are written.
 
     Of a bucket, which has no folders, it is its name in the working folder.
     """
-    return place if isinstance(place, Path) else Path.cwd() / split_parent(place)[1]
+    return path if isinstance(path, Path) else Path.cwd() / split_parent(path)[1]
 
 
-def is_own(folder: Path) -> bool:
+def is_private(folder: Path) -> bool:
     """Return whether a folder is this user's, and no other may write to it, or there is none."""
     with suppress(FileNotFoundError):
         status = os.stat(folder)
-        return status.st_uid == os.geteuid() and not status.st_mode & OTHERS_WRITE
+        return status.st_uid == os.geteuid() and not status.st_mode & WRITABLE_BY_OTHERS
     return True
