@@ -58,7 +58,7 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
             for cell in cells[:: max(1, -(-len(cells) // most))]:
                 compared[bound.name] += 1
                 if how := _difference(schedule, index, bound, cell):
-                    name = schedule.plan.described(bound, cell)
+                    name = schedule.plan.cell_name(bound, cell)
                     found.append(f"{name} differs when computed again, alone: {how}")
     if found:
         raise AssertionError("\n".join(found))

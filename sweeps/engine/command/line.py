@@ -31,16 +31,16 @@ from sweeps.engine.declare.paths import PathOrUrl, path_beside, path_or_url
 from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.overrides import (
-    STORE,
+    DEFAULT_STORE,
     Job,
-    fused,
-    in_one_line,
-    job_of,
-    pasted,
-    primary,
+    clear_before_set,
+    error_message,
+    fuse_jobs,
+    make_job,
+    primary_config,
     read_jobs,
     register,
-    replaceable,
+    shell_quoted,
 )
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
@@ -112,7 +112,7 @@ class Command:
         except (ConfigurationError, DeclarationError) as error:
             return str(error), WRONG
         except (HydraException, OmegaConfBaseException) as error:
-            return in_one_line(error), WRONG
+            return error_message(error), WRONG
         except SweepIncomplete as error:
             return str(error), SOME_FAILED
         except MemoryError as error:
@@ -158,12 +158,12 @@ class Command:
         overrides = [word for word in given if "=" in word and not word.startswith("-")]
         options = [word for word in given if word not in overrides]
         before = sys.argv
-        sys.argv = [sys.argv[0], *options, *replaceable(experiment, overrides)]
+        sys.argv = [sys.argv[0], *options, *clear_before_set(experiment, overrides)]
         try:
             # Hydra then raises what went wrong, instead of printing it and ending the process.
             with environment({"HYDRA_FULL_ERROR": "1"}):
                 conf = None if experiment.conf is None else str(experiment.conf)
-                name = primary(experiment)
+                name = primary_config(experiment)
                 hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._job)()
         finally:
             sys.argv = before
@@ -180,8 +180,8 @@ class Command:
     def _job(self, composed: DictConfig) -> None:
         """Run one job of Hydra's: a sweep, by default with its own store."""
         of_hydra = HydraConfig.get()
-        store = Path(of_hydra.runtime.output_dir, STORE)
-        job = job_of(self.experiment, composed, of_hydra.overrides.task, str(store))
+        store = Path(of_hydra.runtime.output_dir, DEFAULT_STORE)
+        job = make_job(self.experiment, composed, of_hydra.overrides.task, str(store))
         self._run_all(self.prepare([job]), job.overrides)
 
     def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
@@ -193,7 +193,7 @@ class Command:
             check_target(path)
         sweeps: list[Sweep] = []
         with interruptible():
-            for choices, store in fused(self.experiment, checked):
+            for choices, store in fuse_jobs(self.experiment, checked):
                 options = self._options(choices, store)
                 check_cache(options.cache)
                 check_apart(stores, options.cache, self.beside)
@@ -252,7 +252,7 @@ class Command:
         for plan, options in sweeps:
             choices = plan.choices
             with environment(choices.variables):
-                unread = plan.unread({key.lstrip("+~") for key in keys})
+                unread = plan.unused_settings({key.lstrip("+~") for key in keys})
                 remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
                 for sentence in (*remarks, *self.about(choices)):
                     say(self.name, sentence)
@@ -296,7 +296,7 @@ class Command:
         show(f"store   {path}")
         scripts = entry_points(group="console_scripts") if self.experiment.tables else ()
         for one in (one for one in scripts if one.value.startswith("sweeps.report.")):
-            show(f"next    {one.name} {pasted(path)}")
+            show(f"next    {one.name} {shell_quoted(path)}")
 
     def _cache(self, place: PathOrUrl, limit: float | None) -> None:
         """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
@@ -357,7 +357,7 @@ def _check_size(plan: Plan) -> None:
     """Refuse a sweep of too many cells."""
     cells = sum(plan.count(bound) for bound in plan.bound.values())
     if cells > MOST_CELLS:
-        listed = ", ".join(f"{key} ({count:,})" for key, count in plan.swept.items())
+        listed = ", ".join(f"{key} ({count:,})" for key, count in plan.axis_lengths.items())
         raise ConfigurationError(
             f"the sweep has {cells:,} cells, but may have at most {MOST_CELLS:,}; "
             f"numbers of values: {listed}"

@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import override_text
+from sweeps.engine.declare.kinds import format_value
 from sweeps.engine.declare.settings import DIMENSION, Cluster, Run, Setting, Together
 from sweeps.engine.declare.stage import Experiment
 
@@ -100,7 +100,7 @@ def _header(conf: Path | None) -> list[str]:
 def _about(setting: Setting) -> str:
     """Return the label of a setting, with its unit and default."""
     unit = f" [{setting.unit}]" if setting.unit != "1" else ""
-    return f"{setting.label}{unit}; default {override_text(setting.default_input)}"
+    return f"{setting.label}{unit}; default {format_value(setting.default_input)}"
 
 
 def _listed(entries: Sequence[tuple[str, str]]) -> list[str]:
@@ -137,7 +137,7 @@ def listing(experiment: Experiment, words: Sequence[str] = ()) -> str:
             unit = f" [{setting.unit}]" if setting.unit != "1" else ""
             null = "null or " if setting.fallback is not None else ""
             axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
-            lines += _wrapped(f"{setting.key}={override_text(setting.default_input)}{unit}", "")
+            lines += _wrapped(f"{setting.key}={format_value(setting.default_input)}{unit}", "")
             for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrapped(about, 2 * INDENT)
     if not lines:

@@ -63,7 +63,7 @@ class Kind:
         return value
 
     def _refusal(self, key: str, value: Any) -> str:
-        return f"{key} has {message_text(value)}, but must be {self.allowed}"
+        return f"{key} has {quote_value(value)}, but must be {self.allowed}"
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class Draws(Kind):
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
         if type(given) is not int or not 1 <= given <= self.high:
-            raise ValueError(f"{key} is {message_text(given)}, but must be {self.allowed}")
+            raise ValueError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
         return tuple(range(given))
 
 
@@ -234,7 +234,7 @@ class Vector(Kind):
         """See `Kind.values`."""
         listed = self._as_list(key, given)
         if len(listed) != self.size or not all(map(self.element.holds, listed)):
-            raise ValueError(f"{key} is {message_text(given)}, but must be {self.allowed}")
+            raise ValueError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
         return (tuple(map(self.element._read, listed)),)
 
 
@@ -280,24 +280,24 @@ class Groups(Kind):
             words = isinstance(group, Sequence) and not isinstance(group, str)
             if not words or len(group) < 2 or not all(isinstance(one, str) for one in group):
                 raise ValueError(
-                    f"{key} is {message_text(given)}, but must be {self.allowed}, at least two each"
+                    f"{key} is {quote_value(given)}, but must be {self.allowed}, at least two each"
                 )
         return (tuple(map(tuple, groups)),)
 
 
-def message_text(value: Any) -> str:
+def quote_value(value: Any) -> str:
     """Return a value as messages show it: None as null."""
     if isinstance(value, list):
-        return f"[{', '.join(map(message_text, value))}]"
+        return f"[{', '.join(map(quote_value, value))}]"
     return "null" if value is None else repr(value)
 
 
-def override_text(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value, or a mapping or list of values, as the command line reads it."""
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {override_text(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key}: {format_value(one)}' for key, one in value.items())}}}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(override_text, value))}]"
+        return f"[{', '.join(map(format_value, value))}]"
     if isinstance(value, float):
         return f"{value:.12g}"
     return json.dumps(value) if value is None or isinstance(value, bool) else str(value)
@@ -313,7 +313,7 @@ def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
         label = value.rstrip("\0") if isinstance(value, str) else value
         if label in seen:
             raise ValueError(
-                f"{key} has {message_text(value)} more than once, but values must differ"
+                f"{key} has {quote_value(value)} more than once, but values must differ"
             )
         seen.add(label)
     return tuple(sorted(values, key=sort_key))
@@ -338,7 +338,7 @@ def _read_steps(key: str, given: Mapping[str, Any]) -> list[float]:
     numbers = [float(given[name]) for name in ("start", "stop", "step")]
     start, stop, step = (Fraction(repr(number)) for number in numbers)
     if step <= 0:
-        raise ValueError(f"{key}.step has {message_text(given['step'])}, but must be above 0")
+        raise ValueError(f"{key}.step has {quote_value(given['step'])}, but must be above 0")
     count = (stop - start + step / STEP_TOLERANCE) // step + 1
     if count < 1:
         ends = "{:g} to {:g}".format(*numbers)

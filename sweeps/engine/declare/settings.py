@@ -33,8 +33,8 @@ from sweeps.engine.declare.kinds import (
     Value,
     Vector,
     Word,
-    message_text,
-    override_text,
+    format_value,
+    quote_value,
 )
 
 CACHE = "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
@@ -116,7 +116,7 @@ class Setting:
 
     def override(self, values: Iterable[Value]) -> str:
         """Return how a user gives it some values."""
-        return f"{self.key}=[{','.join(map(override_text, values))}]"
+        return f"{self.key}=[{','.join(map(format_value, values))}]"
 
     @property
     def entries(self) -> tuple[Setting, ...]:
@@ -272,7 +272,7 @@ class Joint:
     keys: tuple[str, ...]
     points: tuple[tuple[Value, ...], ...]
     labels: tuple[str, ...] | None = None  # of the places, where they have names
-    bare: bool = False  # whether the values of the settings are its only coordinates
+    unlabelled: bool = False  # whether the values of the settings are its only coordinates
 
 
 @dataclass(frozen=True)
@@ -356,7 +356,7 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
             )
     for name, one in by_name.items():
         if name not in given and one.default is None and not one.kind.null:
-            raise ConfigurationError(f"{key} is {message_text(given)}, but must have {name}")
+            raise ConfigurationError(f"{key} is {quote_value(given)}, but must have {name}")
     return {name: one.values(given.get(name, one.default))[0] for name, one in by_name.items()}
 
 

@@ -84,7 +84,12 @@ def _of_data_set(
         else:
             fixed.append(_argument(function, name, listed, about, single=COORDINATE))
     joint = [
-        Joint(dim, tuple(one.key for one in of), tuple(zip(*points[dim], strict=True)), bare=True)
+        Joint(
+            dim,
+            tuple(one.key for one in of),
+            tuple(zip(*points[dim], strict=True)),
+            unlabelled=True,
+        )
         for dim, of in settings.items()
         if of
     ]

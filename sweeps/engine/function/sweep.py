@@ -19,7 +19,7 @@ from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
 from sweeps.engine.declare.stage import RNG, VALID, Experiment, Group, Stage
 from sweeps.engine.declare.undeclared import NUMBER_DTYPE, PADDING, Undeclared
 from sweeps.engine.function.arguments import Argument, read_values
-from sweeps.engine.resolve.code import place_of
+from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.process import say, show
@@ -184,7 +184,7 @@ def _declared(
     """
     if not callable(function):
         raise ConfigurationError(f"function is {function!r}, but must be what can be called")
-    module, qualified = place_of(function)
+    module, qualified = module_and_name(function)
     name = qualified.rpartition(".")[2]
     name = name if name.isidentifier() else "result"
     for one, about in attrs.items():

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Keys = NDArray[np.uint64]  # (..., 2)
 
-BYTES = 16
+HASH_BYTES = 16
 # Part of the keys of results that draw. Raise it with any change of what a stream draws: of
 # `cell_rng` or `Plan.stream`.
 STREAM_VERSION = 1
@@ -23,13 +23,13 @@ STREAM_VERSION = 1
 
 def digest(text: str) -> str:
     """Return a hash of a text: 32 hexadecimal digits."""
-    return hashlib.blake2b(text.encode(), digest_size=BYTES).hexdigest()
+    return hashlib.blake2b(text.encode(), digest_size=HASH_BYTES).hexdigest()
 
 
-def hashed(texts: Iterable[str | bytes | memoryview]) -> Keys:
+def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:
     """Return the hash of each text, (text, 2) ndarray."""
     contents = (text.encode() if isinstance(text, str) else text for text in texts)
-    found = b"".join(hashlib.blake2b(one, digest_size=BYTES).digest() for one in contents)
+    found = b"".join(hashlib.blake2b(one, digest_size=HASH_BYTES).digest() for one in contents)
     return np.frombuffer(found, "<u8").reshape(-1, 2).astype(np.uint64)
 
 
@@ -58,7 +58,7 @@ def fold(keys: Keys, words: Keys) -> None:
     keys ^= keys >> np.uint64(31)
 
 
-def distinct(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def unique_keys(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return where each distinct key occurs first, in that order, and the number of every key's.
 
     Parameters
@@ -91,13 +91,13 @@ def distinct(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return first[by_place].astype(np.int32), number.astype(np.int32)
 
 
-def joined(*arrays: NDArray[Any]) -> NDArray[Any]:
+def concatenate(*arrays: NDArray[Any]) -> NDArray[Any]:
     """Return arrays one after the other; the same array if all others are empty."""
     filled = [array for array in arrays if len(array)] or [arrays[0]]
     return filled[0] if len(filled) == 1 else np.concatenate(filled)
 
 
-def spelt_key(key: Keys) -> str:
+def key_text(key: Keys) -> str:
     """Return a key as text: 32 hexadecimal digits."""
     return "".join(f"{half:016x}" for half in key.tolist())
 

@@ -37,7 +37,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import MAX_VALUES, Value, message_text, override_text, sort_key
+from sweeps.engine.declare.kinds import MAX_VALUES, Value, format_value, quote_value, sort_key
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.declare.settings import (
     CLUSTERS,
@@ -55,13 +55,13 @@ from sweeps.engine.declare.stage import Experiment
 SCHEMA = "sweep_schema"
 PACKAGE = re.compile(r"# @package (\S+)")  # a file's first line, as Hydra reads it
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
-ALIKE = 0.66  # least similarity of a key that may have been meant
+SIMILARITY = 0.66  # least similarity of a key that may have been meant
 
 
 # composing ----------------------------------------------------------------------------------------
 
 
-def primary(experiment: Experiment) -> str:
+def primary_config(experiment: Experiment) -> str:
     """Return the name of the primary configuration of Hydra."""
     return "config" if experiment.conf is not None else "all_defaults"
 
@@ -80,7 +80,7 @@ def register(experiment: Experiment) -> None:
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_"]
         node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}
-        known.store(name=primary(experiment), node=node)
+        known.store(name=primary_config(experiment), node=node)
 
 
 def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def members(entry: Any) -> Mapping[str, Any]:
 
 
 @contextmanager
-def composing(experiment: Experiment) -> Iterator[None]:
+def hydra_context(experiment: Experiment) -> Iterator[None]:
     """Let Hydra find the configuration of an experiment within this context."""
     register(experiment)
     if experiment.conf is None:
@@ -110,15 +110,17 @@ def composing(experiment: Experiment) -> Iterator[None]:
             yield
 
 
-def composed(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
+def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
     """Return the configuration of some overrides."""
     try:
-        return hydra.compose(primary(experiment), overrides=replaceable(experiment, overrides))
+        return hydra.compose(
+            primary_config(experiment), overrides=clear_before_set(experiment, overrides)
+        )
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
-        raise ConfigurationError(f"{in_one_line(error)} (of {' '.join(overrides)})") from error
+        raise ConfigurationError(f"{error_message(error)} (of {' '.join(overrides)})") from error
 
 
-def replaceable(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
+def clear_before_set(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
     """Return overrides with which a value may replace a configured one of another form.
 
     OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
@@ -129,13 +131,13 @@ def replaceable(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
     keys = {setting.key for setting in experiment.declared if not members(setting)}
     found = []
     for override in overrides:
-        plain = override.lstrip("+")  # a setting is always there, so nothing is added
-        key = plain.partition("=")[0]
-        found += [f"++{key}=null", plain] if key in keys else [override]
+        stripped = override.lstrip("+")  # a setting is always there, so nothing is added
+        key = stripped.partition("=")[0]
+        found += [f"++{key}=null", stripped] if key in keys else [override]
     return found
 
 
-def in_one_line(error: BaseException | None) -> str:
+def error_message(error: BaseException | None) -> str:
     """Return the message of an error, and those of its causes, in one line."""
     words = []
     while error is not None:
@@ -150,7 +152,7 @@ def in_one_line(error: BaseException | None) -> str:
 # choices ------------------------------------------------------------------------------------------
 
 
-def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
+def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     """Return the choices of a composed configuration, each setting checked by itself.
 
     Raises
@@ -158,10 +160,10 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
     ConfigurationError
         Naming the first invalid key, its value and what is allowed.
     """
-    written: Any = OmegaConf.to_container(composed, resolve=False)
+    written: Any = OmegaConf.to_container(config, resolve=False)
     _check_tree(experiment, nested(experiment.by_key), written, "")
     try:
-        values: Any = OmegaConf.to_container(composed, resolve=True)
+        values: Any = OmegaConf.to_container(config, resolve=True)
     except OmegaConfBaseException as error:
         key = (error.full_key or "").partition("[")[0]
         given = flatten(experiment.declared, written)
@@ -171,7 +173,7 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
         ) from error
     given = flatten(experiment.declared, values)
     (groups,) = Together.zip.values(given.get(Together.zip.key))
-    together = [[_named(experiment, name) for name in names] for names in groups]
+    together = [[_find_setting(experiment, name) for name in names] for names in groups]
     joint = [_zipped(settings, given) for settings in together]
     zipped = [key for one in joint for key in one.keys]
     if twice := [key for key in zipped if zipped.count(key) > 1]:
@@ -188,30 +190,30 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
 def _check_tree(experiment: Experiment, tree: Mapping[str, Any], node: Any, parent: str) -> None:
     """Refuse unknown keys of a configuration; Hydra itself accepts `+key=value`."""
     if not isinstance(node, Mapping):
-        raise not_members(tree, parent, node)
+        raise not_a_group(tree, parent, node)
     for name in map(str, node):
         key = f"{parent}.{name}".lstrip(".")
         if name not in tree:
-            raise unknown(experiment, tree, parent, key)
+            raise unknown_key(experiment, tree, parent, key)
         if isinstance(tree[name], Mapping):
             _check_tree(experiment, tree[name], node[name], key)
 
 
-def not_members(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
+def not_a_group(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
     """Return the error of a group that is given another value."""
-    return ConfigurationError(f"{key} is {message_text(value)}, but must hold {', '.join(tree)}")
+    return ConfigurationError(f"{key} is {quote_value(value)}, but must hold {', '.join(tree)}")
 
 
-def unknown(
+def unknown_key(
     experiment: Experiment, tree: Mapping[str, Any], group: str, key: str
 ) -> ConfigurationError:
     """Return the error of a key that its group, of the keys of `tree`, does not have."""
     last = key.rpartition(".")[2]
     wrong = f"{key} is not a key of the configuration"
     elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
-    meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
+    meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=SIMILARITY) or elsewhere
     if not meant:
-        near = difflib.get_close_matches(last, tree, n=1, cutoff=ALIKE)
+        near = difflib.get_close_matches(last, tree, n=1, cutoff=SIMILARITY)
         meant = [f"{group}.{name}".lstrip(".") for name in near]
     if meant:
         return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
@@ -225,7 +227,8 @@ def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
     keys = [setting.key for setting in settings]
     listed = [
-        _as_written(setting, given.get(setting.key, setting.default_input)) for setting in settings
+        _in_given_order(setting, given.get(setting.key, setting.default_input))
+        for setting in settings
     ]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
@@ -241,14 +244,14 @@ def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
     return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
-def _as_written(setting: Setting, given: Any) -> list[Any]:
+def _in_given_order(setting: Setting, given: Any) -> list[Any]:
     """Return values in the order in which they were given."""
     if isinstance(given, list | tuple):
         return [setting.values(one)[0] for one in given]
     return list(setting.values(given))
 
 
-def _named(experiment: Experiment, name: str) -> Setting:
+def _find_setting(experiment: Experiment, name: str) -> Setting:
     """Return the setting of a key, or of the last word of one."""
     exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
     found = (
@@ -263,9 +266,9 @@ def _named(experiment: Experiment, name: str) -> Setting:
     return found[0]
 
 
-STORE = "sweep.zarr"
+DEFAULT_STORE = "sweep.zarr"
 STEPS = ("start", "stop", "step")  # keys of a setting whose values are given by them
-MOST_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
+MAX_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
 
 
 @dataclass(frozen=True)
@@ -287,15 +290,15 @@ def read_jobs(experiment: Experiment, arguments: Sequence[str], *, several: bool
     ConfigurationError
         Naming the first invalid key, its value and what is allowed.
     """
-    with composing(experiment):
-        overrides = _parsed(experiment, arguments, several=several)
+    with hydra_context(experiment):
+        overrides = _parse_overrides(experiment, arguments, several=several)
         return [
-            job_of(experiment, composed(experiment, lines), lines, STORE)
-            for lines in _expanded(experiment, overrides)
+            make_job(experiment, compose(experiment, lines), lines, DEFAULT_STORE)
+            for lines in _expand_jobs(experiment, overrides)
         ]
 
 
-def job_of(
+def make_job(
     experiment: Experiment, configuration: DictConfig, lines: Iterable[str], store: str
 ) -> Job:
     """Return a job of a composed configuration; `store` is where it goes if that names none."""
@@ -307,29 +310,31 @@ def job_of(
 # checks -------------------------------------------------------------------------------------------
 
 
-def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) -> list[Override]:
+def _parse_overrides(
+    experiment: Experiment, arguments: Sequence[str], *, several: bool
+) -> list[Override]:
     """Return the overrides of some arguments, whose keys and choices of groups exist."""
     loader = GlobalHydra.instance().config_loader()
     parser = OverridesParser.create(loader)
     overrides = []
-    for place, argument in enumerate(arguments):
+    for number, argument in enumerate(arguments):
         key, _, value = argument.partition("=")
         if not key.lstrip("+~"):
             raise ConfigurationError(f"{argument} has no key, but must be KEY=VALUE")
-        override = _read(parser, argument)
+        override = _try_parse(parser, argument)
         if override is None:
-            raise _unread(experiment, parser, arguments[place:])
+            raise _syntax_error(experiment, parser, arguments[number:])
         given: Any = override.value()
         listed = given if isinstance(given, list) else [given]
         swept = [one for one in listed if isinstance(one, Sweep)]
         if swept and (isinstance(given, list) or not several):
             ways = []
             if isinstance(swept[0], RangeSweep):
-                ways = [f"give steps, {pasted(f'{key}={_in_steps(swept[0])}')}"]
+                ways = [f"give steps, {shell_quoted(f'{key}={_as_steps(swept[0])}')}"]
             elif isinstance(given, ChoiceSweep) and given.simple_form:
-                text = pasted(f"{key}={_quoted(value)}")
-                ways = [f"quote it, {pasted(f'{key}=[{value}]')}, or as a text, {text}"]
-            ways += [f"or sweep over it, -m {pasted(argument)}"] * (swept == [given])
+                text = shell_quoted(f"{key}={_hydra_quoted(value)}")
+                ways = [f"quote it, {shell_quoted(f'{key}=[{value}]')}, or as a text, {text}"]
+            ways += [f"or sweep over it, -m {shell_quoted(argument)}"] * (swept == [given])
             how = ": " * bool(ways) + "; ".join(ways)
             raise ConfigurationError(f"{key} is {value}, but must be one value or a list{how}")
         _check_key(experiment, loader, override)
@@ -337,19 +342,19 @@ def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) 
     return overrides
 
 
-def _in_steps(swept: RangeSweep) -> str:
+def _as_steps(swept: RangeSweep) -> str:
     """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
     values: list[Any] = [*islice(swept.range(), MAX_VALUES)] or [swept.start]
-    return override_text({"start": min(values), "stop": max(values), "step": abs(swept.step)})
+    return format_value({"start": min(values), "stop": max(values), "step": abs(swept.step)})
 
 
-def pasted(text: str) -> str:
+def shell_quoted(text: str) -> str:
     """Return a word as it is pasted into a shell, in quotes if it needs them."""
     plain_inside = "'" in text and not set(text) & set('$`"!\\')
     return f'"{text}"' if plain_inside else shlex.quote(text)
 
 
-def _quoted(text: str) -> str:
+def _hydra_quoted(text: str) -> str:
     """Return a text as Hydra reads it back."""
     mark = '"' if "'" in text and '"' not in text else "'"
     # It halves backslashes before such a mark, also before that at the end.
@@ -357,7 +362,7 @@ def _quoted(text: str) -> str:
     return mark + re.sub(r"(\\+)\Z", r"\1\1", text) + mark
 
 
-def _read(parser: OverridesParser, argument: str) -> Override | None:
+def _try_parse(parser: OverridesParser, argument: str) -> Override | None:
     """Return the override of an argument; None if Hydra cannot read it."""
     try:
         return parser.parse_overrides([argument])[0]
@@ -365,7 +370,7 @@ def _read(parser: OverridesParser, argument: str) -> Override | None:
         return None
 
 
-def _unread(
+def _syntax_error(
     experiment: Experiment, parser: OverridesParser, arguments: Sequence[str]
 ) -> ConfigurationError:
     """Return the error of the first of some arguments, which Hydra cannot read."""
@@ -374,16 +379,16 @@ def _unread(
     key, given, value = whole.partition("=")
     if not given:
         return ConfigurationError(f"{whole} has no value, but must be KEY=VALUE")
-    if _read(parser, f"{key}=1") is None:
-        return unknown(experiment, nested(experiment.by_key), "", key)
+    if _try_parse(parser, f"{key}=1") is None:
+        return unknown_key(experiment, nested(experiment.by_key), "", key)
 
     def quoted(word: re.Match[str]) -> str:
-        return word[0] if _read(parser, f"x={word[0]}") else _quoted(word[0])
+        return word[0] if _try_parse(parser, f"x={word[0]}") else _hydra_quoted(word[0])
 
-    if _read(parser, whole) is None:
+    if _try_parse(parser, whole) is None:
         listed = value.startswith(("[", "{"))
-        whole = f"{key}={re.sub(WORD, quoted, value) if listed else _quoted(value)}"
-    override, setting = _read(parser, whole), experiment.by_key.get(key.lstrip("+"))
+        whole = f"{key}={re.sub(WORD, quoted, value) if listed else _hydra_quoted(value)}"
+    override, setting = _try_parse(parser, whole), experiment.by_key.get(key.lstrip("+"))
     if override is None:
         return ConfigurationError(f"{arguments[0]} cannot be read, but must be KEY=VALUE")
     try:
@@ -391,7 +396,7 @@ def _unread(
             setting.values(override.value())
     except ConfigurationError as error:
         return error
-    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {pasted(whole)}")
+    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {shell_quoted(whole)}")
 
 
 def _is_balanced(text: str) -> bool:
@@ -417,17 +422,19 @@ def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override)
     words = key.split(".")
     for depth, word in enumerate(words):
         if word not in tree:
-            raise unknown(experiment, tree, ".".join(words[:depth]), key)
+            raise unknown_key(experiment, tree, ".".join(words[:depth]), key)
         is_last = depth == len(words) - 1
         tree = members(tree[word]) or ({} if is_last else dict.fromkeys(STEPS))
     if tree and not override.is_delete() and not isinstance(value, dict):
-        raise not_members(tree, key, value)
+        raise not_a_group(tree, key, value)
 
 
 # jobs ---------------------------------------------------------------------------------------------
 
 
-def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator[tuple[str, ...]]:
+def _expand_jobs(
+    experiment: Experiment, overrides: Sequence[Override]
+) -> Iterator[tuple[str, ...]]:
     """Return the overrides of every job.
 
     Swept settings are axes of one job, `a=1,2` as `a=[1,2]`, so that a grid of thousands of points
@@ -447,7 +454,7 @@ def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator
         options[key] = [line]
         if not override.is_sweep_override():
             continue
-        values = _values(override, MAX_VALUES)
+        values = _swept_values(override, MAX_VALUES)
         refers = any(f"{{{name}}}" in other for other in lines)
         if (
             name in axes
@@ -457,16 +464,16 @@ def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator
             options[key] = [f"{key}=[{','.join(values)}]"]
         else:
             options[key] = [f"{key}={value}" for value in values]
-    if math.prod(map(len, options.values())) > MOST_JOBS:
+    if math.prod(map(len, options.values())) > MAX_JOBS:
         longest = max(options, key=lambda key: len(options[key]))
         raise ConfigurationError(
             f"{longest} has {len(options[longest]):,} values of all that make jobs, but there may "
-            f"be at most {MOST_JOBS:,} jobs"
+            f"be at most {MAX_JOBS:,} jobs"
         )
     return product(*options.values())
 
 
-def _values(override: Override, most: int) -> list[str]:
+def _swept_values(override: Override, most: int) -> list[str]:
     """Return values of a swept override as they are written; too many are refused, not made."""
     values = override.sweep_iterator(transformer=Transformer.encode)
     found = [str(one) for one in islice(values, most + 1)]
@@ -481,10 +488,10 @@ def _values(override: Override, most: int) -> list[str]:
 
 
 Point = tuple[Value, ...]
-OWN_STORES = "put it into the store's path for a store each"
+SEPARATE_STORES = "put it into the store's path for a store each"
 
 
-def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
+def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
     """Return choices and the place of the store of each sweep that jobs are fused into.
 
     Raises
@@ -505,40 +512,40 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     first = jobs[0].choices
     if any(job.choices.joint != first.joint for job in jobs):
         raise ConfigurationError(
-            f"grid.zip has settings whose values differ between jobs of one store; {OWN_STORES}"
+            f"grid.zip has settings that differ between jobs of one store; {SEPARATE_STORES}"
         )
     union: dict[Setting, Point] = {}  # of settings that differ
     for setting in experiment.declared:
         values = {value for job in jobs for value in job.choices[setting]}
-        _check_alike(setting, [value for job in jobs for value in job.choices[setting]])
+        _check_origins(setting, [value for job in jobs for value in job.choices[setting]])
         if all(job.choices[setting] == first[setting] for job in jobs):
             continue
         if setting.fixed:
-            asked = " and ".join(message_text(value) for value in sorted(values, key=sort_key))
+            given = " and ".join(quote_value(value) for value in sorted(values, key=sort_key))
             raise ConfigurationError(
-                f"{setting.key} is {asked} in jobs of one store, but must be one: "
-                f"{setting.fixed}; {OWN_STORES}"
+                f"{setting.key} is {given} in jobs of one store, but must be one: "
+                f"{setting.fixed}; {SEPARATE_STORES}"
             )
         union[setting] = tuple(sorted(values, key=sort_key))
     values_of = {setting.key: values for setting, values in union.items()}
-    joint = _bound_together(jobs, union) if union else []
+    joint = _joint_axes(jobs, union) if union else []
     return replace(
         first, values={**first.values, **values_of}, joint=(*first.joint, *joint), read_keys=set()
     )
 
 
-def _check_alike(setting: Setting, values: Sequence[Value]) -> None:
+def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
     """Refuse values of different origin with the same name, which one store cannot distinguish."""
     origins = {(value, getattr(value, "origin", None)) for value in values}
     counts = Counter(value for value, _ in origins)
     if twice := [value for value, count in counts.items() if count > 1]:
         raise ConfigurationError(
             f"{setting.key} has {str(twice[0])!r} for two values in jobs of one store, but their "
-            f"names must differ; name one of them, or {OWN_STORES}"
+            f"names must differ; name one of them, or {SEPARATE_STORES}"
         )
 
 
-def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
+def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
     """Return joint axes of settings that are not crossed; of all settings if nothing crosses."""
 
     def joint(name: str, settings: Iterable[Setting], labels: Mapping[Point, str]) -> Joint:
@@ -546,21 +553,23 @@ def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list
         return Joint(name, keys, tuple(labels), tuple(labels.values()))
 
     groups: list[Joint] = []
-    alone = list(union)
+    independent = list(union)
     for key in jobs[0].overrides:
-        own = [setting for setting in alone if _follows(jobs, key, setting)]
-        if len(own) > 1:
-            alone = [setting for setting in alone if setting not in own]
+        following = [setting for setting in independent if _is_decided_by(jobs, key, setting)]
+        if len(following) > 1:
+            independent = [setting for setting in independent if setting not in following]
             labels = {
-                tuple(job.choices.one(setting) for setting in own): job.overrides[key]
+                tuple(job.choices.one(setting) for setting in following): job.overrides[key]
                 for job in jobs
             }
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
-            groups.append(joint(name, own, dict(sorted(labels.items(), key=_by_label))))
+            groups.append(joint(name, following, dict(sorted(labels.items(), key=_label_sort_key))))
     points = {
         point for job in jobs for point in product(*(job.choices[setting] for setting in union))
     }
-    sizes = [len(union[setting]) for setting in alone] + [len(group.points) for group in groups]
+    sizes = [len(union[setting]) for setting in independent] + [
+        len(group.points) for group in groups
+    ]
     if math.prod(sizes) == len(points):
         return groups
     every = sorted(points, key=lambda point: [sort_key(value) for value in point])
@@ -571,7 +580,7 @@ def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list
     return [joint("job", union, labels)]
 
 
-def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
+def _is_decided_by(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
     """Return whether the value swept under a key alone decides that of a setting."""
     decided: dict[str | None, Point] = {}
     for job in jobs:
@@ -581,7 +590,7 @@ def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
     return len(set(decided.values())) > 1
 
 
-def _by_label(labelled: tuple[Point, str]) -> tuple[bool, float, str]:
+def _label_sort_key(labelled: tuple[Point, str]) -> tuple[bool, float, str]:
     """Return the sort key of a point with its label: numbers in ascending order, then words."""
     label = labelled[1]
     try:

@@ -23,7 +23,7 @@ from sweeps.engine.cache.packs import NO_LOCATIONS, Locations
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.settings import Setting
 from sweeps.engine.declare.stage import VALID, At, BoundStage
-from sweeps.engine.resolve.keys import Keys, distinct, hashed, joined
+from sweeps.engine.resolve.keys import Keys, concatenate, hash_texts, unique_keys
 from sweeps.engine.resolve.plan import Cells, InputCells, Plan
 from sweeps.engine.run.tasks import (
     Batch,
@@ -36,7 +36,7 @@ from sweeps.engine.run.tasks import (
 
 LOG = logging.getLogger(__name__)
 MOST_CELLS = 4096  # of one task
-FAILED = hashed(["failed"])[0]  # in place of the key of a result
+FAILED = hash_texts(["failed"])[0]  # in place of the key of a result
 
 Flags = NDArray[np.bool_]
 Call = tuple[BoundStage, Cells]  # cells of a stage that one call computes
@@ -113,7 +113,7 @@ class Queue:
 
         Cells that differ only on axes computed together share a call.
         """
-        starts = self._plan.start(bound, cells)
+        starts = self._plan.first_cells(bound, cells)
         objects = np.array(self._shared(bound, starts)).reshape(-1, len(cells))
         if len(objects) or bound.along:
             order = np.lexsort((cells, starts, *objects[::-1]))
@@ -126,11 +126,14 @@ class Queue:
     def _shared(self, bound: BoundStage, cells: Cells) -> list[Cells]:
         """Return numbers of the in-memory objects that cells need, dependencies first."""
         found: list[Cells] = []
-        for source, first, _ in self._plan.inputs(bound):
+        for source, first, _ in self._plan.computed_inputs(bound):
             if not source.stage.is_cached:
                 taken, places = np.unique(first[cells], return_inverse=True)
-                known, keys = len(self._made), joined(self._made, self._plan.keys(source)[taken])
-                of_first, number = distinct(keys)
+                known, keys = (
+                    len(self._made),
+                    concatenate(self._made, self._plan.keys(source)[taken]),
+                )
+                of_first, number = unique_keys(keys)
                 self._made = keys[of_first]
                 found += [*self._shared(source, first[cells]), number[known:][places]]
         return found
@@ -267,8 +270,8 @@ class Schedule:
             if bound.stage.is_cached and cells.size:
                 cells = self._look_up(bound, cells, of_function[plan.identity[bound.name]])
                 missing[bound] = cells
-            for taken in plan.inputs(bound):
-                wanted[taken.source][taken.of(cells)] = True
+            for taken in plan.computed_inputs(bound):
+                wanted[taken.source][taken.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
         maker = np.full(
@@ -289,7 +292,7 @@ class Schedule:
     def _makers(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
         """Return who makes the inputs of a stage, also of its in-memory objects."""
         found: set[int] = set()
-        for source, *_ in self.plan.inputs(bound):
+        for source, *_ in self.plan.computed_inputs(bound):
             if source.stage.is_cached:
                 results = self.results[source]
                 found |= {
@@ -307,12 +310,12 @@ class Schedule:
         """
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
-        self.plan.forget_keys(bound)  # those of what it depends on are made
+        self.plan.drop_keys(bound)  # those of what it depends on are made
         known = np.array([result for results in earlier for result in results], dtype=np.int32)
-        first, number = distinct(joined(self.locations.keys[known], keys))
+        first, number = unique_keys(concatenate(self.locations.keys[known], keys))
         again, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
         before = len(self.locations)
-        numbers = joined(again, np.arange(before, before + len(new), dtype=np.int32))
+        numbers = concatenate(again, np.arange(before, before + len(new), dtype=np.int32))
         results = np.full(self.plan.count(bound), -1, dtype=np.int32)
         results[cells] = numbers[number[len(known) :]]
         self.results[bound] = results
@@ -322,9 +325,9 @@ class Schedule:
         absent = cells[new[~found.present]]
         self.locations = Locations(
             found.paths,
-            joined(self.locations.pack, found.pack),
-            joined(self.locations.row, found.row),
-            joined(self.locations.keys, found.keys),
+            concatenate(self.locations.pack, found.pack),
+            concatenate(self.locations.row, found.row),
+            concatenate(self.locations.keys, found.keys),
         )
         # What another stage is about to compute is counted there.
         total = len(new) + int(self.locations.present[again].sum())
@@ -337,7 +340,7 @@ class Schedule:
 
     def _count(self, bound: BoundStage, cells: Cells) -> int:
         """Return in how many calls some cells are computed."""
-        return len(np.unique(self.plan.start(bound, cells))) if bound.along else len(cells)
+        return len(np.unique(self.plan.first_cells(bound, cells))) if bound.along else len(cells)
 
     # stages that become ready ---------------------------------------------------------------
 
@@ -366,7 +369,7 @@ class Schedule:
         """
         if not self.failed:
             return cells
-        taken = self.plan.inputs(bound)
+        taken = self.plan.computed_inputs(bound)
         gone = {source: self._are_lost(source) for source, *_ in taken}
         lost = self._lack(taken, gone, cells)
         for cell in cells[lost].tolist():
@@ -375,11 +378,11 @@ class Schedule:
                 for source, first, offsets in taken
                 if gone[source][at := (first[cell] + offsets).ravel()].all()
             )
-            why = f"needs {self.plan.described(source, int(at[0]))}, which failed"
+            why = f"needs {self.plan.cell_name(source, int(at[0]))}, which failed"
             self._fail(bound, int(self.results[bound][cell]), why)
         cells = cells[~lost]
         results = self.results[bound][cells]
-        keys = self.plan.new_keys(bound, cells, self._keys_now)
+        keys = self.plan.hash_cells(bound, cells, self._keys_now)
         changed = np.flatnonzero((keys != self.locations.keys[results]).any(axis=1))
         self.locations.keys[results[changed]] = keys[changed]
         found = self._index.find(keys[changed], bound.stage.outputs)
@@ -401,7 +404,7 @@ class Schedule:
         """Return which cells of a stage failed, or cannot be made in memory."""
         if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
-        taken = self.plan.inputs(bound)
+        taken = self.plan.computed_inputs(bound)
         gone = {source: self._are_lost(source) for source, *_ in taken}
         return self._lack(taken, gone, self.plan.cells(bound))
 
@@ -412,7 +415,7 @@ class Schedule:
         elif bound in self._object_keys:
             return self._object_keys[bound]
         else:
-            keys = self.plan.new_keys(bound, self.plan.cells(bound), self._keys_now)
+            keys = self.plan.hash_cells(bound, self.plan.cells(bound), self._keys_now)
             self._object_keys[bound] = keys  # whose inputs are done
         keys[self._are_lost(bound)] = FAILED
         return keys
@@ -440,7 +443,7 @@ class Schedule:
         numbers: dict[tuple[BoundStage, bytes], int] = {}
         for bound, cells in calls:
             # Those of a batch compute equal places of the axes that are computed together.
-            starts = self.plan.start(bound, cells[:1]) if bound.along else None
+            starts = self.plan.first_cells(bound, cells[:1]) if bound.along else None
             pattern = b"" if starts is None else (cells - starts).tobytes()
             order.append(numbers.setdefault((bound, pattern), len(numbers)))
             of_stage[bound, pattern].append(cells)
@@ -453,13 +456,13 @@ class Schedule:
         """Return a batch of calls of a stage, each of which computes equal places of its axes."""
         plan, cells = self.plan, np.concatenate(calls)
         begins = np.cumsum([0, *map(len, calls)])
-        firsts = plan.start(bound, cells[begins[:-1]])
+        firsts = plan.first_cells(bound, cells[begins[:-1]])
         # The cells that a call computes: by the values that occur on each axis computed together.
         grid = np.zeros((), dtype=np.int64)
         for key in bound.along:
             number = plan.axis_number(key)
-            stride = plan.together[bound].get(number, 0)
-            grid = np.add.outer(grid, stride * np.unique(plan.places(bound, number, calls[0])))
+            stride = plan.along_strides[bound].get(number, 0)
+            grid = np.add.outer(grid, stride * np.unique(plan.positions(bound, number, calls[0])))
         order = np.argsort(grid.ravel())
         moved = cells - np.repeat(firsts, np.diff(begins))
         places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
@@ -495,7 +498,7 @@ class Schedule:
                     (source.in_si(values),), np.zeros(count, dtype=np.int32)
                 )
             elif isinstance(source, Setting) or source.stage.is_plain:
-                found, places = plan.column(bound, source, firsts)
+                found, places = plan.factorise(bound, source, firsts)
                 arguments[name] = PlainArgument(found, places.astype(np.int32))
             elif not source.stage.is_cached:
                 made, places = np.unique(
@@ -556,7 +559,7 @@ class Schedule:
             if split and failure.traceback and together[number]:
                 self._calls.again(bound, cells)
             else:
-                failed.append(failure._replace(name=self.plan.described(bound, int(cells[0]))))
+                failed.append(failure._replace(name=self.plan.cell_name(bound, int(cells[0]))))
                 self._fail(bound, int(planned.results[number]), failure.reason)
         results = planned.results[done]
         self._finish(bound, results, pack, np.arange(len(results), dtype=np.int32))

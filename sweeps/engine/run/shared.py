@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import is_private
-from sweeps.engine.resolve.modules import SHADERS, files, place
+from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
 
 
 class OtherCode(RuntimeError):
@@ -21,7 +21,7 @@ class OtherCode(RuntimeError):
 @cache
 def package_digest(name: str) -> str:
     """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
-    found, spec = files(name, SHADERS | {".py"}), place(name)
+    found, spec = package_files(name, SHADERS | {".py"}), module_spec(name)
     if spec and spec.has_location and spec.origin and not found:
         found = [(name, hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest())]
     return hashlib.sha256(repr(found).encode()).hexdigest() if found else ""

@@ -34,7 +34,7 @@ from sweeps.engine.declare.failures import (
 )
 from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
 from sweeps.engine.declare.undeclared import NUMBER_DTYPE, Undeclared, split_variables
-from sweeps.engine.resolve.code import MAIN, looked_up, place_of
+from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
 from sweeps.engine.resolve.keys import Keys, cell_rng
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
@@ -57,8 +57,8 @@ class ShippedStage:
     @cache
     def of(cls, stage: Stage) -> ShippedStage:
         """Return the description of a stage."""
-        function, (module, name) = stage.function, place_of(stage.function)
-        there = looked_up(module, name) if module != MAIN else None
+        function, (module, name) = stage.function, module_and_name(stage.function)
+        there = find_attribute(module, name) if module != MAIN else None
         given = None if getattr(there, "function", there) is function else function
         even = tuple(
             o.name for o in stage.outputs if stage.store_group(o) and stage.has_fixed_shape(o)

@@ -18,7 +18,7 @@ from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
 from sweeps.engine.declare.storable import DATES, MAX_BYTES, NAT, encode_attributes
-from sweeps.engine.resolve.keys import BYTES
+from sweeps.engine.resolve.keys import HASH_BYTES
 
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
@@ -127,7 +127,7 @@ class Array:
             given = self.made_of(region)
         else:
             given = np.asarray(self.read(region), self.stored).tobytes()
-        return hashlib.blake2b(repr(about).encode() + given, digest_size=BYTES).hexdigest()
+        return hashlib.blake2b(repr(about).encode() + given, digest_size=HASH_BYTES).hexdigest()
 
     def settled(self) -> Array:
         """Return an array without dimensions with its value as that of what is not written."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Arrays, Locations, layouts
 from sweeps.engine.declare.errors import DeclarationError
-from sweeps.engine.declare.kinds import override_text
+from sweeps.engine.declare.kinds import format_value
 from sweeps.engine.declare.settings import DIMENSION, Setting
 from sweeps.engine.declare.stage import (
     COORDINATE,
@@ -145,7 +145,7 @@ def _dimensions(plan: Plan, *bounds: BoundStage) -> list[int]:
     return [
         n
         for n, axis in axes
-        if axis.several or any(setting.single == DIMENSION for setting in axis.settings)
+        if axis.is_swept or any(setting.single == DIMENSION for setting in axis.settings)
     ]
 
 
@@ -272,7 +272,7 @@ class Cube:
         """Return numbers of the results in ranges of a variable's axes, the last fastest."""
         plan, bound = self.plan, variable.bound
         by_axis = dict(zip(variable.axes, ranges, strict=True))
-        own = plan.axes_on(bound)
+        own = plan.axis_numbers(bound)
         results = self.schedule.results[bound]
         results = results.reshape([len(plan.axes[number].points) for number in own])
         results = results[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
@@ -357,7 +357,7 @@ class Cube:
             axis = self.plan.axes[number]
             if name in dims or any(number in variable.axes for variable in variables):
                 found |= axis_coordinates(axis, name)
-            elif not axis.several:
+            elif not axis.is_swept:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
                     if setting.single == COORDINATE:
                         label = setting.name if axis.is_joint else name
@@ -390,13 +390,13 @@ class Cube:
         axes = [plan.axes[number] for number in numbers]
         worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
         for bound in bounds:
-            results, own = self.schedule.results[bound], plan.axes_on(bound)
+            results, own = self.schedule.results[bound], plan.axis_numbers(bound)
             present = self.schedule.locations.present[results]
             failed = np.isin(results, [*self.schedule.failed])
             for state, those in ((MISSING, ~present & ~failed), (FAILED, failed)):
                 cells = np.flatnonzero(those)
                 point = tuple(
-                    plan.places(bound, number, cells) if number in own else slice(None)
+                    plan.positions(bound, number, cells) if number in own else slice(None)
                     for number in numbers
                 )
                 if len(cells):
@@ -426,14 +426,14 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
         return setting_coordinates(axis.settings[0], name, columns[0])
     found: dict[str, Array] = {}
     for setting, values in zip(axis.settings, columns, strict=True):
-        taken = setting.name in (*found, *[name] * (not axis.bare))
+        taken = setting.name in (*found, *[name] * (not axis.unlabelled))
         label = setting.key.replace(".", "_") if taken else setting.name
         found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
-    if axis.bare:
+    if axis.unlabelled:
         return found
     labels = axis.labels or [
         ",".join(
-            f"{label}={override_text(value)}" for label, value in zip(found, point, strict=True)
+            f"{label}={format_value(value)}" for label, value in zip(found, point, strict=True)
         )
         for point in axis.points
     ]

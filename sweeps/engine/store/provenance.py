@@ -18,7 +18,7 @@ from sweeps.engine.declare.kinds import (
     Text,
     Value,
     Word,
-    override_text,
+    format_value,
 )
 from sweeps.engine.declare.settings import Joint, Run, Setting, flatten, nested, read_choices
 from sweeps.engine.declare.stage import Experiment
@@ -174,8 +174,8 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             both = sorted({*there, *asked}, key=lambda value: (value is None, value))
             advice = f"give {setting.override(both)} to have both, or another store"
         raise ConfigurationError(
-            f"{setting.message_name} is {', '.join(map(override_text, asked))}, but the store "
-            f"{path!r} has {', '.join(map(override_text, lacking))}: {advice}"
+            f"{setting.message_name} is {', '.join(map(format_value, asked))}, but the store "
+            f"{path!r} has {', '.join(map(format_value, lacking))}: {advice}"
         )
     texts = replace(
         before,

@@ -24,9 +24,9 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.storable import decode_attributes, encode_attributes
-from sweeps.engine.resolve.code import place_of
-from sweeps.engine.resolve.keys import distinct
-from sweeps.engine.resolve.modules import within
+from sweeps.engine.resolve.code import module_and_name
+from sweeps.engine.resolve.keys import unique_keys
+from sweeps.engine.resolve.modules import is_within
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice, Executor
 from sweeps.engine.run.executors import executor
@@ -146,7 +146,7 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
                 f"{options.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
                 f"`{prune}` deletes the oldest"
             )
-    finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
+    finished.seconds, finished.axes = time.perf_counter() - start, plan.axis_lengths
     return finished
 
 
@@ -162,7 +162,7 @@ def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
         for bound in plan.bound.values()
         if bound.name in old.get("code", ())
         and declared(bound.stage.outputs)
-        and within(place_of(bound.stage.function)[0], plan.experiment.code)
+        and is_within(module_and_name(bound.stage.function)[0], plan.experiment.code)
     }
 
 
@@ -239,7 +239,7 @@ def _compute(
         choice,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
-        modules=sorted({place_of(one.stage.function)[0] for one in plan.bound.values()}),
+        modules=sorted({module_and_name(one.stage.function)[0] for one in plan.bound.values()}),
         packs=index.cells,
         say=watch.say,
     )
@@ -346,8 +346,8 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     index.refresh()
     for bound in plan.targets:
         keys = plan.keys(bound)
-        plan.forget_keys(bound)
-        total = len(distinct(keys)[0])
+        plan.drop_keys(bound)
+        total = len(unique_keys(keys)[0])
         progress[bound.name] = Progress(total, total)
     cells = sum(one.total for one in progress.values())
     watch.say(f"0 cells to compute, {cells:,} are in the store")
@@ -370,7 +370,7 @@ def _write(
     plan, failed = schedule.plan, schedule.failed
     cube = Cube(schedule, index.cells)
     failures = {
-        plan.described(bound, cell): failed[results[cell]]
+        plan.cell_name(bound, cell): failed[results[cell]]
         for bound in plan.bound.values()
         if failed and (results := schedule.results.get(bound)) is not None
         for cell in np.flatnonzero(np.isin(results, [*failed])).tolist()
