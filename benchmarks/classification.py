@@ -10,7 +10,7 @@ from benchmarks.phases import timed
 from benchmarks.reports import Report
 from benchmarks.sweeping import by_stage, choices_of, on_workers
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.packs import cells_of
+from sweeps.engine.cache.packs import open_packs
 from sweeps.engine.declare.stage import BoundStage
 from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
@@ -48,7 +48,7 @@ def measure(*, repeats: int, overrides: Sequence[str] = EXPERIMENTS) -> Report:
         folder = Path(parent)
         timed(EXPERIMENT, choices, on_workers(folder, "first.zarr"))
         for turn in range(repeats):
-            packs = cells_of(folder / "cache")
+            packs = open_packs(folder / "cache")
             index = CellIndex(packs, lambda sentence: None)
             packs.delete(pack.path for pack in index.packs if pack.stage in names)
             runs.append(timed(EXPERIMENT, choices, on_workers(folder, f"{turn}.zarr")))

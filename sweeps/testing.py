@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.packs import cells_of, each_cell
+from sweeps.engine.cache.packs import iter_cells, open_packs
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import MEASURED, BoundStage, Experiment
 from sweeps.engine.resolve.plan import Plan
@@ -45,7 +45,7 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
         Naming every cell that failed or differs, and the first number of it that does.
     """
     with TemporaryDirectory() as folder, one_thread():  # as in workers
-        index = CellIndex(cells_of(Path(folder)), _ignore)
+        index = CellIndex(open_packs(Path(folder)), _ignore)
         schedule = Schedule(Plan(experiment, choices))
         schedule.resolve(index)
         experiment.prepare(choices, _ignore)
@@ -72,7 +72,7 @@ def _ignore(sentence: str) -> None:
 def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: int) -> str:
     """Return how a cell that was computed differs from the same computed alone, if it does."""
     locations = schedule.locations[schedule.results[bound][[cell]]]
-    [first] = each_cell(index.cells, locations)
+    [first] = iter_cells(index.cells, locations)
     planned = schedule.planned(bound, [np.array([cell])])
     forget_all()
     [outcome] = run_batches((planned.batch,), [0], index.cells).outcomes
@@ -80,7 +80,7 @@ def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: i
     if outcome.pack is None:
         return f"it raises {outcome.failed[0].reason}"
     pack = np.array([index.add(outcome.pack)], np.int32)
-    [again] = each_cell(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
+    [again] = iter_cells(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
     if first is None or again is None:
         return "it cannot be read back from the disk"
     for name in (one.name for one in bound.stage.outputs if one.role != MEASURED):

@@ -110,7 +110,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     def submitted(run, number, function, *arguments):
         if function is put_chunks:
             objects, chunks = arguments
-            assert isinstance(objects.place, str) or objects.place.is_absolute()
+            assert isinstance(objects.path, str) or objects.path.is_absolute()
             sent.update(name for name, *_ in chunks)
         submit(run, number, function, *arguments)
 
@@ -140,10 +140,10 @@ def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
     array = Array.of(("x",), np.arange(3))
     chunks = [(name, array, (slice(0, 3),)) for name in ("g/x/c.0", "g/x/c.1")]
     store = Objects(tmp_path / "s.zarr")
-    assert put_chunks(store, chunks) == {} and not store.place.exists()
-    Manifest(coming=["g/x/c.1"]).put(Objects(store.place, make=True))
-    assert put_chunks(Objects(store.place), chunks).keys() == {"g/x/c.1"}
-    assert sorted(files(store.place)) == ["g/x/c.1", "manifest"]
+    assert put_chunks(store, chunks) == {} and not store.path.exists()
+    Manifest(coming=["g/x/c.1"]).put(Objects(store.path, make=True))
+    assert put_chunks(Objects(store.path), chunks).keys() == {"g/x/c.1"}
+    assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
 
 @pytest.mark.usefixtures("impatient")
@@ -188,6 +188,6 @@ def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):
         pass
     assert re.fullmatch(
         rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ does not see "
-        rf"the cache '{packs.place}' of this command; it must be where all of them see it",
+        rf"the cache '{packs.path}' of this command; it must be where all of them see it",
         str(refused.value),
     )

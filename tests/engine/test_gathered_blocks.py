@@ -11,7 +11,7 @@ from packed import keys
 from small_stores import opened
 from toys import Few, run_few
 
-from sweeps.engine.cache.packs import Locations, Packing, cells_of
+from sweeps.engine.cache.packs import Locations, PackWriter, open_packs
 from sweeps.engine.declare.stage import At, Group, Output, stage
 from sweeps.engine.run.tasks import Damaged, Gathered, ShippedStage
 
@@ -54,13 +54,13 @@ def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
 @pytest.fixture(scope="module")
 def gathered(tmp_path_factory):
     """Cells in two packs, some of them absent, and the array that they would be."""
-    packs = cells_of(tmp_path_factory.mktemp("cache"))
+    packs = open_packs(tmp_path_factory.mktemp("cache"))
     values = np.arange(12.0 * ROWS, dtype="f8").reshape(12, ROWS)
     pack, place = np.arange(12) % 2, np.arange(12) // 2
     names = [keys(*range(n, 12, 2)) for n in range(2)]
     paths = []
     for number in range(2):
-        packing = Packing()
+        packing = PackWriter()
         for array in values[number::2]:
             packing.add({"row": array})
         paths.append(packing.write(packs, "row", names[number]).path)

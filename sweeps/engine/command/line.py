@@ -20,8 +20,8 @@ from omegaconf.errors import OmegaConfBaseException
 from platformdirs import user_cache_path
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import UNREACHED
-from sweeps.engine.cache.packs import SHORTAGES, cells_of
+from sweeps.engine.cache.objects import UNREACHABLE
+from sweeps.engine.cache.packs import RESOURCE_ERRORS, open_packs
 from sweeps.engine.command.status import described
 from sweeps.engine.command.usage import listing, usage
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
@@ -119,9 +119,9 @@ class Command:
             return f"out of memory ({error}); {RESUMED}", SOME_FAILED
         except OSError as error:
             where = f" {error.filename!r}" if error.filename else ""
-            verb = "read" if error.errno in SHORTAGES else "write"
-            verb = "reach" if error.errno == UNREACHED else verb
-            disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
+            verb = "read" if error.errno in RESOURCE_ERRORS else "write"
+            verb = "reach" if error.errno == UNREACHABLE else verb
+            disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | RESOURCE_ERRORS
             said = f"cannot {verb}{where}: {error.strerror or error}"
             return said, SOME_FAILED if error.errno in disk else WRONG
 
@@ -304,12 +304,12 @@ class Command:
         Raises ConfigurationError if a sweep uses it.
         """
         check_cache(place)
-        packs = cells_of(place, make=False)
+        packs = open_packs(place, make=False)
         index = CellIndex(packs, lambda sentence: say(self.name, sentence))
         cells, size = index.size()
         if limit is not None:
             try:
-                with used(packs.place, alone=True):
+                with used(packs.path, alone=True):
                     cells, size = index.prune(limit)
             except BlockingIOError:
                 one_line = "which a sweep uses; wait until it ends"

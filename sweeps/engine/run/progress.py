@@ -17,7 +17,7 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from sweeps.engine.cache.objects import CLOSED, Objects
+from sweeps.engine.cache.objects import PRIVATE_MODE, Objects
 from sweeps.engine.declare.failures import Failure, FailureLog
 from sweeps.engine.declare.paths import PathOrUrl, join, resolve_path
 from sweeps.engine.resolve.keys import digest
@@ -187,7 +187,7 @@ FOLDER = "status"  # of a cache
 
 def states_in(cache: PathOrUrl, *, make: bool = False) -> Objects:
     """Return the states of sweeps that a cache knows."""
-    return Objects(join(cache, FOLDER), make=make, mode=CLOSED, clean=False)
+    return Objects(join(cache, FOLDER), make=make, mode=PRIVATE_MODE, clean=False)
 
 
 def state_of(store: PathOrUrl) -> str:

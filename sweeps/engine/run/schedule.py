@@ -474,7 +474,7 @@ class Schedule:
             keys=self.locations.keys[results],
             begins=begins,
             places=places,
-            room=plan.identity[bound.name],
+            folder=plan.identity[bound.name],
         )
         return PlannedBatch(bound, cells, results, batch)
 
@@ -531,7 +531,7 @@ class Schedule:
         # Along axes on which the input does not depend, it is the same.
         own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
         taken = np.add.outer(first[np.add.outer(firsts, own)], offsets)
-        locations = self.locations[self.results[source][taken]].alone()
+        locations = self.locations[self.results[source][taken]].compact()
         each = range(1, locations.present.ndim - offsets.ndim)
         present = np.asarray(locations.present.all(axis=tuple(each)))
         lacking = (slice(None) if key in source.needs else None for key in bound.gather)

@@ -63,8 +63,8 @@ def _check_mark(packs: Objects, mark: str) -> None:
         found = packs.get(mark)
     if found is None:
         what, remedy = "does not see the cache", "it must be where all of them see it"
-    elif isinstance(packs.place, Path) and not is_private(packs.place):
+    elif isinstance(packs.path, Path) and not is_private(packs.path):
         what, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return
-    raise Apart(f"{what} {str(packs.place)!r} of this command; {remedy}")
+    raise Apart(f"{what} {str(packs.path)!r} of this command; {remedy}")

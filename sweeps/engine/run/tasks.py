@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Arrays, Locations, Pack, Packing, each_cell
+from sweeps.engine.cache.packs import Arrays, Locations, Pack, PackWriter, iter_cells
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.failures import (
     RAISED,
@@ -47,7 +47,7 @@ class ShippedStage:
     """Description of a stage for workers."""
 
     name: str
-    place: str  # module and qualified name of its function
+    import_path: str  # module and qualified name of its function
     function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Output, ...]
     even: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
@@ -68,7 +68,7 @@ class ShippedStage:
     @property
     def call(self) -> Callable[..., Any]:
         """The function."""
-        one: Any = self.function or resolve_name(self.place)
+        one: Any = self.function or resolve_name(self.import_path)
         return one.function if isinstance(one, Stage) else one
 
 
@@ -120,7 +120,7 @@ class Batch:
     begins: NDArray[np.int64]
     places: NDArray[np.int64]
     shape: tuple[int, ...] = ()
-    room: str = ""  # folder of the packs
+    folder: str = ""  # folder of the packs
     streams: tuple[tuple[int, dict[str, Any]], ...] = ()  # seed and name of the `rng` of each
     valid: NDArray[np.bool_] | None = None  # (call, ...): flags of each
 
@@ -156,7 +156,7 @@ class Damaged(Exception):
 
 def undamaged_cells(packs: Objects, locations: Locations) -> Iterator[Arrays]:
     """Yield the arrays of cells; raise `Damaged` if one cannot be read back."""
-    for key, arrays in zip(locations.keys, each_cell(packs, locations), strict=True):
+    for key, arrays in zip(locations.keys, iter_cells(packs, locations), strict=True):
         if arrays is None:
             raise Damaged(key.tobytes())
         yield arrays
@@ -194,9 +194,9 @@ class _Running:
 
     def __init__(self, batch: Batch, packs: Objects) -> None:
         self.batch, self.packs = batch, packs
-        self.function, self.folder = batch.stage.call, os.getcwd()
+        self.function, self.working_folder = batch.stage.call, os.getcwd()
         self.begins: list[int] = batch.begins.tolist()
-        self.packing = Packing()
+        self.packing = PackWriter()
         self.next = 0
         self.is_cached: list[int] = []  # numbers of cells that are packed
         self.seconds = 0.0
@@ -239,7 +239,7 @@ class _Running:
         try:
             found = self.function(**arguments)
         finally:
-            _return_to(self.folder)
+            _return_to(self.working_folder)
         arrays = arrays_of(stage.name, stage.outputs, found, batch.shape)
         if not batch.shape:
             return [arrays]
@@ -254,7 +254,7 @@ class _Running:
         if not self.is_cached:
             return Outcome(self.seconds, self.failed, self.lacking)
         keys, name = self.batch.keys[self.is_cached], self.batch.stage.name
-        pack = self.packing.write(self.packs, name, keys, self.seconds, self.batch.room)
+        pack = self.packing.write(self.packs, name, keys, self.seconds, self.batch.folder)
         return Outcome(self.seconds, self.failed, self.lacking, pack)
 
 
@@ -292,7 +292,7 @@ def _with_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[Input
                 for number, inputs in enumerate(found):
                     inputs[name] = Gathered(read.stage, locations[number], packs)
                 continue
-            for number, arrays in enumerate(each_cell(packs, locations)):
+            for number, arrays in enumerate(iter_cells(packs, locations)):
                 found[number][name] = arrays or Damaged(locations.keys[number].tobytes())
                 size += sum(array.nbytes for array in (arrays or {}).values())
         while found:
@@ -330,7 +330,7 @@ def _object(batch: Batch, number: int, packs: Objects) -> Any:
     """Return an object by its key, made if missing; the oldest of its stage is evicted."""
     # By the function's name: stages that share one share its results. A function that comes with
     # each task, from a script or a session, is another object each time.
-    objects = vars(_kept).setdefault(batch.stage.place, OrderedDict())
+    objects = vars(_kept).setdefault(batch.stage.import_path, OrderedDict())
     key = batch.keys[number].tobytes()
     if key in objects:
         objects.move_to_end(key)
@@ -339,10 +339,10 @@ def _object(batch: Batch, number: int, packs: Objects) -> Any:
         objects.popitem(last=False)
     # What is read for the next ones, too, of the latest calls of a function.
     ahead = vars(_ahead)
-    latest, due, inputs = ahead.get(batch.stage.place, (None, 0, None))
+    latest, due, inputs = ahead.get(batch.stage.import_path, (None, 0, None))
     if latest is not batch or due != number:
         inputs = _with_inputs(batch, packs, number)
-    ahead[batch.stage.place] = batch, number + 1, inputs
+    ahead[batch.stage.import_path] = batch, number + 1, inputs
     objects[key] = made = batch.stage.call(**_arguments(batch, number, next(inputs), packs))
     return made
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Arrays, Locations, layouts
+from sweeps.engine.cache.packs import Arrays, Locations, distinct_layouts
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import format_value
 from sweeps.engine.declare.settings import DIMENSION, Setting
@@ -189,7 +189,7 @@ class Cube:
             return bound.stage.outputs, {}
         results = np.unique(self.schedule.results[bound])
         locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
-        found = infer_outputs(output, layouts(self.packs, locations))
+        found = infer_outputs(output, distinct_layouts(self.packs, locations))
         names = [one.name for one in found if one.role == COORDINATE]
         values = longest_arrays(undamaged_cells(self.packs, locations), names) if names else {}
         coordinates = {}
@@ -321,7 +321,7 @@ class Cube:
         wanted = np.flatnonzero(self.schedule.locations.present[results])
         return RegionReader(
             self.packs,
-            self.schedule.locations[results[wanted]].alone(),
+            self.schedule.locations[results[wanted]].compact(),
             variable.bound.name,
             output,
             variable.bound.stage.has_fixed_shape(output),

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import ROOM
+from sweeps.engine.cache.packs import CELLS_FOLDER
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import (
     PathOrUrl,
@@ -60,7 +60,7 @@ def check_cache(path: PathOrUrl) -> None:
     Who may write to a bucket is said there.
     """
     place = _checked_place("cache", path, inside=False)
-    for folder in (place, join(place, ROOM)):
+    for folder in (place, join(place, CELLS_FOLDER)):
         if isinstance(folder, Path) and not is_private(folder):
             reason = f"but others own {str(folder)!r} or may write there; a cache is its user's own"
             raise _wrong("cache", path, f"{reason}: chmod go-w, or give another folder")

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from sweeps.engine.cache.objects import OPEN, Objects, make_folder
+from sweeps.engine.cache.objects import PUBLIC_MODE, Objects, make_folder
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path, split_parent
 from sweeps.engine.run.process import repeating
@@ -106,7 +106,7 @@ Taken = tuple[Callable[[], None], Callable[[], None]]
 
 def _take_file(folder: Path, name: str) -> Taken:
     """Lock a file, which is there only as long as it is locked, or its owner was killed."""
-    make_folder(folder, OPEN)
+    make_folder(folder, PUBLIC_MODE)
     path = folder / name
     lock = FileLock(path, blocking=False, thread_local=False)
     try:
@@ -134,7 +134,7 @@ def _take_object(above: PathOrUrl, name: str) -> Taken:
         return f"{owner}\n{own} {next(turns)}".encode()  # another each time
 
     while True:
-        before, found = found, objects.versioned(name)
+        before, found = found, objects.get_versioned(name)
         if found and before and found != before:
             raise _HeldError(found[0])
         if found is None or time.monotonic() - since > LEASE:
@@ -148,7 +148,7 @@ def _take_object(above: PathOrUrl, name: str) -> Taken:
         nonlocal version
         with using:
             version = version and objects.put_if(name, content(), version)
-            if not version and (there := objects.versioned(name)) and own.encode() in there[0]:
+            if not version and (there := objects.get_versioned(name)) and own.encode() in there[0]:
                 version = there[1]  # the answer to an earlier put was lost
             if not version:
                 why = f"its lock was taken by another process after {LEASE:.0f} s without a sign"

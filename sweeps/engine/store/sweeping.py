@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import CLOSED, Objects, make_folder
-from sweeps.engine.cache.packs import MISSING, cells_of, declared, each_cell
+from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, make_folder
+from sweeps.engine.cache.packs import NO_PACK, array_kinds, iter_cells, open_packs
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.declare.paths import PathOrUrl
@@ -73,7 +73,7 @@ class RunOptions:
     @property
     def packs(self) -> Objects:
         """Where results are kept."""
-        return cells_of(self.cache)
+        return open_packs(self.cache)
 
 
 @dataclass
@@ -117,8 +117,8 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
         check_apart([options.store], options.cache, lambda store: ())
         check = stack.enter_context(locked(options.store))
         recover(options.store)
-        if isinstance(packs := options.packs.place, Path):
-            make_folder(packs, CLOSED)
+        if isinstance(packs := options.packs.path, Path):
+            make_folder(packs, PRIVATE_MODE)
         stack.enter_context(used(packs))
         index = CellIndex(options.packs, watch.say, plan.identity.values())
         old = existing(options.store, plan)
@@ -161,7 +161,7 @@ def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
         bound.name
         for bound in plan.bound.values()
         if bound.name in old.get("code", ())
-        and declared(bound.stage.outputs)
+        and array_kinds(bound.stage.outputs)
         and is_within(module_and_name(bound.stage.function)[0], plan.experiment.code)
     }
 
@@ -191,7 +191,7 @@ def _until_undamaged(
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 lost = f"{len(damaged):,} results in the cache are damaged"
                 watch.say(f"{lost} and are computed again")
-                index.forget(keys)
+                index.drop(keys)
             else:
                 return Finished(schedule.progress, failures, written=True)
             finally:
@@ -298,7 +298,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                 raise report.unwritten
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):
                 damaged.update(*outcome.lacking.values())
-                pack = MISSING if outcome.pack is None else index.add(outcome.pack)
+                pack = NO_PACK if outcome.pack is None else index.add(outcome.pack)
                 for failure in schedule.finish(planned, outcome, pack, split=error is None):
                     failures.append(failure[:2])
                     watch.failed(failure)
@@ -316,7 +316,7 @@ def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
     """Return keys of all cells that cannot be read back, so that one round mends them."""
     locations = schedule.locations[schedule.locations.present]
     locations = locations[np.lexsort((locations.row, locations.pack))]
-    cells = zip(locations.keys, each_cell(packs, locations), strict=True)
+    cells = zip(locations.keys, iter_cells(packs, locations), strict=True)
     return {key.tobytes() for key, arrays in cells if arrays is None}
 
 

@@ -20,7 +20,7 @@ from xarray.core.indexing import (
     explicit_indexing_adapter,
 )
 
-from sweeps.engine.cache.packs import raise_shortage
+from sweeps.engine.cache.packs import raise_resource_error
 from sweeps.engine.declare.display import ATTRIBUTE
 from sweeps.engine.declare.errors import DeclarationError, with_location
 from sweeps.engine.declare.failures import RAISED, Failure, format_traceback, one_line
@@ -67,7 +67,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
         except (Damaged, DeclarationError):  # of cells, not of the table
             raise
         except RAISED as error:
-            raise_shortage(error)
+            raise_resource_error(error)
             failed[name] = Failure(name, one_line(error), traceback=format_traceback(error))
     return list(failed.values())
 

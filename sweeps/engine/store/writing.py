@@ -20,7 +20,7 @@ from itertools import accumulate, islice
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.cache.objects import AT_ONCE, Objects, readable
+from sweeps.engine.cache.objects import REQUESTS, Objects, world_readable
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path
 from sweeps.engine.declare.storable import decode_attributes, encode_attributes
@@ -67,7 +67,7 @@ def write_store(
     """
     check_target(place)
     groups = {name: group.stored(everywhere) for name, group in groups.items()}
-    with readable():
+    with world_readable():
         recover(place)
         objects, old = Objects(place, make=True), read_manifest(place) or Manifest()
         arrays = {
@@ -116,7 +116,7 @@ def recover(place: PathOrUrl) -> None:
     manifest = read_manifest(place)
     if manifest is not None and (manifest.nodes or manifest.coming):
         objects = Objects(place, make=True)
-        objects.tidy()
+        objects.delete_unfinished()
         if manifest.nodes:
             _finish(objects, manifest, lambda: None)
         else:
@@ -127,7 +127,7 @@ def _finish(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> 
     """Put all metadata in place, the root's last, and delete what they no longer refer to."""
     documents = _documents(manifest.nodes)
     root = documents.pop(METADATA)
-    objects.each(lambda one: objects.put(*one), documents.items())
+    objects.map(lambda one: objects.put(*one), documents.items())
     check()
     objects.put(METADATA, root)
     objects.delete(sorted({*manifest.before, *manifest.coming}.difference(manifest.files)))
@@ -141,7 +141,7 @@ def _undo(objects: Objects, manifest: Manifest) -> None:
         replace(manifest, coming=[]).put(objects)
     else:
         objects.delete([MANIFEST])
-        objects.leave()
+        objects.remove_empty_folders()
 
 
 def read_attributes(place: PathOrUrl) -> dict[str, Any] | None:
@@ -212,14 +212,14 @@ def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
 def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | None]:
     """Write chunks, several at once; return their sizes by name, None of empty ones."""
     files: dict[str, int | None] = {}
-    with ThreadPoolExecutor(AT_ONCE) as pool:
+    with ThreadPoolExecutor(REQUESTS) as pool:
         under_way: deque[Future[None]] = deque()
         for chunk in chunks:
             content = encode(chunk.array, chunk.region)
             files[chunk.name] = None if content is None else len(content)
             if content is not None:
                 under_way.append(pool.submit(objects.put, chunk.name, content))
-            if len(under_way) > 2 * AT_ONCE:
+            if len(under_way) > 2 * REQUESTS:
                 under_way.popleft().result()
         for putting in under_way:
             putting.result()
@@ -233,7 +233,7 @@ def _written_elsewhere(
 
     What they do not write, as where they do not see the store, is left to this process.
     """
-    objects = Objects(resolve_path(objects.place))  # which no worker makes
+    objects = Objects(resolve_path(objects.path))  # which no worker makes
     new = [chunk for chunk in chunks if chunk.array.sent is not None]
     size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
     parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
@@ -262,10 +262,10 @@ def put_chunks(
 ) -> dict[str, int | None]:
     """Write chunks that a store awaits; return their sizes by name, None of empty ones."""
     files: dict[str, int | None] = {}
-    with readable():
+    with world_readable():
         for name, array, region in chunks:
             content = encode(array, region)
-            manifest = read_manifest(objects.place)
+            manifest = read_manifest(objects.path)
             if manifest is not None and name in manifest.coming:
                 if content is not None:
                     objects.put(name, content)
