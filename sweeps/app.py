@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, stopping
+from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, signals_deferred
 
 if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     from sweeps.engine.declare.errors import DeclarationError
 
     with ExitStack() as signals:
-        signals.enter_context(stopping())
+        signals.enter_context(signals_deferred())
         try:
             if all(word in MULTIRUN for word in given if word.startswith("-")):
                 _say("reading the configuration")

@@ -18,12 +18,12 @@ from sweeps.engine.declare.stage import MEASURED, BoundStage, Experiment
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.run.process import one_thread
-from sweeps.engine.run.schedule import MOST_CELLS, Schedule, Watch
-from sweeps.engine.run.tasks import forget_all, run_batches
+from sweeps.engine.run.schedule import MAX_CELLS, Schedule, Watch
+from sweeps.engine.run.tasks import drop_objects, run_batches
 from sweeps.engine.store.sweeping import execute
 
 
-def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CELLS) -> Counter[str]:
+def check_pure(experiment: Experiment, choices: Choices, *, most: int = MAX_CELLS) -> Counter[str]:
     """Return how many cells of each stage are the same when computed again, alone.
 
     A result must depend on the arguments of its stage alone: on no clock, no generator of its own,
@@ -47,7 +47,7 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
     with TemporaryDirectory() as folder, one_thread():  # as in workers
         index = CellIndex(open_packs(Path(folder)), _ignore)
         schedule = Schedule(Plan(experiment, choices))
-        schedule.resolve(index)
+        schedule.look_up(index)
         experiment.prepare(choices, _ignore)
         failures = execute(schedule, InlineExecutor(), index, Watch(_ignore))
         found = [f"{name} failed: {why}" for name, why in failures]
@@ -73,10 +73,10 @@ def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: i
     """Return how a cell that was computed differs from the same computed alone, if it does."""
     locations = schedule.locations[schedule.results[bound][[cell]]]
     [first] = iter_cells(index.cells, locations)
-    planned = schedule.planned(bound, [np.array([cell])])
-    forget_all()
+    planned = schedule.make_batch(bound, [np.array([cell])])
+    drop_objects()
     [outcome] = run_batches((planned.batch,), [0], index.cells).outcomes
-    forget_all()
+    drop_objects()
     if outcome.pack is None:
         return f"it raises {outcome.failed[0].reason}"
     pack = np.array([index.add(outcome.pack)], np.int32)

@@ -18,10 +18,10 @@ def main() -> None:
     with 2 if the store cannot be read.
     """
     arguments = _parser().parse_args()
-    from sweeps.engine.run.process import forgiving
+    from sweeps.engine.run.process import tolerant_output
     from sweeps.report.screen import complain
 
-    with forgiving() as lost:
+    with tolerant_output() as lost:
         status = _reported(arguments)
         if why := lost():
             complain(f"tables cannot be printed: {why}")

@@ -99,7 +99,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
     script = (
         "import fleet.measure; from sweeps.engine.resolve import code, modules;"
         "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest);"
-        "modules.keep_sources()"
+        "modules.save_parsed_modules()"
     )
 
     def digest() -> str:
@@ -172,7 +172,7 @@ def test_a_library_counts_once_it_is_there(tmp_path, digest_in):
 
 def test_a_script_counts_like_a_module(tmp_path):
     script = (
-        "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code, place_of\n"
+        "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code, module_and_name\n"
         "def length(): return loose\n"
         "found = Code(frozenset()).digest(length)\n"
         "print(json.dumps([found.digest, [*found.parts]]))\n"

@@ -16,9 +16,9 @@ from toys import go
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.run import workers
+from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.store.arrays import METADATA, Array
 from sweeps.engine.store.manifest import Manifest
 from sweeps.engine.store.writing import put_chunks
@@ -28,7 +28,10 @@ pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
 @pytest.fixture
 def inline():
-    with threadpool_limits(2), executor(ClusterChoice(kind="inline"), say=executors.silent) as run:
+    with (
+        threadpool_limits(2),
+        open_executor(ClusterChoice(kind="inline"), say=executors.silent) as run,
+    ):
         yield run
 
 
@@ -41,14 +44,14 @@ def running(request, tmp_path_factory):
     variables = {} if buckets.ABSENT else request.getfixturevalue("served")
     folder = tmp_path_factory.mktemp("scheduler")
     with executors.cluster_at(folder, **variables) as (choice, _):
-        with executor(choice, say=executors.silent) as run:
-            executors.eventually(lambda: run.workers == 2)
+        with open_executor(choice, say=executors.silent) as run:
+            executors.eventually(lambda: run.worker_count == 2)
         yield choice
 
 
 @pytest.fixture(scope="module")
 def remote(running):
-    with executor(running, say=executors.silent) as run:
+    with open_executor(running, say=executors.silent) as run:
         yield run
 
 
@@ -105,7 +108,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
 ):
     """Each chunk of cells whole, by one of them; coordinates, states and metadata are its own."""
     sent, own = Counter(), []
-    submit, put = workers.DaskExecutor.submit, Objects.put
+    submit, put = dask_cluster.DaskExecutor.submit, Objects.put
 
     def submitted(run, number, function, *arguments):
         if function is put_chunks:
@@ -119,7 +122,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
         put(objects, name, content)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(workers.DaskExecutor, "submit", submitted)
+    monkeypatch.setattr(dask_cluster.DaskExecutor, "submit", submitted)
     monkeypatch.setattr(Objects, "put", putting)
     cache, store = tmp_path / "cache", Path("s.zarr") if place == tmp_path else f"{place}/s.zarr"
     for masses in ([1, 2], [1, 2, 3]):
@@ -162,7 +165,7 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
     (tmp_path / "of_this_process.py").write_text("")
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, packages=("toys", "of_this_process"), say=executors.silent),
+        open_executor(running, packages=("toys", "of_this_process"), say=executors.silent),
     ):
         pass
     assert re.fullmatch(
@@ -183,7 +186,7 @@ def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):
     packs = Elsewhere(tmp_path / "cache")
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, packs=packs, say=executors.silent),
+        open_executor(running, packs=packs, say=executors.silent),
     ):
         pass
     assert re.fullmatch(

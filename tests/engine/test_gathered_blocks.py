@@ -13,7 +13,7 @@ from toys import Few, run_few
 
 from sweeps.engine.cache.packs import Locations, PackWriter, open_packs
 from sweeps.engine.declare.stage import At, Group, Output, stage
-from sweeps.engine.run.tasks import Damaged, Gathered, ShippedStage
+from sweeps.engine.run.tasks import DamagedResults, GatheredArray, StageSpec
 
 BOTH = Group("both")
 ROWS = 20_000  # of a cell
@@ -67,7 +67,7 @@ def gathered(tmp_path_factory):
     every = np.array([names[n % 2][n // 2] for n in range(12)])
     pack[LACKING], values[LACKING] = -1, np.nan
     locations = Locations(paths, pack.astype("i4"), place.astype("i4"), every).reshape(*SHAPE)
-    return Gathered(ShippedStage.of(row), locations, packs), values.reshape(*SHAPE, ROWS)
+    return GatheredArray(StageSpec.of(row), locations, packs), values.reshape(*SHAPE, ROWS)
 
 
 @given(at=st.data())
@@ -97,6 +97,6 @@ def test_what_is_read_is_in_memory_alone(gathered):
 def test_damage_is_noticed_when_it_is_read(gathered):
     lazy, _ = gathered
     lost = replace(lazy.locations, keys=lazy.locations.keys + np.uint64(1))
-    with pytest.raises(Damaged) as error:
+    with pytest.raises(DamagedResults) as error:
         replace(lazy, locations=lost)[0, :1]
     assert error.value.args == (lost.keys[0, 0].tobytes(),)

@@ -88,8 +88,8 @@ import os, sys, threading, time
 from pathlib import Path
 import numpy as np
 from packed import write_pack
-from sweeps.engine.cache.packs import cells_of
-cells = cells_of(Path(sys.argv[1]))
+from sweeps.engine.cache.packs import open_packs
+cells = open_packs(Path(sys.argv[1]))
 write_pack(cells, "stage", ["done"], [{"a": np.float64(4)}])
 print("begins", flush=True)
 while True:

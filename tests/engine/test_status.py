@@ -54,8 +54,8 @@ def rows(text):
 
 
 def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start, monkeypatch):
-    monkeypatch.setattr(progress, "WRITTEN", 0.0)
-    monkeypatch.setattr(progress, "EARLIEST", 0.2)
+    monkeypatch.setattr(progress, "SAVE_INTERVAL", 0.0)
+    monkeypatch.setattr(progress, "MIN_WORK", 0.2)
     seen = []
 
     def look():

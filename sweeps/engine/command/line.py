@@ -44,9 +44,9 @@ from sweeps.engine.resolve.overrides import (
 )
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, stopping
-from sweeps.engine.run.process import environment, forgiving, say, show
-from sweeps.engine.run.progress import NAMED_FAILURES, counted, summary, watching
+from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
+from sweeps.engine.run.process import environment, say, show, tolerant_output
+from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
 from sweeps.engine.store.folders import check_apart, check_cache, check_target
 from sweeps.engine.store.locks import used
 from sweeps.engine.store.provenance import why
@@ -90,7 +90,7 @@ class Command:
         """
         given = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
-        with forgiving() as lost:
+        with tolerant_output() as lost:
             said, status = self._ended(given)
             if said:
                 say(self.name, said)
@@ -101,7 +101,7 @@ class Command:
     def _ended(self, given: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
-            with stopping():
+            with signals_deferred():
                 self._main(given)
                 raise_if_stopped()
                 return "", ALL_DONE
@@ -259,7 +259,7 @@ class Command:
                 if choices.one(Run.dry_run):
                     stages, sentence = preview(plan, options)
                     rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
-                    show(counted(dict(reversed(rows.items())), "cells", "reused", "to compute"))
+                    show(count_table(dict(reversed(rows.items())), "cells", "reused", "to compute"))
                     show(sentence)
                 else:
                     left += self._run(plan, options)
@@ -339,9 +339,9 @@ def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
     more = len(failures) - NAMED_FAILURES
     tables = sum(what.startswith("table ") for what, _ in failures)
     counts = {"cell": len(failures) - tables, "table": tables}
-    counted = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
+    count_table = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
     return (
-        f"{' and '.join(counted)} failed: {named}"
+        f"{' and '.join(count_table)} failed: {named}"
         + (f"; and {more:,} more" if more > 0 else "")
         + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.exists else "")
     )

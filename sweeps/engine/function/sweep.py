@@ -265,7 +265,7 @@ def _result(
                 what = "an argument" if one in taken else "a result"
                 what = "two of them" if found.count(one) > 1 else what
                 raise ConfigurationError(f"{key} has {one!r}, the name of {what}; rename one")
-    how: dict[str, Any] = {"names": names, "dims_of": of, "taken": taken, "about": attrs}
+    how: dict[str, Any] = {"names": names, "dims_of": of, "reserved": taken, "about": attrs}
     return Undeclared(name, every, dtype or NUMBER_DTYPE, label=name, infer_dtype=not dtype, **how)
 
 

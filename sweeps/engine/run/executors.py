@@ -10,12 +10,18 @@ from typing import Any
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.resolve.modules import ENGINE
-from sweeps.engine.run.cluster import READ, ClusterChoice, Executor, InlineExecutor, import_jobqueue
-from sweeps.engine.run.forking import start_method, worth_importing
-from sweeps.engine.run.shared import Shared, package_digest
+from sweeps.engine.run.cluster import (
+    SETTINGS_OF_KIND,
+    ClusterChoice,
+    Executor,
+    InlineExecutor,
+    import_jobqueue,
+)
+from sweeps.engine.run.forking import preloaded_modules, start_fork_server
+from sweeps.engine.run.shared import Requirements, package_digest
 
 
-def executor(
+def open_executor(
     choice: ClusterChoice,
     *,
     tasks: int = sys.maxsize,
@@ -54,11 +60,11 @@ def executor(
     """
     if choice.kind == "slurm":
         import_jobqueue()
-    return _entered(choice, tasks, packages, modules, packs, say)
+    return _open(choice, tasks, packages, modules, packs, say)
 
 
 @contextmanager
-def _entered(
+def _open(
     choice: ClusterChoice,
     tasks: int,
     packages: Sequence[str],
@@ -69,18 +75,20 @@ def _entered(
     if choice.kind == "inline":
         yield InlineExecutor()
         return
-    settings: dict[str, Any] = {name: getattr(choice, name) for name in READ[choice.kind]}
+    settings: dict[str, Any] = {
+        name: getattr(choice, name) for name in SETTINGS_OF_KIND[choice.kind]
+    }
     with ExitStack() as stack:
         if choice.kind == "local":  # it imports while this process imports dask
-            settings["method"] = start_method(worth_importing(modules))
-        from sweeps.engine.run import workers  # which imports dask
+            settings["method"] = start_fork_server(preloaded_modules(modules))
+        from sweeps.engine.run import dask_cluster  # which imports dask
 
-        shared = Shared()
+        shared = Requirements()
         if choice.kind != "local":
             code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-            shared = Shared(code, packs, f"{uuid.uuid4().hex}.mark")
+            shared = Requirements(code, packs, f"{uuid.uuid4().hex}.mark")
             if packs:
-                packs.put(shared.mark, b"")
-                stack.callback(packs.delete, [shared.mark])
-        start = getattr(workers, choice.kind)
+                packs.put(shared.marker, b"")
+                stack.callback(packs.delete, [shared.marker])
+        start = getattr(dask_cluster, choice.kind)
         yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))

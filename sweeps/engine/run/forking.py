@@ -24,9 +24,9 @@ from sweeps.engine.run.process import ONE_THREAD, environment
 # Environment that a worker process must be started with, since libraries read it only then. It
 # keeps 256 MiB of freed memory, and maps arrays separately from 32 MiB on, the most that allocators
 # accept: with dask's 64 KiB, requests for memory take a quarter of the time of array-heavy tasks.
-KEPT, MAPPED = 2**28, 2**25
+TRIM_BYTES, MMAP_BYTES = 2**28, 2**25
 ENVIRONMENT = ONE_THREAD | dict(
-    MALLOC_TRIM_THRESHOLD_=str(KEPT), MALLOC_MMAP_THRESHOLD_=str(MAPPED)
+    MALLOC_TRIM_THRESHOLD_=str(TRIM_BYTES), MALLOC_MMAP_THRESHOLD_=str(MMAP_BYTES)
 )
 
 IMPORTS = "IMPORTS"
@@ -57,13 +57,13 @@ def check_guard() -> None:
     )
 
 
-def worth_importing(modules: Iterable[str]) -> list[str]:
+def preloaded_modules(modules: Iterable[str]) -> list[str]:
     """Return names of some modules and of those listed in their `IMPORTS`, each once."""
     found = [(name, *getattr(sys.modules.get(name), IMPORTS, ())) for name in modules]
     return list(dict.fromkeys(name for names in found for name in names))
 
 
-def start_method(modules: Iterable[str]) -> str:
+def start_fork_server(modules: Iterable[str]) -> str:
     """Start the process that imports some modules, and return the start method of workers.
 
     They are forked from it, until this process ends; at a prompt or in a notebook, where modules
@@ -77,7 +77,7 @@ def start_method(modules: Iterable[str]) -> str:
     imported = [] if hasattr(sys, "ps1") else modules
     multiprocessing.set_forkserver_preload(["distributed", *imported])
     try:
-        with environment(ENVIRONMENT), interrupts_held():
+        with environment(ENVIRONMENT), interrupts_blocked():
             forkserver.ensure_running()
     except OSError:
         return "spawn"
@@ -85,7 +85,7 @@ def start_method(modules: Iterable[str]) -> str:
 
 
 @contextmanager
-def interrupts_held() -> Iterator[None]:
+def interrupts_blocked() -> Iterator[None]:
     """Shield processes started meanwhile from what a terminal sends to all: Ctrl-C, and its end.
 
     This process receives it, and stops its workers in order; they would print tracebacks.

@@ -35,7 +35,7 @@ def show(what: Any) -> None:
 
 
 @contextmanager
-def forgiving() -> Iterator[Callable[[], str]]:
+def tolerant_output() -> Iterator[Callable[[], str]]:
     """Suppress errors of printing to stdout or stderr within this context.
 
     Yields a function that returns why stdout took not all, empty if it did or its reader has ended.
@@ -44,17 +44,17 @@ def forgiving() -> Iterator[Callable[[], str]]:
     for stream in before:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    forgave = [one if one is None else _Forgiving(one) for one in before]
+    forgave = [one if one is None else _TolerantStream(one) for one in before]
     sys.stdout, sys.stderr = forgave
     try:
         yield lambda: forgave[0].lost() if forgave[0] is not None else ""
     finally:
         sys.stdout, sys.stderr = before
         for stream in before:
-            _settle(stream)
+            _discard_pending(stream)
 
 
-class _Forgiving:
+class _TolerantStream:
     """A stream that drops what cannot be written."""
 
     def __init__(self, stream: Any) -> None:
@@ -86,7 +86,7 @@ class _Forgiving:
         return getattr(self._stream, name)
 
 
-def _settle(stream: Any) -> None:
+def _discard_pending(stream: Any) -> None:
     """Discard what cannot be printed: else Python tries again at exit, and exits with 120."""
     if stream is None:
         return
@@ -117,7 +117,7 @@ def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
 
 
 @contextmanager
-def repeating(seconds: float, function: Callable[[], object]) -> Iterator[None]:
+def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]:
     """Call a function from time to time within this context; it may fail by OSError."""
     ended = threading.Event()
 

@@ -29,14 +29,14 @@ from sweeps.engine.run.tasks import (
     Batch,
     ObjectArgument,
     Outcome,
-    PlainArgument,
-    ShippedStage,
+    StageSpec,
     StoredArgument,
+    ValueArgument,
 )
 
 LOG = logging.getLogger(__name__)
-MOST_CELLS = 4096  # of one task
-FAILED = hash_texts(["failed"])[0]  # in place of the key of a result
+MAX_CELLS = 4096  # of one task
+FAILED_KEY = hash_texts(["failed"])[0]  # in place of the key of a result
 
 Flags = NDArray[np.bool_]
 Call = tuple[BoundStage, Cells]  # cells of a stage that one call computes
@@ -56,26 +56,28 @@ class ReadyCalls:
     begins: Cells
     cells: Cells
     objects: Cells
-    at: int = 0  # the first call that is left
+    next: int = 0  # the first call that is left
 
     def __len__(self) -> int:
-        return len(self.stage) - self.at
+        return len(self.stage) - self.next
 
-    def run(self, most: int) -> tuple[BoundStage, Cells]:
+    def next_calls(self, most: int) -> tuple[BoundStage, Cells]:
         """Return the stage of the next calls, and where their cells begin, and the last ends."""
-        calls = self.stage[self.at : self.at + most]
+        calls = self.stage[self.next : self.next + most]
         same = int(np.argmax(np.append(calls != calls[0], True)))
-        return self.stages[calls[0]], self.begins[self.at : self.at + same + 1]
+        return self.stages[calls[0]], self.begins[self.next : self.next + same + 1]
 
 
-class Queue:
+class CallQueue:
     """Calls that are ready, in the order in which tasks take them."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._ready: deque[ReadyCalls] = deque()
         self._split: deque[Call] = deque()
-        self._made: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
+        self._object_keys: Keys = np.empty(
+            (0, 2), np.uint64
+        )  # keys of in-memory objects, by number
         self.load: Counter[BoundStage] = Counter()  # cells
 
     def __bool__(self) -> bool:
@@ -88,9 +90,9 @@ class Queue:
         stage, lengths, cells = (np.concatenate([one[k] for one in tables]) for k in (0, 1, 3))
         objects = np.full((len(stage), width), -1, np.int32)
         filled = 0
-        for _, _, own, _ in tables:
-            objects[filled : filled + len(own), : own.shape[1]] = own
-            filled += len(own)
+        for _, _, objects, _ in tables:
+            objects[filled : filled + len(objects), : objects.shape[1]] = objects
+            filled += len(objects)
         if width:
             order = np.lexsort(objects.T[::-1])
             begins = np.cumsum(lengths) - lengths
@@ -101,7 +103,7 @@ class Queue:
         self._ready.append(ReadyCalls([*ready], stage, begins, cells, objects))
         self.load.update({bound: len(of) for bound, of in ready.items()})
 
-    def again(self, bound: BoundStage, cells: Cells) -> None:
+    def retry(self, bound: BoundStage, cells: Cells) -> None:
         """Add a call, which comes before all others."""
         self._split.append((bound, cells))
         self.load[bound] += len(cells)
@@ -114,7 +116,7 @@ class Queue:
         Cells that differ only on axes computed together share a call.
         """
         starts = self._plan.first_cells(bound, cells)
-        objects = np.array(self._shared(bound, starts)).reshape(-1, len(cells))
+        objects = np.array(self._object_numbers(bound, starts)).reshape(-1, len(cells))
         if len(objects) or bound.along:
             order = np.lexsort((cells, starts, *objects[::-1]))
             cells, starts, objects = cells[order], starts[order], objects[:, order]
@@ -123,19 +125,19 @@ class Queue:
         stage = np.full(len(begins), number, dtype=np.int16)
         return stage, lengths.astype(np.int32), objects.T[begins], cells.astype(np.int32)
 
-    def _shared(self, bound: BoundStage, cells: Cells) -> list[Cells]:
+    def _object_numbers(self, bound: BoundStage, cells: Cells) -> list[Cells]:
         """Return numbers of the in-memory objects that cells need, dependencies first."""
         found: list[Cells] = []
         for source, first, _ in self._plan.computed_inputs(bound):
             if not source.stage.is_cached:
                 taken, places = np.unique(first[cells], return_inverse=True)
                 known, keys = (
-                    len(self._made),
-                    concatenate(self._made, self._plan.keys(source)[taken]),
+                    len(self._object_keys),
+                    concatenate(self._object_keys, self._plan.keys(source)[taken]),
                 )
                 of_first, number = unique_keys(keys)
-                self._made = keys[of_first]
-                found += [*self._shared(source, first[cells]), number[known:][places]]
+                self._object_keys = keys[of_first]
+                found += [*self._object_numbers(source, first[cells]), number[known:][places]]
         return found
 
     def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Call]:
@@ -145,17 +147,19 @@ class Queue:
         """
         seconds, cells = 0.0, 0
         before: list[int] = []
-        while self and cells < MOST_CELLS:
+        while self and cells < MAX_CELLS:
             block = self._ready[0] if not self._split else None
             if block and not block.objects.shape[1]:
-                yield from self._run(block, costs, size - seconds, MOST_CELLS - cells, cells == 0)
+                yield from self._take_calls(
+                    block, costs, size - seconds, MAX_CELLS - cells, cells == 0
+                )
                 break
-            objects = block.objects[block.at].tolist() if block else []
+            objects = block.objects[block.next].tolist() if block else []
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
             if cells and seconds >= (together if shared else size):
                 break
             if block:
-                bound, (begin, end) = block.run(1)
+                bound, (begin, end) = block.next_calls(1)
                 own = block.cells[begin:end]
                 self._advance(1)
             else:
@@ -166,11 +170,11 @@ class Queue:
             self.load[bound] -= len(own)
             yield bound, own
 
-    def _run(
+    def _take_calls(
         self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, begins: bool
     ) -> Iterator[Call]:
         """Remove and yield calls of one stage that share no objects, as `next` does."""
-        bound, ends = block.run(most)
+        bound, ends = block.next_calls(most)
         before = (ends - ends[0])[:-1]
         count = int(np.count_nonzero((before * costs[bound.name] < size) & (before < most)))
         count = max(count, int(begins))  # at least one, even if a damaged index has wrong costs
@@ -180,7 +184,7 @@ class Queue:
             yield bound, block.cells[begin:end]
 
     def _advance(self, calls: int) -> None:
-        self._ready[0].at += calls
+        self._ready[0].next += calls
         if not self._ready[0]:
             self._ready.popleft()
 
@@ -191,9 +195,9 @@ def _ranges(begins: Cells, lengths: Cells) -> Cells:
     return np.arange(ends[-1] if len(ends) else 0) + np.repeat(begins - ends + lengths, lengths)
 
 
-SHORTEST, LONGEST = 0.2, 1.5  # s, range of a task's duration
-TOGETHER = 5.0  # s, longest task if cells share costly objects
-UNKNOWN = 0.1  # s a cell, until one is timed
+MIN_TASK_SECONDS, MAX_TASK_SECONDS = 0.2, 1.5  # s, range of a task's duration
+MAX_SHARED_SECONDS = 5.0  # s, longest task if cells share costly objects
+UNTIMED_SECONDS = 0.1  # s a cell, until one is timed
 
 
 @dataclass
@@ -212,7 +216,7 @@ class Progress:
         return self.total - self.reused - self.done - self.failed
 
     @classmethod
-    def over(cls, stages: Iterable[Progress]) -> Progress:
+    def sum(cls, stages: Iterable[Progress]) -> Progress:
         """Return the sums over some stages."""
         return cls(*map(sum, zip(*map(astuple, stages), strict=True)))
 
@@ -254,7 +258,7 @@ class Schedule:
 
     # what is missing ------------------------------------------------------------------------
 
-    def resolve(self, index: CellIndex) -> None:
+    def look_up(self, index: CellIndex) -> None:
         """Look up all cells that are needed, and plan calls for missing ones."""
         plan, self._index = self.plan, index
         index.refresh()
@@ -268,7 +272,7 @@ class Schedule:
         for bound in reversed(plan.bound.values()):  # each before those that it needs
             cells = np.flatnonzero(wanted[bound])
             if bound.stage.is_cached and cells.size:
-                cells = self._look_up(bound, cells, of_function[plan.identity[bound.name]])
+                cells = self._number_results(bound, cells, of_function[plan.identity[bound.name]])
                 missing[bound] = cells
             for taken in plan.computed_inputs(bound):
                 wanted[taken.source][taken.select(cells)] = True
@@ -286,8 +290,8 @@ class Schedule:
         missing_of = self._missing.items()
         self._counts = [(one, len(cells), self._count(one, cells)) for one, cells in missing_of]
         self._object_keys: dict[BoundStage, Keys] = {}
-        self._calls = Queue(plan)
-        self._open()
+        self._calls = CallQueue(plan)
+        self._queue_ready()
 
     def _makers(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
         """Return who makes the inputs of a stage, also of its in-memory objects."""
@@ -302,7 +306,7 @@ class Schedule:
                 found |= self._makers(source, maker)
         return found
 
-    def _look_up(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
+    def _number_results(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
         """Number the results of some cells; return those that are to be computed, one of each.
 
         Cells of equal keys are one result, also of other stages of the same function, whose
@@ -349,7 +353,7 @@ class Schedule:
         """Whether there are calls whose inputs are all finished."""
         return bool(self._calls)
 
-    def _open(self) -> None:
+    def _queue_ready(self) -> None:
         """Add the calls of all stages whose inputs are done."""
         while ready := {
             bound: cells
@@ -358,11 +362,11 @@ class Schedule:
         }:
             for bound in ready:
                 del self._missing[bound]
-            possible = {bound: self._possible(bound, cells) for bound, cells in ready.items()}
+            possible = {bound: self._computable(bound, cells) for bound, cells in ready.items()}
             if calls := {bound: cells for bound, cells in possible.items() if len(cells)}:
                 self._calls.add(calls)
 
-    def _possible(self, bound: BoundStage, cells: Cells) -> Cells:
+    def _computable(self, bound: BoundStage, cells: Cells) -> Cells:
         """Return which cells of a stage are to be computed: those whose inputs have not failed.
 
         A result that gathers failed ones with others has another key, and may be in the cache.
@@ -370,8 +374,8 @@ class Schedule:
         if not self.failed:
             return cells
         taken = self.plan.computed_inputs(bound)
-        gone = {source: self._are_lost(source) for source, *_ in taken}
-        lost = self._lack(taken, gone, cells)
+        gone = {source: self._is_lost(source) for source, *_ in taken}
+        lost = self._lacks_input(taken, gone, cells)
         for cell in cells[lost].tolist():
             source, at = next(
                 (source, at)
@@ -382,7 +386,7 @@ class Schedule:
             self._fail(bound, int(self.results[bound][cell]), why)
         cells = cells[~lost]
         results = self.results[bound][cells]
-        keys = self.plan.hash_cells(bound, cells, self._keys_now)
+        keys = self.plan.hash_cells(bound, cells, self._current_keys)
         changed = np.flatnonzero((keys != self.locations.keys[results]).any(axis=1))
         self.locations.keys[results[changed]] = keys[changed]
         found = self._index.find(keys[changed], bound.stage.outputs)
@@ -390,7 +394,7 @@ class Schedule:
         self._finish(bound, results[here], found.pack[found.present], found.row[found.present])
         return np.delete(cells, here)
 
-    def _lack(
+    def _lacks_input(
         self, taken: list[InputCells], gone: Mapping[BoundStage, Flags], cells: Cells
     ) -> Flags:
         """Return which cells lack an input, or all of one that they gather."""
@@ -400,24 +404,24 @@ class Schedule:
             lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[places]
         return lost
 
-    def _are_lost(self, bound: BoundStage) -> Flags:
+    def _is_lost(self, bound: BoundStage) -> Flags:
         """Return which cells of a stage failed, or cannot be made in memory."""
         if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
         taken = self.plan.computed_inputs(bound)
-        gone = {source: self._are_lost(source) for source, *_ in taken}
-        return self._lack(taken, gone, self.plan.cells(bound))
+        gone = {source: self._is_lost(source) for source, *_ in taken}
+        return self._lacks_input(taken, gone, self.plan.cells(bound))
 
-    def _keys_now(self, bound: BoundStage) -> Keys:
+    def _current_keys(self, bound: BoundStage) -> Keys:
         """Return the keys of a stage's cells as they are with the inputs that failed."""
         if bound.stage.is_cached:
             keys = self.locations.keys[self.results[bound]]
         elif bound in self._object_keys:
             return self._object_keys[bound]
         else:
-            keys = self.plan.hash_cells(bound, self.plan.cells(bound), self._keys_now)
+            keys = self.plan.hash_cells(bound, self.plan.cells(bound), self._current_keys)
             self._object_keys[bound] = keys  # whose inputs are done
-        keys[self._are_lost(bound)] = FAILED
+        keys[self._is_lost(bound)] = FAILED_KEY
         return keys
 
     # batches --------------------------------------------------------------------------------
@@ -427,13 +431,13 @@ class Schedule:
 
         `workers` tasks run at once: towards the end they get shorter, so that none idles.
         """
-        costs = defaultdict(lambda: UNKNOWN, self.costs)
+        costs = defaultdict(lambda: UNTIMED_SECONDS, self.costs)
         left = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
-        size = min(max(left / (3 * workers), SHORTEST), LONGEST)
-        together = min(TOGETHER, max(left / workers / 2, size))
+        size = min(max(left / (3 * workers), MIN_TASK_SECONDS), MAX_TASK_SECONDS)
+        together = min(MAX_SHARED_SECONDS, max(left / workers / 2, size))
         task = self._task(self._calls.next(costs, size, together))
-        told = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
-        LOG.debug(told, [one.bound.name for one in task.batches], size, left, workers)
+        message = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
+        LOG.debug(message, [one.bound.name for one in task.batches], size, left, workers)
         return task
 
     def _task(self, calls: Iterable[Call]) -> Task:
@@ -447,12 +451,12 @@ class Schedule:
             pattern = b"" if starts is None else (cells - starts).tobytes()
             order.append(numbers.setdefault((bound, pattern), len(numbers)))
             of_stage[bound, pattern].append(cells)
-        batches = (self.planned(bound, cells) for (bound, _), cells in of_stage.items())
+        batches = (self.make_batch(bound, cells) for (bound, _), cells in of_stage.items())
         return Task(tuple(batches), np.array(order, dtype=np.int16))
 
     # calls ----------------------------------------------------------------------------------
 
-    def planned(self, bound: BoundStage, calls: Sequence[Cells]) -> PlannedBatch:
+    def make_batch(self, bound: BoundStage, calls: Sequence[Cells]) -> PlannedBatch:
         """Return a batch of calls of a stage, each of which computes equal places of its axes."""
         plan, cells = self.plan, np.concatenate(calls)
         begins = np.cumsum([0, *map(len, calls)])
@@ -467,63 +471,63 @@ class Schedule:
         moved = cells - np.repeat(firsts, np.diff(begins))
         places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
         results = self.results[bound][cells]
-        batch = self._batch_at(
+        batch = self._bind_arguments(
             bound,
             firsts,
             grid,
             keys=self.locations.keys[results],
             begins=begins,
-            places=places,
+            positions=places,
             folder=plan.identity[bound.name],
         )
         return PlannedBatch(bound, cells, results, batch)
 
-    def _batch_at(self, bound: BoundStage, firsts: Cells, grid: Cells, **computed: Any) -> Batch:
+    def _bind_arguments(
+        self, bound: BoundStage, firsts: Cells, grid: Cells, **computed: Any
+    ) -> Batch:
         """Return a batch of calls for cells, (call,), and a grid of others from each of these on.
 
         The grid is an array of numbers to be added; each axis is one that is computed together.
         What is `computed` is passed on to `Batch`.
         """
         plan, along, count = self.plan, bound.along, len(firsts)
-        arguments: dict[str, PlainArgument | StoredArgument | ObjectArgument] = {}
-        asks = VALID in bound.stage.arguments
+        arguments: dict[str, ValueArgument | StoredArgument | ObjectArgument] = {}
+        takes_valid = VALID in bound.stage.arguments
         gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
-        valid = np.ones((count, *gathered), dtype=bool) if asks else None
+        valid = np.ones((count, *gathered), dtype=bool) if takes_valid else None
         for name, source in bound.arguments.items():
             if isinstance(source, Setting) and source.key in along:
                 rows = np.moveaxis(grid, along.index(source.key), 0)
                 at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
                 values = tuple(plan.value(bound, source.key, cell) for cell in at.tolist())
-                arguments[name] = PlainArgument(
+                arguments[name] = ValueArgument(
                     (source.in_si(values),), np.zeros(count, dtype=np.int32)
                 )
             elif isinstance(source, Setting) or source.stage.is_plain:
                 found, places = plan.factorise(bound, source, firsts)
-                arguments[name] = PlainArgument(found, places.astype(np.int32))
+                arguments[name] = ValueArgument(found, places.astype(np.int32))
             elif not source.stage.is_cached:
                 made, places = np.unique(
                     plan.input_cells(bound)[source].first[firsts], return_inverse=True
                 )
-                keys = (self._keys_now if self.failed else plan.keys)(source)[made]
-                own = {"keys": keys, "begins": np.arange(len(made) + 1), "places": 0 * made}
-                batch = self._batch_at(source, made, np.zeros((), dtype=np.int64), **own)
+                keys = (self._current_keys if self.failed else plan.keys)(source)[made]
+                own = {"keys": keys, "begins": np.arange(len(made) + 1), "positions": 0 * made}
+                batch = self._bind_arguments(source, made, np.zeros((), dtype=np.int64), **own)
                 arguments[name] = ObjectArgument(batch, places.astype(np.int32))
             else:
-                locations, present = self._read(bound, source, firsts, grid)
+                locations, present = self._locate_input(bound, source, firsts, grid)
                 read = bound.stage.reads.get(name)
                 in_blocks = isinstance(read, At) and read.in_blocks
-                arguments[name] = StoredArgument(
-                    ShippedStage.of(source.stage), locations, in_blocks
-                )
+                arguments[name] = StoredArgument(StageSpec.of(source.stage), locations, in_blocks)
                 if valid is not None:
                     valid &= present
         streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
-        stage = ShippedStage.of(bound.stage)
+        stage = StageSpec.of(bound.stage)
         return Batch(
             stage, arguments, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
         )
 
-    def _read(
+    def _locate_input(
         self, bound: BoundStage, source: BoundStage, firsts: Cells, grid: Cells
     ) -> tuple[Locations, Flags]:
         """Return where an input is, and by call where on gathered axes all of its cells exist."""
@@ -539,7 +543,7 @@ class Schedule:
 
     # outcomes -------------------------------------------------------------------------------
 
-    def finish(
+    def record(
         self, planned: PlannedBatch, outcome: Outcome, pack: int, *, split: bool = True
     ) -> list[Failure]:
         """Record where the cells of some calls are, and let stages begin that wait for them.
@@ -549,7 +553,7 @@ class Schedule:
         """
         bound, begins, name = planned.bound, planned.batch.begins, planned.bound.name
         done = np.ones(len(planned.cells), dtype=bool)
-        for call in outcome.lacking:
+        for call in outcome.lost_inputs:
             done[begins[call] : begins[call + 1]] = False
         failed: list[Failure] = []
         together = np.repeat(np.diff(begins), np.diff(begins)) > 1
@@ -557,7 +561,7 @@ class Schedule:
             done[number] = False
             cells = planned.cells[number : number + 1]
             if split and failure.traceback and together[number]:
-                self._calls.again(bound, cells)
+                self._calls.retry(bound, cells)
             else:
                 failed.append(failure._replace(name=self.plan.cell_name(bound, int(cells[0]))))
                 self._fail(bound, int(planned.results[number]), failure.reason)
@@ -568,10 +572,10 @@ class Schedule:
             each = outcome.seconds / len(planned.cells)
             self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
         if not self._left[bound]:
-            self._open()
+            self._queue_ready()
         return failed
 
-    def each(self, task: Task) -> list[Task]:
+    def split_task(self, task: Task) -> list[Task]:
         """Return a task for every call of a task."""
         return [
             self._task([(planned.bound, planned.cells[begin:end])])
@@ -589,12 +593,14 @@ class Schedule:
         self.progress[bound.name].failed += 1
         self._left[bound] -= 1
 
-    def work_left(self) -> dict[str, float]:
+    def remaining_seconds(self) -> dict[str, float]:
         """Return seconds that the missing cells of stages take; of an untimed one, the median."""
-        shown = {name: one for name, one in self.progress.items() if one.total}
-        whole = {name: self.costs[name] * shown[name].total for name in shown if name in self.costs}
+        needed = {name: one for name, one in self.progress.items() if one.total}
+        whole = {
+            name: self.costs[name] * needed[name].total for name in needed if name in self.costs
+        }
         usual = median(whole.values()) if whole else 0.0
-        return {name: whole.get(name, usual) * one.left / one.total for name, one in shown.items()}
+        return {name: whole.get(name, usual) * one.left / one.total for name, one in needed.items()}
 
 
 @dataclass

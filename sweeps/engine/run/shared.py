@@ -14,7 +14,7 @@ from sweeps.engine.declare.paths import is_private
 from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
 
 
-class OtherCode(RuntimeError):
+class CodeDiffers(RuntimeError):
     """The code of a process differs from that of the calling process."""
 
 
@@ -28,36 +28,38 @@ def package_digest(name: str) -> str:
 
 
 def check_code(digests: Mapping[str, str]) -> None:
-    """Raise `OtherCode` if the digest of a package differs in this process."""
+    """Raise `CodeDiffers` if the digest of a package differs in this process."""
     if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
-        raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
+        raise CodeDiffers(
+            f"has other code of {', '.join(other)}; it must have that of this process"
+        )
 
 
-class Apart(RuntimeError):
+class CacheNotShared(RuntimeError):
     """A worker does not see the results of the command."""
 
 
-class Shared(NamedTuple):
+class Requirements(NamedTuple):
     """Digests of packages by name, where results are, and the name of a mark there."""
 
     code: Mapping[str, str] = {}
     packs: Objects | None = None
-    mark: str = ""
+    marker: str = ""
 
     def check(self) -> None:
-        """Raise `OtherCode` or `Apart` if this process has other code or sees no such mark."""
+        """Raise one of `REQUIREMENT_ERRORS` if this process has other code or sees no marker."""
         check_code(self.code)
         if self.packs is not None:
-            _check_mark(self.packs, self.mark)
+            _check_marker(self.packs, self.marker)
 
 
-UNSHARED = (OtherCode, Apart)
-"""Errors of `Shared.check`."""
+REQUIREMENT_ERRORS = (CodeDiffers, CacheNotShared)
+"""Errors of `Requirements.check`."""
 
 
 @cache
-def _check_mark(packs: Objects, mark: str) -> None:
-    """Raise `Apart` if a mark is not seen by this process, or its folder is another user's."""
+def _check_marker(packs: Objects, mark: str) -> None:
+    """Raise `CacheNotShared` if this process sees no marker, or the folder is another user's."""
     found = None
     with suppress(OSError):
         found = packs.get(mark)
@@ -67,4 +69,4 @@ def _check_mark(packs: Objects, mark: str) -> None:
         what, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return
-    raise Apart(f"{what} {str(packs.path)!r} of this command; {remedy}")
+    raise CacheNotShared(f"{what} {str(packs.path)!r} of this command; {remedy}")

@@ -31,7 +31,7 @@ from sweeps.engine.declare.storable import DATES
 from sweeps.engine.declare.undeclared import Undeclared, infer_outputs, longest_arrays
 from sweeps.engine.resolve.plan import Axis, Cells, Plan
 from sweeps.engine.run.schedule import Schedule
-from sweeps.engine.run.tasks import undamaged_cells, uneven
+from sweeps.engine.run.tasks import iter_results, uneven_error
 from sweeps.engine.store.arrays import Array, Group, Region, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
@@ -82,7 +82,7 @@ class RegionReader:
         dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
         flat[self.lost] = FAILED
-        cells = undamaged_cells(self.packs, self.locations)
+        cells = iter_results(self.packs, self.locations)
         for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
             array = arrays.get(output.name)
             if array is None:  # of a function that declares nothing
@@ -91,7 +91,7 @@ class RegionReader:
                 flat[number] = array
                 continue
             if self.even:
-                raise uneven(self.stage, output.name, array.shape, own)
+                raise uneven_error(self.stage, output.name, array.shape, own)
             if output.pad is not None:
                 flat[number] = output.pad
             corner = map(int.__sub__, _begins(output, arrays), self.first)
@@ -191,7 +191,7 @@ class Cube:
         locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
         found = infer_outputs(output, distinct_layouts(self.packs, locations))
         names = [one.name for one in found if one.role == COORDINATE]
-        values = longest_arrays(undamaged_cells(self.packs, locations), names) if names else {}
+        values = longest_arrays(iter_results(self.packs, locations), names) if names else {}
         coordinates = {}
         for one in found:
             if values.get(one.name) is not None:
@@ -297,7 +297,7 @@ class Cube:
             results = self._results(variable, [range(len(axes[n].points)) for n in variable.axes])
             results = results[self.schedule.locations.present[results]]
             results = results[:1] if even else np.unique(results)
-            for arrays in undamaged_cells(self.packs, self.schedule.locations[results]):
+            for arrays in iter_results(self.packs, self.schedule.locations[results]):
                 if output.name not in arrays:
                     continue
                 shape = arrays[output.name].shape

@@ -26,7 +26,7 @@ from filelock import FileLock, Timeout
 from sweeps.engine.cache.objects import PUBLIC_MODE, Objects, make_folder
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path, split_parent
-from sweeps.engine.run.process import repeating
+from sweeps.engine.run.process import call_every
 
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
 RENEWED = 10.0  # s between renewals
@@ -59,7 +59,7 @@ def locked(place: PathOrUrl) -> Iterator[Callable[[], None]]:
             "wait until it ends or give another path"
         ) from None
     try:
-        with repeating(RENEWED, check):
+        with call_every(RENEWED, check):
             yield check
     finally:
         with suppress(OSError):  # then the lease ends

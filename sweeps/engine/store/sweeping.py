@@ -29,12 +29,12 @@ from sweeps.engine.resolve.keys import unique_keys
 from sweeps.engine.resolve.modules import is_within
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice, Executor
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
 from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, unless_stopped
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Task, Watch
-from sweeps.engine.run.tasks import Damaged, Outcome, Report, run_batches, uneven
+from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches, uneven_error
 from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.folders import check_apart, check_cache, check_target
 from sweeps.engine.store.locks import locked, used
@@ -186,7 +186,7 @@ def _until_undamaged(
                     thread.submit(stack.close)
                     workers = None
                 failures += _write(schedule, options, index, watch, check, workers)
-            except Damaged as error:
+            except DamagedResults as error:
                 damaged = sorted(_damaged(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 lost = f"{len(damaged):,} results in the cache are damaged"
@@ -215,7 +215,7 @@ def _compute(
     """
     plan, choice = schedule.plan, options.cluster
     with interruptible():
-        schedule.resolve(index)
+        schedule.look_up(index)
         missing = schedule.missing_cells()
     cells = sum(number for _, number, _ in missing)
     total = sum(one.total for one in schedule.progress.values())
@@ -233,9 +233,9 @@ def _compute(
     if choice.kind == "local":
         check_guard()
         safe = all(bound.name in schedule.costs and bound.name in tried for bound, *_ in missing)
-        if safe and sum(schedule.work_left().values()) < QUICK:
+        if safe and sum(schedule.remaining_seconds().values()) < QUICK:
             choice = ClusterChoice("inline")
-    entered = executor(
+    entered = open_executor(
         choice,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
@@ -254,10 +254,12 @@ def _compute(
     return execute(schedule, workers, index, watch), workers
 
 
-def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
+def execute(
+    schedule: Schedule, open_executor: Executor, index: CellIndex, watch: Watch
+) -> Failures:
     """Run all calls of a schedule, and record finished cells in the index, whose packs have them.
 
-    Returns the names of cells that failed, with the reasons. Raises `Damaged`, when all is done, if
+    Returns the names of cells that failed, with the reasons. Raises `DamagedResults` at the end if
     cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
     without a value to pad them with, and OSError if results cannot be written.
     """
@@ -273,42 +275,42 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
 
     def hand_out(task: Task) -> None:
         number, batches = next(numbers), tuple(one.batch for one in task.batches)
-        executor.submit(number, run_batches, batches, task.order, index.cells)
+        open_executor.submit(number, run_batches, batches, task.order, index.cells)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
         if not under_way and (alone := bool(suspects) and not schedule.ready):
             hand_out(suspects.popleft())
-        most = 0 if alone else AHEAD * executor.workers
+        most = 0 if alone else AHEAD * open_executor.worker_count
         while schedule.ready and len(under_way) < most:
-            if (task := schedule.next_task(executor.workers)).batches:
+            if (task := schedule.next_task(open_executor.worker_count)).batches:
                 hand_out(task)
         with interruptible():
-            finished = executor.finished()
+            finished = open_executor.finished()
         for number, report, error in finished:
             task = under_way.pop(number)
             if error is not None and not alone:
-                suspects += schedule.each(task)
+                suspects += schedule.split_task(task)
                 continue
             if error is not None:
                 lost = Failure("", one_line(error), traceback=format_traceback(error))
                 cells = range(len(task.batches[0].cells))
                 report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
-            if report.unwritten is not None:
-                raise report.unwritten
+            if report.write_error is not None:
+                raise report.write_error
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):
-                damaged.update(*outcome.lacking.values())
+                damaged.update(*outcome.lost_inputs.values())
                 pack = NO_PACK if outcome.pack is None else index.add(outcome.pack)
-                for failure in schedule.finish(planned, outcome, pack, split=error is None):
+                for failure in schedule.record(planned, outcome, pack, split=error is None):
                     failures.append(failure[:2])
                     watch.failed(failure)
             for stage, output, shape in report.shapes:
                 first = shapes.setdefault((stage, output), shape)
                 if shape != first:
-                    raise uneven(stage, output, shape, first)
+                    raise uneven_error(stage, output, shape, first)
         watch.step(schedule)
     if damaged:
-        raise Damaged(*sorted(damaged))
+        raise DamagedResults(*sorted(damaged))
     return failures
 
 
@@ -388,7 +390,7 @@ def _write(
     attributes = provenance(plan, failures | lost)
     everywhere: tuple[str, ...] = EVERYWHERE
     if options.partial:
-        every = Progress.over(schedule.progress.values())
+        every = Progress.sum(schedule.progress.values())
         attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
         everywhere = (*EVERYWHERE, PARTIAL)
     how: dict[str, Any] = {"everywhere": everywhere, "check": check, "writers": workers}
@@ -416,7 +418,7 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     packs = replace(options.packs, make=False)
     index = CellIndex(packs, lambda sentence: None, plan.identity.values())
     schedule, costs = Schedule(plan), index.costs()
-    schedule.resolve(index)
+    schedule.look_up(index)
     stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}
     calls = sum(number for *_, number in schedule.missing_cells())
     if not calls:

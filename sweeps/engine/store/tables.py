@@ -27,7 +27,7 @@ from sweeps.engine.declare.failures import RAISED, Failure, format_traceback, on
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.storable import decode_attributes
 from sweeps.engine.resolve.plan import Plan
-from sweeps.engine.run.tasks import Damaged
+from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.arrays import SCALARS, Array, Group, metadata
 from sweeps.engine.store.writing import zarr_store
 
@@ -64,7 +64,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                         shown = [display.as_attribute(plan.choices) for display in table.displays]
                         made = made.assign_attrs({ATTRIBUTE: shown})
                     groups[table.group] = group_of(made)
-        except (Damaged, DeclarationError):  # of cells, not of the table
+        except (DamagedResults, DeclarationError):  # of cells, not of the table
             raise
         except RAISED as error:
             raise_resource_error(error)

@@ -235,14 +235,14 @@ def _written_elsewhere(
     """
     objects = Objects(resolve_path(objects.path))  # which no worker makes
     new = [chunk for chunk in chunks if chunk.array.sent is not None]
-    size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
+    size = min(MOST_SENT, len(new) // (4 * writers.worker_count) + 1)
     parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
     files: dict[str, int | None] = {}
     under_way = 0
     try:
         while True:
             raise_if_stopped()
-            for number, part in islice(parts, 2 * writers.workers - under_way):
+            for number, part in islice(parts, 2 * writers.worker_count - under_way):
                 sent = [(one.name, one.array.alone(one.region), one.region) for one in part]
                 writers.submit(number, put_chunks, objects, sent)
                 under_way += 1
