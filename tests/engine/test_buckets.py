@@ -12,7 +12,7 @@ from toys import CALLS, SPRINGS, Told, go
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.store.locks import locked
+from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import read_attributes
 
@@ -69,7 +69,7 @@ def test_damage_is_found_and_mended(place, tmp_path):
 
 def test_of_two_sweeps_into_a_store_one_is_refused(place, tmp_path):
     store = below(place, "s.zarr")
-    with locked(store), pytest.raises(ConfigurationError, match="being written by process"):
+    with store_lock(store), pytest.raises(ConfigurationError, match="being written by process"):
         go(store, tmp_path / "cache")
     assert go(store, tmp_path / "cache").written
 

@@ -172,7 +172,7 @@ def test_a_library_counts_once_it_is_there(tmp_path, digest_in):
 
 def test_a_script_counts_like_a_module(tmp_path):
     script = (
-        "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code, module_and_name\n"
+        "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code\n"
         "def length(): return loose\n"
         "found = Code(frozenset()).digest(length)\n"
         "print(json.dumps([found.digest, [*found.parts]]))\n"

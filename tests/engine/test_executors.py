@@ -21,7 +21,7 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.store.arrays import METADATA, Array
 from sweeps.engine.store.manifest import Manifest
-from sweeps.engine.store.writing import put_chunks
+from sweeps.engine.store.writing import write_chunks
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -111,7 +111,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     submit, put = dask_cluster.DaskExecutor.submit, Objects.put
 
     def submitted(run, number, function, *arguments):
-        if function is put_chunks:
+        if function is write_chunks:
             objects, chunks = arguments
             assert isinstance(objects.path, str) or objects.path.is_absolute()
             sent.update(name for name, *_ in chunks)
@@ -140,12 +140,12 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
 
 
 def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
-    array = Array.of(("x",), np.arange(3))
+    array = Array.from_values(("x",), np.arange(3))
     chunks = [(name, array, (slice(0, 3),)) for name in ("g/x/c.0", "g/x/c.1")]
     store = Objects(tmp_path / "s.zarr")
-    assert put_chunks(store, chunks) == {} and not store.path.exists()
+    assert write_chunks(store, chunks) == {} and not store.path.exists()
     Manifest(coming=["g/x/c.1"]).put(Objects(store.path, make=True))
-    assert put_chunks(Objects(store.path), chunks).keys() == {"g/x/c.1"}
+    assert write_chunks(Objects(store.path), chunks).keys() == {"g/x/c.1"}
     assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
 

@@ -64,7 +64,8 @@ def test_a_module_that_is_edited_at_a_prompt_is_run_as_it_is_now(tmp_path):
 
 def test_the_process_ends_with_the_one_that_started_it():
     source = (
-        "from executors import running_server; from sweeps.engine.run.forking import start_fork_server; "
+        "from executors import running_server\n"
+        "from sweeps.engine.run.forking import start_fork_server\n"
         "start_fork_server([]); print(running_server().pid)"
     )
     found = subprocess.run(

@@ -90,7 +90,7 @@ WHERE = {  # what happens meanwhile
         SPRINGS, tables=(Table("tables/best", ("answers",), swallowing),)
     ),
     "the store": lambda patch: patch.setattr(store, "encode", encoding(store.encode)),
-    "metadata": lambda patch: patch.setattr(store, "_finish", arriving(store._finish)),
+    "metadata": lambda patch: patch.setattr(store, "_commit", arriving(store._commit)),
 }
 
 

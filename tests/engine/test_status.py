@@ -13,9 +13,9 @@ from small_stores import contents, opened
 from toys import SPRINGS, go
 
 from sweeps.engine.command.line import Command
-from sweeps.engine.command.status import described
+from sweeps.engine.command.status import format_status
 from sweeps.engine.run import progress
-from sweeps.engine.store.locks import used
+from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.writing import read_attributes
 
 GIVEN = ["store=s.zarr", "cache=cache", "cluster=inline"]
@@ -64,7 +64,7 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
         os.kill(os.getpid(), signal.SIGINT)
 
     def estimated():
-        seen[:] = [described(Path("s.zarr"), Path("cache"))]
+        seen[:] = [format_status(Path("s.zarr"), Path("cache"))]
         return [*seen[0][1].columns[-1].cells][-1]
 
     with meanwhile(look):
@@ -158,7 +158,7 @@ def test_a_cache_is_pruned_unless_a_sweep_uses_it(start):
     )
     packs = sorted(Path("cache").rglob("*.pack"), key=lambda pack: pack.name)
     newest = packs[-1].stat().st_size
-    with used(Path("cache", "cells").absolute()):
+    with cache_lock(Path("cache", "cells").absolute()):
         for word in ("clear", "prune=1GB"):
             told = start("--cache", word, "cache=cache", status=2)
             assert "cache is 'cache', which a sweep uses; wait until it ends" in told

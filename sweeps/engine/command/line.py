@@ -22,8 +22,8 @@ from platformdirs import user_cache_path
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import UNREACHABLE
 from sweeps.engine.cache.packs import RESOURCE_ERRORS, open_packs
-from sweeps.engine.command.status import described
-from sweeps.engine.command.usage import listing, usage
+from sweeps.engine.command.status import format_status
+from sweeps.engine.command.usage import list_settings, usage
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
 from sweeps.engine.declare.failures import FailureLog, one_line
 from sweeps.engine.declare.kinds import Value
@@ -47,18 +47,18 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
 from sweeps.engine.run.process import environment, say, show, tolerant_output
 from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
-from sweeps.engine.store.folders import check_apart, check_cache, check_target
-from sweeps.engine.store.locks import used
-from sweeps.engine.store.provenance import why
-from sweeps.engine.store.sweeping import Finished, RunOptions, existing, preview, sweep
+from sweeps.engine.store.locks import cache_lock
+from sweeps.engine.store.provenance import explain_differences
+from sweeps.engine.store.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
+from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes
 
-ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
-RESUMED = "the same command resumes the sweep"
-PRUNE = "prune="  # to a size, beside --cache
-HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
+ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
+RESUME_HINT = "the same command resumes the sweep"
+PRUNE_WORD = "prune="  # to a size, beside --cache
+HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
-MOST_CELLS = 10_000_000  # whose keys fit into memory
+MAX_CELLS = 10_000_000  # whose keys fit into memory
 
 Report = Callable[[PathOrUrl, Choices, Finished], None]
 Sweep = tuple[Plan, RunOptions]
@@ -91,14 +91,14 @@ class Command:
         given = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
         with tolerant_output() as lost:
-            said, status = self._ended(given)
-            if said:
-                say(self.name, said)
-            if why := lost():
-                say(self.name, f"the output cannot be written: {why}")
-            return status or (SOME_FAILED if why else ALL_DONE)
+            message, status = self._run_reporting(given)
+            if message:
+                say(self.name, message)
+            if explain_differences := lost():
+                say(self.name, f"the output cannot be written: {explain_differences}")
+            return status or (SOME_FAILED if explain_differences else ALL_DONE)
 
-    def _ended(self, given: Sequence[str]) -> tuple[str, int]:
+    def _run_reporting(self, given: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
             with signals_deferred():
@@ -108,22 +108,22 @@ class Command:
         except SystemExit as ended:  # of a parser, after its help or a wrong option
             return "", ended.code if isinstance(ended.code, int) else ALL_DONE
         except Stopped as stopped:
-            return f"{stopped.words}; {RESUMED}", stopped.status
+            return f"{stopped.words}; {RESUME_HINT}", stopped.status
         except (ConfigurationError, DeclarationError) as error:
-            return str(error), WRONG
+            return str(error), INVALID
         except (HydraException, OmegaConfBaseException) as error:
-            return error_message(error), WRONG
+            return error_message(error), INVALID
         except SweepIncomplete as error:
             return str(error), SOME_FAILED
         except MemoryError as error:
-            return f"out of memory ({error}); {RESUMED}", SOME_FAILED
+            return f"out of memory ({error}); {RESUME_HINT}", SOME_FAILED
         except OSError as error:
             where = f" {error.filename!r}" if error.filename else ""
             verb = "read" if error.errno in RESOURCE_ERRORS else "write"
             verb = "reach" if error.errno == UNREACHABLE else verb
             disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | RESOURCE_ERRORS
-            said = f"cannot {verb}{where}: {error.strerror or error}"
-            return said, SOME_FAILED if error.errno in disk else WRONG
+            message = f"cannot {verb}{where}: {error.strerror or error}"
+            return message, SOME_FAILED if error.errno in disk else INVALID
 
     def _main(self, given: Sequence[str]) -> None:
         experiment = self.experiment
@@ -131,18 +131,21 @@ class Command:
             show(usage(experiment))
             return
         if "--settings" in given:
-            show(listing(experiment, [word for word in given if word != "--settings"]))
+            show(list_settings(experiment, [word for word in given if word != "--settings"]))
             return
         if "--cache" in given:
-            done = [word for word in given if word == "clear" or word.startswith(PRUNE)]
-            _, place = self._places(
-                [word for word in given if word not in done], "--cache", "clear", f"{PRUNE}20GB"
+            done = [word for word in given if word == "clear" or word.startswith(PRUNE_WORD)]
+            _, place = self._store_and_cache(
+                [word for word in given if word not in done],
+                "--cache",
+                "clear",
+                f"{PRUNE_WORD}20GB",
             )
-            self._cache(place, _limit(done))
+            self._cache(place, _prune_limit(done))
             return
         if "--status" in given:
-            for shown in described(*self._places(given, "--status")):
-                show(shown)
+            for part in format_status(*self._store_and_cache(given, "--status")):
+                show(part)
             return
         if "--why" in given:
             self._why([word for word in given if word != "--why"])
@@ -150,7 +153,7 @@ class Command:
         for word in given:
             self._check_option(word)
         if not any(map(_is_for_hydra, given)):
-            overrides = [word for word in given if word not in SEVERAL]
+            overrides = [word for word in given if word not in MULTIRUN]
             jobs = read_jobs(experiment, overrides, several=len(overrides) < len(given))
             self._run_all(self.prepare(jobs), {key for job in jobs for key in job.overrides})
             return
@@ -170,11 +173,11 @@ class Command:
 
     def _check_option(self, word: str) -> None:
         """Refuse a setting, or a group of them, that is given as an option."""
-        plain = word.lstrip("-").replace("-", "_")
-        group, conf = re.split("[.=]", plain)[0], self.experiment.conf
+        stripped = word.lstrip("-").replace("-", "_")
+        group, conf = re.split("[.=]", stripped)[0], self.experiment.conf
         known = group in nested(self.experiment.by_key)
         if word.startswith("--") and (known or (conf is not None and (conf / group).is_dir())):
-            given = f"{'' if known else '+'}{plain}{'' if '=' in plain else '=VALUE'}"
+            given = f"{'' if known else '+'}{stripped}{'' if '=' in stripped else '=VALUE'}"
             raise ConfigurationError(f"{word} is no option; a setting has no dashes, {given}")
 
     def _job(self, composed: DictConfig) -> None:
@@ -190,17 +193,17 @@ class Command:
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
         for path in stores:
-            check_target(path)
+            check_store_path(path)
         sweeps: list[Sweep] = []
         with interruptible():
             for choices, store in fuse_jobs(self.experiment, checked):
                 options = self._options(choices, store)
-                check_cache(options.cache)
-                check_apart(stores, options.cache, self.beside)
+                check_cache_path(options.cache)
+                check_disjoint(stores, options.cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
-                    existing(store, plan)
+                    extended_attributes(store, plan)
                 sweeps.append((plan, options))
         return sweeps
 
@@ -212,27 +215,29 @@ class Command:
             plan, old = Plan(self.experiment, choices), read_attributes(place)
             if old is None:
                 raise ConfigurationError(f"store is {str(place)!r}, which does not exist")
-            found = [f"{name}: {', '.join(parts)}" for name, parts in why(plan, old)]
+            found = [
+                f"{name}: {', '.join(parts)}" for name, parts in explain_differences(plan, old)
+            ]
             for line in found or ["nothing differs: the store has all of the sweep"]:
                 show(line)
 
-    def _places(self, given: Sequence[str], *options: str) -> tuple[PathOrUrl, PathOrUrl]:
+    def _store_and_cache(self, given: Sequence[str], *options: str) -> tuple[PathOrUrl, PathOrUrl]:
         """Return the store and the cache of a command line beside some options."""
         words = [word for word in given if word not in options]
         if wrong := [word for word in words if "=" not in word]:
             taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
             raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
         [job] = read_jobs(self.experiment, words, several=False)
-        return path_or_url("store", job.store), self._cache_place(job.choices.one(Run.cache))
+        return path_or_url("store", job.store), self._cache_path(job.choices.one(Run.cache))
 
-    def _cache_place(self, given: Value) -> PathOrUrl:
+    def _cache_path(self, given: Value) -> PathOrUrl:
         return path_or_url("cache", str(given)) if given else user_cache_path(self.name)
 
     def _options(self, choices: Choices, store: PathOrUrl) -> RunOptions:
         """Return where and how a sweep runs."""
         return RunOptions(
             store,
-            self._cache_place(choices.one(Run.cache)),
+            self._cache_path(choices.one(Run.cache)),
             ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
             int(choices.one(Run.cache_limit) * 1e9),
             partial=bool(choices.one(Run.partial)),
@@ -277,7 +282,7 @@ class Command:
         if options.partial:
             return []
         say(self.name, summary(finished.progress, finished.seconds))
-        left = [_failed(finished.failures, log)] if finished.failures else []
+        left = [_failure_message(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
                 (self.report or self._report)(options.store, plan.choices, finished)
@@ -288,9 +293,9 @@ class Command:
         return left
 
     def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
-        from sweeps.engine.store.tables import texts  # imports xarray, which takes long
+        from sweeps.engine.store.tables import format_tables  # imports xarray, which takes long
 
-        for text in texts(store, [table.group for table in self.experiment.tables]):
+        for text in format_tables(store, [table.group for table in self.experiment.tables]):
             show(f"{text}\n")
         path = os.path.relpath(store) if isinstance(store, Path) else store
         show(f"store   {path}")
@@ -303,13 +308,13 @@ class Command:
 
         Raises ConfigurationError if a sweep uses it.
         """
-        check_cache(place)
+        check_cache_path(place)
         packs = open_packs(place, make=False)
         index = CellIndex(packs, lambda sentence: say(self.name, sentence))
         cells, size = index.size()
         if limit is not None:
             try:
-                with used(packs.path, alone=True):
+                with cache_lock(packs.path, exclusive=True):
                     cells, size = index.prune(limit)
             except BlockingIOError:
                 one_line = "which a sweep uses; wait until it ends"
@@ -318,24 +323,28 @@ class Command:
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
 
 
-def _limit(words: Sequence[str]) -> float | None:
+def _prune_limit(words: Sequence[str]) -> float | None:
     """Return how much of a cache is to stay [byte], by the words beside `--cache`; None for all."""
     from dask.utils import parse_bytes  # takes long
 
     if "clear" in words:
         return 0.0
     for word in words:
-        if word.startswith(PRUNE):
+        if word.startswith(PRUNE_WORD):
             try:
-                return float(parse_bytes(word.removeprefix(PRUNE)))
+                return float(parse_bytes(word.removeprefix(PRUNE_WORD)))
             except ValueError:
-                raise ConfigurationError(f"{word} must be a size, such as {PRUNE}20GB") from None
+                raise ConfigurationError(
+                    f"{word} must be a size, such as {PRUNE_WORD}20GB"
+                ) from None
     return None
 
 
-def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
+def _failure_message(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
     """Return how many cells and tables failed, the first of them, and where the others are."""
-    named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
+    named = "; ".join(
+        f"{what} ({explain_differences})" for what, explain_differences in failures[:NAMED_FAILURES]
+    )
     more = len(failures) - NAMED_FAILURES
     tables = sum(what.startswith("table ") for what, _ in failures)
     counts = {"cell": len(failures) - tables, "table": tables}
@@ -349,16 +358,16 @@ def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
 
 def _is_for_hydra(word: str) -> bool:
     """Return whether a word of the command line asks for Hydra's own options, jobs or folders."""
-    own = word.startswith("-") and word not in SEVERAL
+    own = word.startswith("-") and word not in MULTIRUN
     return own or word.lstrip("+~").startswith(("hydra.", "hydra/")) or "${hydra:" in word
 
 
 def _check_size(plan: Plan) -> None:
     """Refuse a sweep of too many cells."""
     cells = sum(plan.count(bound) for bound in plan.bound.values())
-    if cells > MOST_CELLS:
+    if cells > MAX_CELLS:
         listed = ", ".join(f"{key} ({count:,})" for key, count in plan.axis_lengths.items())
         raise ConfigurationError(
-            f"the sweep has {cells:,} cells, but may have at most {MOST_CELLS:,}; "
+            f"the sweep has {cells:,} cells, but may have at most {MAX_CELLS:,}; "
             f"numbers of values: {listed}"
         )

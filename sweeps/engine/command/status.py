@@ -15,7 +15,7 @@ from sweeps.engine.run.schedule import Progress
 from sweeps.engine.store.locks import is_locked
 
 
-def described(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
+def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
     """Return a sentence on the latest sweep of a store, and a table of its stages.
 
     Raises ConfigurationError if the cache knows of none.

@@ -25,16 +25,16 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.process import say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, progress_bar
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.folders import check_target
 from sweeps.engine.store.sweeping import Finished, RunOptions, preview
 from sweeps.engine.store.sweeping import sweep as run
 from sweeps.engine.store.tables import with_scalars
+from sweeps.engine.store.targets import check_store_path
 from sweeps.engine.store.writing import zarr_store
 
 if TYPE_CHECKING:
     import xarray as xr
 
-CLUSTERS = ("inline", "local")
+CLUSTER_KINDS = ("inline", "local")
 Names = str | Sequence[str]
 
 
@@ -134,8 +134,8 @@ def sweep(
     changes, such as a list that it appends to, is another one in the next sweep, which computes all
     again.
     """
-    experiment, joint = _declared(function, values, outputs, dims, attrs or {}, dtype, version)
-    if cluster not in CLUSTERS:
+    experiment, joint = _declare(function, values, outputs, dims, attrs or {}, dtype, version)
+    if cluster not in CLUSTER_KINDS:
         raise ConfigurationError(f"cluster is {cluster!r}, but must be 'inline' or 'local'")
     if not isinstance(store, str | os.PathLike):
         raise ConfigurationError(f"store is {store!r}, but must be a path or a URL")
@@ -147,7 +147,7 @@ def sweep(
     import xarray as xr  # slow to import
 
     if dry_run:
-        check_target(at)
+        check_store_path(at)
         stages, estimate = preview(Plan(experiment, choices), options)
         cells, left = stages[experiment.name]
         show(f"{experiment.name}: {left:,} to compute, {cells - left:,} reused; {estimate}")
@@ -160,7 +160,7 @@ def sweep(
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # from this line on, and not from within
     if failed:
-        warnings.warn(_told(finished, failed), CallsFailed, stacklevel=2)
+        warnings.warn(_failure_message(finished, failed), CallsFailed, stacklevel=2)
     found = xr.open_zarr(zarr_store(at), group=experiment.name, chunks=None)
     found = with_scalars(found.load())
     for name, one in found.variables.items():
@@ -169,7 +169,7 @@ def sweep(
     return found
 
 
-def _declared(
+def _declare(
     function: Callable[..., Any],
     values: Any,
     outputs: Names,
@@ -194,11 +194,11 @@ def _declared(
     settings, joint = read_values(name, values, attrs)
     reads = _arguments(name, function, values, settings)
     read = {setting.key for setting in reads.values()}
-    if alone := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
-        what = f"values has the dimension {alone[0]!r}, along which {name} has no argument"
+    if unused := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
+        what = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
         raise ConfigurationError(what)
     taken = frozenset([one.name for one in settings] + [one.name for one in joint])
-    result = _result(name, outputs, dims, dtype, taken, attrs)
+    result = _declare_result(name, outputs, dims, dtype, taken, attrs)
     stage = Stage(name, function, (result,), reads=reads, group=Group(name), version=version)
     lacking = [argument for argument in stage.arguments if argument not in (*reads, RNG)]
     if lacking:
@@ -242,34 +242,34 @@ def _arguments(
     return {one.name: one for one in settings if one.name in known or one.name not in labels}
 
 
-def _result(
+def _declare_result(
     name: str,
     outputs: Names,
     dims: Names | Mapping[str, Names],
     dtype: str,
-    taken: frozenset[str],
+    reserved: frozenset[str],
     attrs: Mapping[str, Mapping[str, Any]],
 ) -> Undeclared:
     """Return what a function returns, as far as it is known before it is called."""
-    names = _names("outputs", outputs)
+    names = _as_names("outputs", outputs)
     if isinstance(dims, Mapping):
-        of = {one: _names(f"dims[{one!r}]", given) for one, given in dims.items()}
+        of = {one: _as_names(f"dims[{one!r}]", given) for one, given in dims.items()}
         every: tuple[str, ...] = ()
     else:
-        every = _names("dims", dims)
+        every = _as_names("dims", dims)
         of = {one: every for one in (names or (name,))[:1] if every and len(names) < 2}
     for key, found in (("outputs", names), *(("dims", one) for one in (every, *of.values()))):
         for one in found:
             own = (*names, *of, *([] if names or of else [name])) if key == "dims" else ()
-            if found.count(one) > 1 or one in own or one in taken:
-                what = "an argument" if one in taken else "a result"
+            if found.count(one) > 1 or one in own or one in reserved:
+                what = "an argument" if one in reserved else "a result"
                 what = "two of them" if found.count(one) > 1 else what
                 raise ConfigurationError(f"{key} has {one!r}, the name of {what}; rename one")
-    how: dict[str, Any] = {"names": names, "dims_of": of, "reserved": taken, "about": attrs}
+    how: dict[str, Any] = {"names": names, "dims_of": of, "reserved": reserved, "about": attrs}
     return Undeclared(name, every, dtype or NUMBER_DTYPE, label=name, infer_dtype=not dtype, **how)
 
 
-def _names(key: str, given: Any) -> tuple[str, ...]:
+def _as_names(key: str, given: Any) -> tuple[str, ...]:
     """Return one name or several as several."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, tuple | list) or not all(isinstance(one, str) for one in names):
@@ -277,7 +277,7 @@ def _names(key: str, given: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _told(finished: Finished, failed: Sequence[Failure]) -> str:
+def _failure_message(finished: Finished, failed: Sequence[Failure]) -> str:
     """Return which calls failed, and all about the first of them."""
     calls = sum(one.total for one in finished.progress.values())
     named = [f"  {one.name}: {one.reason}" for one in failed[:NAMED_FAILURES]]

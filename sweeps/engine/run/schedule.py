@@ -86,13 +86,13 @@ class CallQueue:
     def add(self, ready: Mapping[BoundStage, Cells]) -> None:
         """Add calls for cells of some stages, of which those that share in-memory objects mix."""
         tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
-        width = max(objects.shape[1] for _, _, objects, _ in tables)
+        width = max(part.shape[1] for _, _, part, _ in tables)
         stage, lengths, cells = (np.concatenate([one[k] for one in tables]) for k in (0, 1, 3))
         objects = np.full((len(stage), width), -1, np.int32)
         filled = 0
-        for _, _, objects, _ in tables:
-            objects[filled : filled + len(objects), : objects.shape[1]] = objects
-            filled += len(objects)
+        for _, _, part, _ in tables:
+            objects[filled : filled + len(part), : part.shape[1]] = part
+            filled += len(part)
         if width:
             order = np.lexsort(objects.T[::-1])
             begins = np.cumsum(lengths) - lengths

@@ -25,20 +25,20 @@ SCALARS = "scalar_coordinates"  # attribute of a group
 
 # What the name of a chunk begins with: two of zarr's ways to name them, of which a changed array
 # takes the other, so that the old metadata never refer to new chunks.
-SPACES = ("c.", "")
+KEY_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20
-LEVEL = 1  # level 3 compresses results no better and takes three times as long
+ZSTD_LEVEL = 1  # level 3 compresses results no better and takes three times as long
 
 Region = tuple[slice, ...]
 
-OF_DATES = {
+DATE_ATTRIBUTES = {
     "units": "nanoseconds since 1970-01-01",
     "calendar": "proleptic_gregorian",
     "_FillValue": NAT,
 }
 
-_ZSTD = Zstd(level=LEVEL, checksum=True)
+_ZSTD = Zstd(level=ZSTD_LEVEL, checksum=True)
 
 
 # arrays -------------------------------------------------------------------------------------------
@@ -58,12 +58,12 @@ class Array:
     fill: complex | str | None = None  # of what is not written; None is NaN, 0 or no text
     coordinate: bool = False
     # Returns bytes that decide the values of a region; by default these themselves.
-    made_of: Callable[[Region], bytes] | None = None
+    source_bytes: Callable[[Region], bytes] | None = None
     # Returns `read` of a region alone, which may be sent to another process.
-    sent: Callable[[Region], Callable[[Region], NDArray[Any]]] | None = None
+    remote_read: Callable[[Region], Callable[[Region], NDArray[Any]]] | None = None
 
     @classmethod
-    def of(
+    def from_values(
         cls,
         dims: tuple[str, ...],
         values: Any,
@@ -85,7 +85,7 @@ class Array:
         return cls(dims, array.shape, array.dtype, attrs or {}, read, chunks, fill, coordinate)
 
     @property
-    def stored(self) -> np.dtype[Any]:
+    def stored_dtype(self) -> np.dtype[Any]:
         """Stored dtype: little-endian, and no unsigned one that fits into a signed one.
 
         Raises TypeError if there is none.
@@ -107,7 +107,7 @@ class Array:
         """Return the stored attributes, with the dtype that xarray converts integers to."""
         kind, of_bool = np.dtype(self.dtype).kind, {"dtype": "bool"}
         return encode_attributes(self.attrs) | (
-            of_bool if kind == "b" else OF_DATES if kind == "M" else {}
+            of_bool if kind == "b" else DATE_ATTRIBUTES if kind == "M" else {}
         )
 
     @property
@@ -116,33 +116,35 @@ class Array:
         if np.dtype(self.dtype).kind == "M":
             return np.int64(NAT)
         default = {"U": "", "f": math.nan, "c": complex(math.nan, math.nan)}
-        own = default.get(self.stored.kind, 0) if self.fill is None else self.fill
-        return self.stored.type(own)
+        fill = default.get(self.stored_dtype.kind, 0) if self.fill is None else self.fill
+        return self.stored_dtype.type(fill)
 
     def digest(self, region: Region) -> str:
         """Return the hash of all that decides the content of the chunk of a region."""
         sizes = [part.stop - part.start for part in region]
-        about = (self.stored.str, self.chunks, self.empty.tobytes().hex(), sizes, LEVEL)
-        if self.made_of is not None:
-            given = self.made_of(region)
+        about = (self.stored_dtype.str, self.chunks, self.empty.tobytes().hex(), sizes, ZSTD_LEVEL)
+        if self.source_bytes is not None:
+            given = self.source_bytes(region)
         else:
-            given = np.asarray(self.read(region), self.stored).tobytes()
+            given = np.asarray(self.read(region), self.stored_dtype).tobytes()
         return hashlib.blake2b(repr(about).encode() + given, digest_size=HASH_BYTES).hexdigest()
 
-    def settled(self) -> Array:
+    def with_fill(self) -> Array:
         """Return an array without dimensions with its value as that of what is not written."""
-        return self if self.dims else replace(self, fill=self.whole().flat[0])
+        return self if self.dims else replace(self, fill=self.load().flat[0])
 
-    def alone(self, region: Region) -> Array:
+    def for_worker(self, region: Region) -> Array:
         """Return what another process needs to write the chunk of a region."""
-        assert self.sent is not None
-        return replace(self, read=self.sent(region), attrs={}, made_of=None, sent=None)
+        assert self.remote_read is not None
+        return replace(
+            self, read=self.remote_read(region), attrs={}, source_bytes=None, remote_read=None
+        )
 
-    def whole(self) -> NDArray[Any]:
+    def load(self) -> NDArray[Any]:
         """Return all values as they are stored; they stay in memory."""
         # In the order in which zarr reads them: sums may depend on that in their last bit.
         everywhere = tuple(slice(0, size) for size in self.shape)
-        values = np.asarray(self.read(everywhere), self.stored, order="C")
+        values = np.asarray(self.read(everywhere), self.stored_dtype, order="C")
         self.read = values.__getitem__
         return values
 
@@ -163,7 +165,7 @@ class Group:
         named = {"coordinates": " ".join(sorted(others))} if others else {}
         return encode_attributes(self.attrs) | named
 
-    def stored(self, taken: Collection[str] = ()) -> Group:
+    def fold_scalars(self, taken: Collection[str] = ()) -> Group:
         """Return the group as it is written: scalar coordinates are attributes of it.
 
         `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them. One whose
@@ -176,7 +178,7 @@ class Group:
             if one.coordinate and not one.dims and one.dtype.kind in "biufU"
             if name not in taken
         }
-        values = {name: one.whole().astype(one.dtype).item() for name, one in scalars.items()}
+        values = {name: one.load().astype(one.dtype).item() for name, one in scalars.items()}
         scalars = {name: one for name, one in scalars.items() if _is_json(values[name])}
         if not scalars:
             return self
@@ -187,23 +189,23 @@ class Group:
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
-    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `whole` axes.
+    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `load` axes.
 
     The last axes whole, one axis before them in parts that do not depend on its length, so that
     more values leave the others where they are, and 1 along those before.
     """
     chunks: list[int] = []
-    room = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
+    budget = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
     for axis, size in enumerate(reversed(shape)):
         full = max(size, 1)
-        cut = axis >= whole and size > room
-        chunks.append(room if cut else full)
+        cut = axis >= whole and size > budget
+        chunks.append(budget if cut else full)
         # Once an axis is cut, those before it have chunks of 1.
-        room = 1 if chunks[-1] < full else max(room // full, 1)
+        budget = 1 if chunks[-1] < full else max(budget // full, 1)
     return tuple(reversed(chunks))
 
 
-def regions(array: Array) -> Iterator[tuple[str, Region]]:
+def iter_chunks(array: Array) -> Iterator[tuple[str, Region]]:
     """Yield index and region of every chunk of an array; none if it has no dimensions."""
     if not array.dims:
         return
@@ -220,9 +222,9 @@ def chunk_name(path: str, space: str, index: str) -> str:
     return f"{path}/{space}{index}"
 
 
-def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
+def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
     """Return the zarr 3 metadata of an array, whose chunks are in a key space."""
-    stored = array.stored
+    stored = array.stored_dtype
     serializer: dict[str, Any] = {"name": "bytes"}
     kind: Any = stored.name
     if stored.kind == "U":  # opens as numpy's own texts, which can be plotted and learned
@@ -240,7 +242,7 @@ def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
         "fill_value": _fill(array.empty),
         "codecs": [
             serializer,
-            {"name": "zstd", "configuration": {"level": LEVEL, "checksum": True}},
+            {"name": "zstd", "configuration": {"level": ZSTD_LEVEL, "checksum": True}},
         ],
         "attributes": array.attributes,
         **({"dimension_names": list(array.dims)} if array.dims else {}),
@@ -263,7 +265,7 @@ def _fill(value: Any) -> Any:
 def encode(array: Array, region: Region) -> bytes | None:
     """Return the bytes of the chunk that covers a region; None if it holds only the fill value."""
     values = np.asarray(array.read(region))
-    chunk = np.full(array.chunks, array.empty, array.stored)
+    chunk = np.full(array.chunks, array.empty, array.stored_dtype)
     empty = chunk.tobytes()
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0

@@ -37,7 +37,7 @@ from sweeps.engine.store.arrays import Array, Group, Region, suggest_chunks
 MISSING, FAILED, DONE = -1, 0, 1
 FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
 
-ANEW = "measured while the cell was computed; differs if computed again"
+MEASURED_COMMENT = "measured while the cell was computed; differs if computed again"
 
 
 @dataclass(frozen=True)
@@ -60,46 +60,46 @@ class StoredVariable:
 class RegionReader:
     """How results fill a region of a variable: where they are, which places they take, the padding.
 
-    `wanted` and `lost` are places, in the order of the axes, of results and of failed ones.
+    `present` and `failed` are places, in the order of the axes, of results and of failed ones.
     """
 
     packs: Objects
     locations: Locations  # of the results
     stage: str
     output: Output
-    even: bool  # whether all arrays have one shape
+    fixed_shape: bool  # whether all arrays have one shape
     shape: tuple[int, ...]  # along the axes
-    first: tuple[int, ...]  # starts of own dimensions
-    own: tuple[int, ...]  # and lengths
-    inside: tuple[slice, ...]  # of these, what is in the region
+    own_starts: tuple[int, ...]  # starts of own dimensions
+    own_lengths: tuple[int, ...]  # and lengths
+    own_region: tuple[slice, ...]  # of these, what is in the region
     order: tuple[int, ...]  # of the dimensions, axes and own
-    wanted: Cells
-    lost: Cells
+    present: Cells
+    failed: Cells
 
-    def values(self, region: Region) -> NDArray[Any]:
+    def read(self, region: Region) -> NDArray[Any]:
         """Return the values of the region; raise `Damaged` if a cell cannot be read back."""
-        output, own = self.output, self.own
+        output, own = self.output, self.own_lengths
         dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
-        flat[self.lost] = FAILED
+        flat[self.failed] = FAILED
         cells = iter_results(self.packs, self.locations)
-        for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
+        for number, arrays in zip(self.present.tolist(), cells, strict=True):
             array = arrays.get(output.name)
             if array is None:  # of a function that declares nothing
                 continue
             if array.shape == own:
                 flat[number] = array
                 continue
-            if self.even:
+            if self.fixed_shape:
                 raise uneven_error(self.stage, output.name, array.shape, own)
             if output.pad is not None:
                 flat[number] = output.pad
-            corner = map(int.__sub__, _begins(output, arrays), self.first)
+            corner = map(int.__sub__, _begins(output, arrays), self.own_starts)
             place: Any = [
                 slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
             ]
             flat[(number, *place)] = array
-        inside: Any = (..., *self.inside)
+        inside: Any = (..., *self.own_region)
         return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
 
 
@@ -196,7 +196,9 @@ class Cube:
         for one in found:
             if values.get(one.name) is not None:
                 attrs = {"units": one.unit, "long_name": one.label, **one.attrs}
-                coordinates[one.name] = Array.of(one.dims, values[one.name], attrs, coordinate=True)
+                coordinates[one.name] = Array.from_values(
+                    one.dims, values[one.name], attrs, coordinate=True
+                )
             elif one.name in one.dims:
                 raise DeclarationError(
                     f"{output.name} returned other labels of the dimension {one.name!r} for other "
@@ -207,12 +209,12 @@ class Cube:
     def _group(self, variables: Sequence[StoredVariable]) -> Group:
         """Return a group of its variables, and the coordinates of their dimensions."""
         names, arrays = self._names(variables), dict[str, Array]()
-        starts, lengths = self._extents[variables[0].group] = self._extents_of(variables)
+        starts, lengths = self._extents[variables[0].group] = self._find_extents(variables)
         for variable in variables:
             for dim, first in variable.origin.items():
                 values = starts.get(dim, 0) + np.arange(lengths[dim])
                 about = {"units": first.unit, "long_name": first.label}
-                arrays[dim] = Array.of((dim,), values, about, coordinate=True)
+                arrays[dim] = Array.from_values((dim,), values, about, coordinate=True)
             arrays[variable.output.name] = self._variable(variable, names)
         return Group(arrays | self._coordinates(variables, names))
 
@@ -252,20 +254,20 @@ class Cube:
             attrs["scale_factor"] = 1 / int(np.iinfo(output.dtype).max)
             attrs["_FillValue"] = empty
         if output.role == MEASURED:
-            attrs["comment"] = ANEW
+            attrs["comment"] = MEASURED_COMMENT
         if output.role == STATE:
             attrs |= FLAGS
         given: Any = (tuple(one[k] for k in variable.order) for one in (dims, shape, chunks))
         named, sizes, parts = given
-        make, coordinate = partial(self._reader, variable), output.role == COORDINATE
+        make, coordinate = partial(self._make_reader, variable), output.role == COORDINATE
 
         def read(region: Region) -> NDArray[Any]:
             return make(region)(region)
 
         if words:  # few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
-            return Array.of(named, texts, attrs, coordinate=coordinate)
-        how = partial(self._made_of, variable), make
+            return Array.from_values(named, texts, attrs, coordinate=coordinate)
+        how = partial(self._source_bytes, variable), make
         return Array(named, sizes, dtype, attrs, read, parts, empty, coordinate, *how)
 
     def _results(self, variable: StoredVariable, ranges: Sequence[range]) -> Cells:
@@ -280,7 +282,7 @@ class Cube:
         others = [at for at, number in enumerate(own) if number not in by_axis]
         return results.transpose(order + others).ravel()
 
-    def _extents_of(
+    def _find_extents(
         self, variables: Sequence[StoredVariable]
     ) -> tuple[dict[str, int], dict[str, int]]:
         """Return starts of own dimensions with an origin over all cells, and lengths of all."""
@@ -309,7 +311,9 @@ class Cube:
             lengths[dim] = max(lengths[dim], high - low)
         return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
 
-    def _reader(self, variable: StoredVariable, region: Region) -> Callable[[Region], NDArray[Any]]:
+    def _make_reader(
+        self, variable: StoredVariable, region: Region
+    ) -> Callable[[Region], NDArray[Any]]:
         """Return what makes the values of a region of a variable, also in another process."""
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
@@ -326,15 +330,17 @@ class Cube:
             output,
             variable.bound.stage.has_fixed_shape(output),
             shape=tuple(map(len, ranges)),
-            first=tuple(starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims),
-            own=tuple(lengths[dim] for dim in output.dims),
-            inside=tuple(natural[count:]),
+            own_starts=tuple(
+                starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims
+            ),
+            own_lengths=tuple(lengths[dim] for dim in output.dims),
+            own_region=tuple(natural[count:]),
             order=variable.order,
-            wanted=wanted,
-            lost=lost,
-        ).values
+            present=wanted,
+            failed=lost,
+        ).read
 
-    def _made_of(self, variable: StoredVariable, region: Region) -> bytes:
+    def _source_bytes(self, variable: StoredVariable, region: Region) -> bytes:
         """Return what decides the values of a region: keys of its cells, and how they lie there."""
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
@@ -409,7 +415,7 @@ class Cube:
         for axis, axis_name in zip(axes, names, strict=True):
             found |= axis_coordinates(axis, axis_name)
         attrs = {"units": "1", "long_name": label, **FLAGS}
-        return found | {name: Array.of(tuple(names), worst, attrs, MISSING)}
+        return found | {name: Array.from_values(tuple(names), worst, attrs, MISSING)}
 
 
 # coordinates --------------------------------------------------------------------------------------
@@ -428,7 +434,9 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
     for setting, values in zip(axis.settings, columns, strict=True):
         taken = setting.name in (*found, *[name] * (not axis.unlabelled))
         label = setting.key.replace(".", "_") if taken else setting.name
-        found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
+        found[label] = Array.from_values(
+            (name,), value_array(values), setting.attrs, coordinate=True
+        )
     if axis.unlabelled:
         return found
     labels = axis.labels or [
@@ -438,7 +446,7 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
         for point in axis.points
     ]
     about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
-    return {name: Array.of((name,), np.array(labels), about, coordinate=True), **found}
+    return {name: Array.from_values((name,), np.array(labels), about, coordinate=True), **found}
 
 
 def setting_coordinates(
@@ -453,7 +461,7 @@ def setting_coordinates(
         found = {**({} if scalar else {name: own}), **dict(others)}
     dims: tuple[str, ...] = () if scalar else (name,)
     return {
-        label: Array.of(dims, array[0] if scalar else array, attrs, coordinate=True)
+        label: Array.from_values(dims, array[0] if scalar else array, attrs, coordinate=True)
         for label, (array, attrs) in found.items()
     }
 

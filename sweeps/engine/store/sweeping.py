@@ -36,17 +36,22 @@ from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Task, Watch
 from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches, uneven_error
 from sweeps.engine.store.cube import Cube
-from sweeps.engine.store.folders import check_apart, check_cache, check_target
-from sweeps.engine.store.locks import locked, used
+from sweeps.engine.store.locks import cache_lock, store_lock
 from sweeps.engine.store.manifest import verify
-from sweeps.engine.store.provenance import EVERYWHERE, check_extends, provenance, why
+from sweeps.engine.store.provenance import (
+    SHARED_ATTRIBUTES,
+    check_extends,
+    explain_differences,
+    provenance,
+)
+from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes, recover, write_store
 
-ROUNDS = 20  # of computing damaged results again, before blaming the disk
-AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
-HERE = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
-OF_TABLES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers compute
-QUICK = 1.0  # s of work that finishes before worker processes would have started
+MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
+QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
+LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
+TABLE_MODULES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers compute
+INLINE_SECONDS = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
 
@@ -91,7 +96,7 @@ class Finished:
     axes: Mapping[str, int] = field(default_factory=dict)
 
 
-def existing(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
+def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
     """Return attributes of the store that a sweep extends; None if there is none."""
     attributes = read_attributes(path)
     if attributes is not None:
@@ -112,20 +117,20 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     start = time.perf_counter()
     with ExitStack() as stack:
         stack.enter_context(environment(plan.choices.variables))
-        check_target(options.store)
-        check_cache(options.cache)
-        check_apart([options.store], options.cache, lambda store: ())
-        check = stack.enter_context(locked(options.store))
+        check_store_path(options.store)
+        check_cache_path(options.cache)
+        check_disjoint([options.store], options.cache, lambda store: ())
+        check = stack.enter_context(store_lock(options.store))
         recover(options.store)
         if isinstance(packs := options.packs.path, Path):
             make_folder(packs, PRIVATE_MODE)
-        stack.enter_context(used(packs))
+        stack.enter_context(cache_lock(packs))
         index = CellIndex(options.packs, watch.say, plan.identity.values())
-        old = existing(options.store, plan)
+        old = extended_attributes(options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
-            for name, found in why(plan, old or {}):
+            for name, found in explain_differences(plan, old or {}):
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
-        if old is not None and is_whole(plan, options.store, old, watch.say):
+        if old is not None and is_complete(plan, options.store, old, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
             finished = _unchanged(plan, index, watch)
         elif options.partial and old is not None and PARTIAL not in old:
@@ -134,8 +139,8 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
                 "cache has no longer; give another path for partial=true"
             )
         else:
-            tried = _tried(plan, old or {})
-            finished = _until_undamaged(plan, options, index, watch, check, tried)
+            crash_free = _crash_free(plan, old or {})
+            finished = _compute_and_write(plan, options, index, watch, check, crash_free)
         size = 0
         with suppress(OSError):  # the store is written, whatever the cache does now
             size = sum(options.packs.sizes().values()) if finished.written else 0
@@ -150,7 +155,7 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     return finished
 
 
-def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
+def _crash_free(plan: Plan, old: Mapping[str, Any]) -> set[str]:
     """Return stages declared in packages that a store, by its attributes, has of the same code.
 
     Calls of these end no process: they may run in the command. A script's function may do anything.
@@ -166,28 +171,30 @@ def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
     }
 
 
-def _until_undamaged(
+def _compute_and_write(
     plan: Plan,
     options: RunOptions,
     index: CellIndex,
     watch: Watch,
     check: Callable[[], None],
-    tried: Collection[str],
+    crash_free: Collection[str],
 ) -> Finished:
     """Compute and write all cells, and again those that are damaged when they are read back."""
     # The thread starts and ends workers while this one plans and writes.
     with ThreadPoolExecutor(1, "cluster") as thread:
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
-                failures, workers = _compute(schedule, options, index, watch, thread, stack, tried)
-                if options.cluster.kind in HERE:  # which end meanwhile
+                failures, workers = _compute(
+                    schedule, options, index, watch, thread, stack, crash_free
+                )
+                if options.cluster.kind in LOCAL_KINDS:  # which end meanwhile
                     thread.submit(stack.close)
                     workers = None
                 failures += _write(schedule, options, index, watch, check, workers)
             except DamagedResults as error:
-                damaged = sorted(_damaged(schedule, index.cells).union(error.args))
+                damaged = sorted(_damaged_keys(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 lost = f"{len(damaged):,} results in the cache are damaged"
                 watch.say(f"{lost} and are computed again")
@@ -206,7 +213,7 @@ def _compute(
     watch: Watch,
     thread: ThreadPoolExecutor,
     stack: ExitStack,
-    tried: Collection[str],
+    crash_free: Collection[str],
 ) -> tuple[Failures, Executor | None]:
     """Compute missing cells on workers, which a stack ends; return them, if any were started.
 
@@ -232,8 +239,10 @@ def _compute(
         return [], None
     if choice.kind == "local":
         check_guard()
-        safe = all(bound.name in schedule.costs and bound.name in tried for bound, *_ in missing)
-        if safe and sum(schedule.remaining_seconds().values()) < QUICK:
+        safe = all(
+            bound.name in schedule.costs and bound.name in crash_free for bound, *_ in missing
+        )
+        if safe and sum(schedule.remaining_seconds().values()) < INLINE_SECONDS:
             choice = ClusterChoice("inline")
     entered = open_executor(
         choice,
@@ -244,12 +253,12 @@ def _compute(
         say=watch.say,
     )
     starting = thread.submit(stack.enter_context, entered)
-    if choice.kind in HERE:
+    if choice.kind in LOCAL_KINDS:
         plan.experiment.prepare(plan.choices, unless_stopped(watch.say))
     with interruptible():
         workers = starting.result()
     if plan.experiment.tables and choice.kind != "inline":
-        for name in OF_TABLES:
+        for name in TABLE_MODULES:
             thread.submit(import_module, name)
     return execute(schedule, workers, index, watch), workers
 
@@ -270,26 +279,26 @@ def execute(
     # A worker that dies, for example out of memory, takes other tasks with it. So each of their
     # calls is run again, alone, when nothing else is left to run.
     suspects: deque[Task] = deque()
-    alone = False  # whether what is under way is a suspect
+    isolated = False  # whether what is under way is a suspect
     numbers = count()
 
-    def hand_out(task: Task) -> None:
+    def submit(task: Task) -> None:
         number, batches = next(numbers), tuple(one.batch for one in task.batches)
         open_executor.submit(number, run_batches, batches, task.order, index.cells)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
-        if not under_way and (alone := bool(suspects) and not schedule.ready):
-            hand_out(suspects.popleft())
-        most = 0 if alone else AHEAD * open_executor.worker_count
+        if not under_way and (isolated := bool(suspects) and not schedule.ready):
+            submit(suspects.popleft())
+        most = 0 if isolated else QUEUED_TASKS * open_executor.worker_count
         while schedule.ready and len(under_way) < most:
             if (task := schedule.next_task(open_executor.worker_count)).batches:
-                hand_out(task)
+                submit(task)
         with interruptible():
             finished = open_executor.finished()
         for number, report, error in finished:
             task = under_way.pop(number)
-            if error is not None and not alone:
+            if error is not None and not isolated:
                 suspects += schedule.split_task(task)
                 continue
             if error is not None:
@@ -314,7 +323,7 @@ def execute(
     return failures
 
 
-def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
+def _damaged_keys(schedule: Schedule, packs: Objects) -> set[bytes]:
     """Return keys of all cells that cannot be read back, so that one round mends them."""
     locations = schedule.locations[schedule.locations.present]
     locations = locations[np.lexsort((locations.row, locations.pack))]
@@ -325,7 +334,7 @@ def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
 # the store --------------------------------------------------------------------------------------
 
 
-def is_whole(
+def is_complete(
     plan: Plan, path: PathOrUrl, old: Mapping[str, object], say: Callable[[str], None]
 ) -> bool:
     """Return whether a store already has all of a plan, and is undamaged."""
@@ -388,13 +397,12 @@ def _write(
     for failure in found:
         watch.failed(failure)
     attributes = provenance(plan, failures | lost)
-    everywhere: tuple[str, ...] = EVERYWHERE
+    shared: tuple[str, ...] = SHARED_ATTRIBUTES
     if options.partial:
         every = Progress.sum(schedule.progress.values())
         attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
-        everywhere = (*EVERYWHERE, PARTIAL)
-    how: dict[str, Any] = {"everywhere": everywhere, "check": check, "writers": workers}
-    write_store(options.store, groups, attributes, **how)
+        shared = (*SHARED_ATTRIBUTES, PARTIAL)
+    write_store(options.store, groups, attributes, shared=shared, check=check, writers=workers)
     return list(lost.items())
 
 
@@ -411,8 +419,8 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     ConfigurationError
         If the sweep would be refused.
     """
-    old = existing(options.store, plan)
-    if old is not None and is_whole(plan, options.store, old, lambda sentence: None):
+    old = extended_attributes(options.store, plan)
+    if old is not None and is_complete(plan, options.store, old, lambda sentence: None):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
     packs = replace(options.packs, make=False)

@@ -31,7 +31,7 @@ from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.arrays import SCALARS, Array, Group, metadata
 from sweeps.engine.store.writing import zarr_store
 
-MOST_ROWS = 20  # of a table at the end of a sweep
+MAX_ROWS = 20  # of a table at the end of a sweep
 
 
 def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
@@ -49,7 +49,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
             continue
         try:
             if table.when(plan.choices):
-                given = [dataset_of(groups[one]) for one in table.of]
+                given = [to_dataset(groups[one]) for one in table.of]
                 made = table.make(*given, plan.choices)
                 if not isinstance(made, xr.Dataset | None):
                     kind = type(made).__name__
@@ -61,9 +61,11 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                     raise TypeError(with_location(table.make, sentence))
                 if made is not None:
                     if table.displays:
-                        shown = [display.as_attribute(plan.choices) for display in table.displays]
-                        made = made.assign_attrs({ATTRIBUTE: shown})
-                    groups[table.group] = group_of(made)
+                        displays = [
+                            display.as_attribute(plan.choices) for display in table.displays
+                        ]
+                        made = made.assign_attrs({ATTRIBUTE: displays})
+                    groups[table.group] = from_dataset(made)
         except (DamagedResults, DeclarationError):  # of cells, not of the table
             raise
         except RAISED as error:
@@ -82,7 +84,7 @@ def _returns(function: Callable[..., Any]) -> bool:
     return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
 
 
-def texts(place: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
+def format_tables(place: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
     """Yield tables of a store as texts, long ones without their middle."""
     for name in groups:
         with suppress(KeyError, FileNotFoundError):  # a table that has nothing, or failed
@@ -90,28 +92,31 @@ def texts(place: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
             table = table.drop_vars([one for one in table.coords if not table[one].dims])
             units = {one: table[one].attrs.get("units", "1") for one in table.variables}
             heads = {one: f"{one} [{unit}]" for one, unit in units.items() if unit != "1"}
-            some = table.isel({dim: slice(MOST_ROWS) for dim in table.dims})
+            some = table.isel({dim: slice(MAX_ROWS) for dim in table.dims})
             rows = some.to_dataframe() if table.dims else some.to_pandas().to_frame().T
             rows = rows.rename_axis(index=heads).rename(columns=heads)
-            yield rows.to_string(max_rows=MOST_ROWS, float_format="{:.4g}".format)
+            yield rows.to_string(max_rows=MAX_ROWS, float_format="{:.4g}".format)
 
 
-class Values(BackendArray):
+class LazyArray(BackendArray):
     """Values of an array, which are all read when some are wanted."""
 
     def __init__(self, array: Array) -> None:
-        self.shape, self.dtype, self._array = array.shape, array.stored, array
+        self.shape, self.dtype, self._array = array.shape, array.stored_dtype, array
 
     def __getitem__(self, key: ExplicitIndexer) -> NDArray[Any]:
-        values = self._array.whole()
+        values = self._array.load()
         return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, values.__getitem__)
 
 
-def dataset_of(group: Group) -> xr.Dataset:
+def to_dataset(group: Group) -> xr.Dataset:
     """Return the data set that xarray would open of a written group; variables are read lazily."""
     variables = {  # with their dtype, else xarray makes objects of texts
         name: xr.Variable(
-            one.dims, LazilyIndexedArray(Values(one)), one.attributes, {"dtype": one.stored}
+            one.dims,
+            LazilyIndexedArray(LazyArray(one)),
+            one.attributes,
+            {"dtype": one.stored_dtype},
         )
         for name, one in group.arrays.items()
     }
@@ -132,10 +137,10 @@ def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
     return found
 
 
-def group_of(dataset: xr.Dataset) -> Group:
+def from_dataset(dataset: xr.Dataset) -> Group:
     """Return the group of a store that holds a data set; TypeError if it cannot be stored."""
     arrays = {
-        str(name): Array.of(
+        str(name): Array.from_values(
             tuple(map(str, one.dims)), one.values, one.attrs, coordinate=name in dataset.coords
         )
         for name, one in dataset.variables.items()

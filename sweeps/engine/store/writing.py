@@ -27,31 +27,31 @@ from sweeps.engine.declare.storable import decode_attributes, encode_attributes
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped
 from sweeps.engine.store.arrays import (
+    KEY_PREFIXES,
     METADATA,
-    SPACES,
     Array,
     Group,
     Region,
     chunk_name,
     encode,
+    iter_chunks,
     metadata,
-    regions,
 )
-from sweeps.engine.store.folders import check_target
-from sweeps.engine.store.manifest import MANIFEST, Manifest, manifest_of, read_manifest
+from sweeps.engine.store.manifest import MANIFEST, Manifest, read_manifest, require_manifest
+from sweeps.engine.store.targets import check_store_path
 
 LOG = logging.getLogger(__name__)
-MOST_SENT = 64  # chunks of a task of another process
+MAX_SENT = 64  # chunks of a task of another process
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
 
 def write_store(
-    place: PathOrUrl,
+    path: PathOrUrl,
     groups: Mapping[str, Group],
     attributes: Mapping[str, Any],
     *,
-    everywhere: tuple[str, ...] = (),
+    shared: tuple[str, ...] = (),
     check: Callable[[], None] = lambda: None,
     writers: Executor | None = None,
 ) -> None:
@@ -65,67 +65,69 @@ def write_store(
     all groups repeat those named `everywhere`. Chunks that other processes can make are written by
     `writers`.
     """
-    check_target(place)
-    groups = {name: group.stored(everywhere) for name, group in groups.items()}
+    check_store_path(path)
+    groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
     with world_readable():
-        recover(place)
-        objects, old = Objects(place, make=True), read_manifest(place) or Manifest()
+        recover(path)
+        objects, old = Objects(path, make=True), read_manifest(path) or Manifest()
         arrays = {
-            f"{name}/{inner}": array.settled()
+            f"{name}/{inner}": array.with_fill()
             for name, group in groups.items()
             for inner, array in group.arrays.items()
         }
-        laid = {path: _layout(path, array, old) for path, array in arrays.items()}
-        described = {path: metadata(array, laid[path][0]) for path, array in arrays.items()}
-        nodes = _nodes(groups, described, attributes, everywhere)
-        chunks = [chunk for _, of_array in laid.values() for chunk in of_array]
-        there = objects.sizes()
-        kept = {one.name: there.get(one.name) for one in chunks if one.is_kept(old, there)}
-        new = [chunk for chunk in chunks if chunk.name not in kept]
+        layouts = {path: _lay_out(path, array, old) for path, array in arrays.items()}
+        described = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
+        nodes = _make_nodes(groups, described, attributes, shared)
+        chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
+        sizes = objects.sizes()
+        unchanged = {
+            one.name: sizes.get(one.name) for one in chunks if one.is_unchanged(old, sizes)
+        }
+        new = [chunk for chunk in chunks if chunk.name not in unchanged]
         coming = [chunk.name for chunk in new]
         intent = replace(old, coming=coming)
         try:
             intent.put(objects)
-            made = dict(kept)
+            made = dict(unchanged)
             if writers is not None:
-                made |= _written_elsewhere(objects, new, writers)
+                made |= _write_remotely(objects, new, writers)
             with interruptible():
                 made |= _write_chunks(objects, [one for one in new if one.name not in made])
             files = {name: size for name, size in made.items() if size is not None}
-            check_target(place)  # another process may have written something there
+            check_store_path(path)  # another process may have written something there
             check()
         except BaseException:
             with suppress(OSError):
-                _undo(objects, intent)
+                _roll_back(objects, intent)
             raise
-        files |= {name: len(content) for name, content in _documents(nodes).items()}
+        files |= {name: len(content) for name, content in _metadata_objects(nodes).items()}
         files = dict(sorted(files.items()))  # whoever wrote them
-        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(kept))
+        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(unchanged))
         made_of = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
-            for path, (space, of_array) in laid.items()
+            for path, (space, of_array) in layouts.items()
             if of_array
         }
         finished = Manifest(files, made_of, coming, nodes, old.files)
         finished.put(objects)
-        _finish(objects, finished, check)
+        _commit(objects, finished, check)
 
 
-def recover(place: PathOrUrl) -> None:
+def recover(path: PathOrUrl) -> None:
     """Finish or undo what a killed writer began; hold the lock of the store meanwhile."""
-    manifest = read_manifest(place)
+    manifest = read_manifest(path)
     if manifest is not None and (manifest.nodes or manifest.coming):
-        objects = Objects(place, make=True)
+        objects = Objects(path, make=True)
         objects.delete_unfinished()
         if manifest.nodes:
-            _finish(objects, manifest, lambda: None)
+            _commit(objects, manifest, lambda: None)
         else:
-            _undo(objects, manifest)
+            _roll_back(objects, manifest)
 
 
-def _finish(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
+def _commit(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
     """Put all metadata in place, the root's last, and delete what they no longer refer to."""
-    documents = _documents(manifest.nodes)
+    documents = _metadata_objects(manifest.nodes)
     root = documents.pop(METADATA)
     objects.map(lambda one: objects.put(*one), documents.items())
     check()
@@ -134,7 +136,7 @@ def _finish(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> 
     replace(manifest, coming=[], nodes={}, before={}).put(objects)
 
 
-def _undo(objects: Objects, manifest: Manifest) -> None:
+def _roll_back(objects: Objects, manifest: Manifest) -> None:
     """Remove the chunks of a store that was not finished; all of a new one."""
     objects.delete(name for name in manifest.coming if name not in manifest.files)
     if manifest.files:
@@ -144,15 +146,15 @@ def _undo(objects: Objects, manifest: Manifest) -> None:
         objects.remove_empty_folders()
 
 
-def read_attributes(place: PathOrUrl) -> dict[str, Any] | None:
+def read_attributes(path: PathOrUrl) -> dict[str, Any] | None:
     """Return attributes of the root of a store, nested ones as such; None if there is none yet.
 
     Raises ConfigurationError if it is not a store, or its metadata are damaged.
     """
-    objects, manifest = Objects(place), read_manifest(place)
+    objects, manifest = Objects(path), read_manifest(path)
     if manifest is None and not objects.sizes():
         return None
-    content, manifest = objects.get(METADATA), manifest or manifest_of(place)
+    content, manifest = objects.get(METADATA), manifest or require_manifest(path)
     if content is None and manifest.allows(METADATA, None):
         return None  # its first writer did not finish
     try:
@@ -161,18 +163,18 @@ def read_attributes(place: PathOrUrl) -> dict[str, Any] | None:
         return decode_attributes(json.loads(content)["attributes"])
     except ValueError as error:
         raise ConfigurationError(
-            f"store is {str(place)!r}, whose {METADATA} cannot be read; "
+            f"store is {str(path)!r}, whose {METADATA} cannot be read; "
             "give another path or remove it"
         ) from error
 
 
-def zarr_store(place: PathOrUrl) -> Any:
+def zarr_store(path: PathOrUrl) -> Any:
     """Return a place as zarr and xarray open it, to be read."""
     from zarr.storage import LocalStore, ObjectStore  # takes long
 
-    if isinstance(place, Path):  # threads of obstore that answer when Python ends would abort it
-        return LocalStore(place, read_only=True)
-    return ObjectStore(Objects(place).store, read_only=True)
+    if isinstance(path, Path):  # threads of obstore that answer when Python ends would abort it
+        return LocalStore(path, read_only=True)
+    return ObjectStore(Objects(path).store, read_only=True)
 
 
 # chunks -------------------------------------------------------------------------------------------
@@ -189,20 +191,20 @@ class Chunk:
     digest: str
     known: bool
 
-    def is_kept(self, old: Manifest, there: Mapping[str, int]) -> bool:
+    def is_unchanged(self, old: Manifest, sizes: Mapping[str, int]) -> bool:
         """Return whether an undamaged chunk is there already, or need not be, being empty."""
-        return self.known and old.allows(self.name, there.get(self.name))
+        return self.known and old.allows(self.name, sizes.get(self.name))
 
 
-def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
+def _lay_out(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
     """Return the key space and the chunks of an array.
 
     If all chunks that it had are among them, these stay where they are.
     """
-    made = [(index, region, array.digest(region)) for index, region in regions(array)]
-    space, known = old.chunks.get(path, (SPACES[0], {}))
+    made = [(index, region, array.digest(region)) for index, region in iter_chunks(array)]
+    space, known = old.chunks.get(path, (KEY_PREFIXES[0], {}))
     if not known.items() <= {(index, digest) for index, _, digest in made}:
-        space, known = next(one for one in SPACES if one != space), {}
+        space, known = next(one for one in KEY_PREFIXES if one != space), {}
     return space, [
         Chunk(chunk_name(path, space, index), index, array, region, digest, index in known)
         for index, region, digest in made
@@ -226,16 +228,16 @@ def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | 
     return files
 
 
-def _written_elsewhere(
+def _write_remotely(
     objects: Objects, chunks: Sequence[Chunk], writers: Executor
 ) -> dict[str, int | None]:
-    """Have other processes write new chunks, each by one of them; return what `put_chunks` does.
+    """Have other processes write new chunks, each by one of them; return what `write_chunks` does.
 
     What they do not write, as where they do not see the store, is left to this process.
     """
     objects = Objects(resolve_path(objects.path))  # which no worker makes
-    new = [chunk for chunk in chunks if chunk.array.sent is not None]
-    size = min(MOST_SENT, len(new) // (4 * writers.worker_count) + 1)
+    new = [chunk for chunk in chunks if chunk.array.remote_read is not None]
+    size = min(MAX_SENT, len(new) // (4 * writers.worker_count) + 1)
     parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
     files: dict[str, int | None] = {}
     under_way = 0
@@ -243,8 +245,8 @@ def _written_elsewhere(
         while True:
             raise_if_stopped()
             for number, part in islice(parts, 2 * writers.worker_count - under_way):
-                sent = [(one.name, one.array.alone(one.region), one.region) for one in part]
-                writers.submit(number, put_chunks, objects, sent)
+                sent = [(one.name, one.array.for_worker(one.region), one.region) for one in part]
+                writers.submit(number, write_chunks, objects, sent)
                 under_way += 1
             if not under_way:
                 return files
@@ -257,7 +259,7 @@ def _written_elsewhere(
         raise
 
 
-def put_chunks(
+def write_chunks(
     objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
 ) -> dict[str, int | None]:
     """Write chunks that a store awaits; return their sizes by name, None of empty ones."""
@@ -276,19 +278,19 @@ def put_chunks(
 # metadata -----------------------------------------------------------------------------------------
 
 
-def _nodes(
+def _make_nodes(
     groups: Mapping[str, Group],
     arrays: Mapping[str, dict[str, Any]],
     attributes: Mapping[str, Any],
-    everywhere: tuple[str, ...],
+    shared: tuple[str, ...],
 ) -> Nodes:
     """Return the metadata of the root, groups and arrays by path, the root's being empty."""
-    shared = encode_attributes({name: attributes[name] for name in everywhere})
+    repeated = encode_attributes({name: attributes[name] for name in shared})
     nodes = {"": _group_node(encode_attributes(attributes))}
     for name, group in groups.items():
         for parent in accumulate(name.split("/"), "{}/{}".format):
-            nodes.setdefault(parent, _group_node(shared))
-        nodes[name] = _group_node({**shared, **group.attributes})
+            nodes.setdefault(parent, _group_node(repeated))
+        nodes[name] = _group_node({**repeated, **group.attributes})
     for path, array in arrays.items():
         if path in nodes:
             raise ValueError(f"{path!r} is a group and an array")
@@ -309,7 +311,7 @@ def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) ->
     }
 
 
-def _documents(nodes: Nodes) -> dict[str, bytes]:
+def _metadata_objects(nodes: Nodes) -> dict[str, bytes]:
     """Return the objects of the metadata of all nodes, by name."""
     # zarr reads the children of a group only if they follow each other.
     ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))

@@ -23,56 +23,56 @@ from sweeps.engine.declare.paths import (
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import read_manifest
 
-OF_ZARR = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
-BESIDE = ".{}." + 32 * "0" + ".partial"  # of names beside a store one of the longest
+ZARR_FILES = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
+LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # of names beside a store one of the longest
 
 
-def check_target(path: PathOrUrl) -> None:
+def check_store_path(path: PathOrUrl) -> None:
     """Refuse a place that is neither new nor a store with a readable manifest and its files alone.
 
     A store grows where it is. Nor may it be inside another one.
     """
-    place = _checked_place("store", path, inside=True)
-    if found := _names("store", place):
+    place = _resolve_checked("store", path, inside=True)
+    if found := _object_names("store", place):
         manifest = read_manifest(place)
         if manifest is None:
             reason = (
                 "which exists but is not a store of a sweep; it must be a new path or such a store"
             )
-            raise _wrong("store", path, reason)
+            raise _invalid("store", path, reason)
         if foreign := sorted(found - manifest.known):
             more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
             reason = f"in which no sweep wrote {foreign[0]!r}{more}; move that elsewhere"
-            raise _wrong("store", path, reason)
+            raise _invalid("store", path, reason)
 
 
-def _names(key: str, place: PathOrUrl) -> set[str]:
+def _object_names(key: str, place: PathOrUrl) -> set[str]:
     """Return names of all objects of a place, and of links to folders."""
     try:
         return set(Objects(place).sizes())
     except OSError as error:
-        raise _wrong(key, place, f"which cannot be read: {error.strerror}") from error
+        raise _invalid(key, place, f"which cannot be read: {error.strerror}") from error
 
 
-def check_cache(path: PathOrUrl) -> None:
+def check_cache_path(path: PathOrUrl) -> None:
     """Refuse a cache that is in a store, is no folder and cannot become one, or is not its user's.
 
     Who may write to a bucket is said there.
     """
-    place = _checked_place("cache", path, inside=False)
+    place = _resolve_checked("cache", path, inside=False)
     for folder in (place, join(place, CELLS_FOLDER)):
         if isinstance(folder, Path) and not is_private(folder):
             reason = f"but others own {str(folder)!r} or may write there; a cache is its user's own"
-            raise _wrong("cache", path, f"{reason}: chmod go-w, or give another folder")
+            raise _invalid("cache", path, f"{reason}: chmod go-w, or give another folder")
 
 
-def check_apart(
+def check_disjoint(
     stores: Iterable[PathOrUrl], cache: PathOrUrl, beside: Callable[[Path], Iterable[Path]]
 ) -> None:
     """Refuse stores of one command in one another, around its cache, or where reports are written.
 
-    `check_target` and `check_cache` refuse those that are there already. `beside` returns the
-    paths that the report of a store writes to, which may be a store that is there, too.
+    `check_store_path` and `check_cache_path` refuse stores that exist. `beside` returns the paths
+    that the report of a store writes to, which may also be an existing store.
     """
     places = {resolve_path(path): path for path in stores}
     reports: dict[Path, PathOrUrl] = {}
@@ -80,62 +80,62 @@ def check_apart(
         for written in beside(path_beside(path)):
             if resolve_path(written) in places or is_store(written):
                 reason = f"whose report would be written into the store {str(written)!r}"
-                raise _wrong("store", path, f"{reason}; give another path")
+                raise _invalid("store", path, f"{reason}; give another path")
             if (other := reports.setdefault(written, path)) != path:
                 reason = f"whose report would be written in the place of that of {str(other)!r}"
-                raise _wrong("store", path, f"{reason}; give another name")
+                raise _invalid("store", path, f"{reason}; give another name")
     for key, path in (("cache", cache), *(("store", path) for path in places.values())):
         place = resolve_path(path)
         outside = [place, *ancestors(place)][key == "store" :]
         if store := next((places[one] for one in outside if one in places), None):
-            raise _wrong(key, path, f"but must not be in the store {str(store)!r}")
+            raise _invalid(key, path, f"but must not be in the store {str(store)!r}")
 
 
 def is_store(place: PathOrUrl) -> bool:
     """Return whether a place is a zarr store or part of one."""
     with suppress(OSError):  # what cannot be told
-        return any(Objects(place).get(name) is not None for name in OF_ZARR)
+        return any(Objects(place).get(name) is not None for name in ZARR_FILES)
     return False
 
 
-def _wrong(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
+def _invalid(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
     return ConfigurationError(f"{key} is {str(path)!r}, {reason}")
 
 
-def _checked_place(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
+def _resolve_checked(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
     """Return the real place; refuse a name or a folder that cannot be, or what is in a store.
 
     That is the place itself, or the one that it is `inside`.
     """
     path = path_or_url(key, given)
-    place = _checked_path(key, given, path, inside=inside) if isinstance(path, Path) else path
+    place = _resolve_folder(key, given, path, inside=inside) if isinstance(path, Path) else path
     if store := next(filter(is_store, [place, *ancestors(place)][inside:]), None):
-        raise _wrong(key, given, f"but must not be in the store {str(store)!r}")
+        raise _invalid(key, given, f"but must not be in the store {str(store)!r}")
     return place
 
 
-def _checked_path(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> Path:
+def _resolve_folder(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> Path:
     """Return the real path; refuse an impossible name, or a folder that cannot be written."""
     try:
         place = Path(os.path.realpath(path))
         with suppress(FileNotFoundError, NotADirectoryError):
-            os.lstat(place.with_name(BESIDE.format(place.name)) if place.name else place)
+            os.lstat(place.with_name(LONGEST_NAME.format(place.name)) if place.name else place)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise _wrong(key, given, f"which cannot be used: {reason}") from error
+        raise _invalid(key, given, f"which cannot be used: {reason}") from error
     for link in (path, *path.parents):
         if link.is_symlink() and not link.exists():
-            raise _wrong(key, given, f"but {str(link)!r} is a link to nothing")
+            raise _invalid(key, given, f"but {str(link)!r} is a link to nothing")
     if not str(given) or not place.name:
-        raise _wrong(key, given, "but must be the name of a folder")
+        raise _invalid(key, given, "but must be the name of a folder")
     nearest = next(part for part in (place, *place.parents) if part.exists())
     if not nearest.is_dir():
-        raise _wrong(key, given, f"but {str(nearest)!r} is not a folder")
+        raise _invalid(key, given, f"but {str(nearest)!r} is not a folder")
     if inside and nearest == place:
         nearest = place.parent
     try:
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError as error:
         reason = f"but nothing can be written in {str(nearest)!r}: {error.strerror}"
-        raise _wrong(key, given, reason) from error
+        raise _invalid(key, given, reason) from error
     return place
