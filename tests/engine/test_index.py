@@ -130,7 +130,7 @@ def test_a_pack_that_says_something_else_has_no_cells(six, said):
     cells, size = index.size()
     assert cells == 6 and index.costs().keys() == {"render"}
     assert index.prune(0) == (6, size) and not six.sizes()
-    assert said == ["results in the cache are damaged, or of another version (files: 2)"]
+    assert said == ["2 files of results in the cache are damaged, or of another version"]
 
 
 @settings(max_examples=20, deadline=None)

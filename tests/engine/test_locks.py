@@ -21,9 +21,9 @@ import sys, time
 from pathlib import Path
 from sweeps.engine.store import locks
 
-locks.RENEWED = 0.1
+locks.RENEW_INTERVAL = 0.1
 place = sys.argv[1] if ":" in sys.argv[1] else Path(sys.argv[1])
-with locks.locked(place):
+with locks.store_lock(place):
     print("held", flush=True)
     time.sleep(600)
 """

@@ -323,7 +323,7 @@ def test_only_what_a_stage_declares_is_found(tmp_path, other):
         index.refresh()
         assert index.find(keys(1), SMALL).present.tolist() == [made is not other]
     [said] = said
-    assert said.startswith("1 results in the cache are not what their stage declares")
+    assert said.startswith("1 results in the cache differ from the declaration of their stage")
     outputs = [Output(name, one.ndim * ("x",), one.dtype.str) for name, one in other.items()]
     assert index.find(keys(1), outputs).present.all()
 

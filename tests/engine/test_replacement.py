@@ -179,14 +179,14 @@ import os, sys
 from pathlib import Path
 from small_stores import small
 
-from sweeps.engine.store.locks import locked
+from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.writing import write_store
 
 path = Path(sys.argv[1])
 for _ in sys.stdin:  # for each line a writer, until it is killed
     child = os.fork()
     if child == 0:
-        with locked(path):
+        with store_lock(path):
             while True:
                 for value in (1, 2):
                     write_store(path, small(value), {"value": value})
@@ -279,7 +279,7 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
             return values[rows][part]
 
         x = array(values[rows], chunks=(1, 3), read=region)
-        x.made_of = lambda part: repr(rows[part[0].start]).encode()
+        x.source_bytes = lambda part: repr(rows[part[0].start]).encode()
         return {"g": Group({"x": x})}, read
 
     everything = [0, 1, 2, 3]

@@ -144,7 +144,7 @@ def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
     whole = contents(tmp_path / "s.zarr")
     start(*GIVEN, "partial=true")  # has everything
     told = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
-    assert "s.zarr', which is not partial, and would lose what the cache has no longer" in told
+    assert "s.zarr', a complete store; partial=true would drop results" in told
     assert contents(tmp_path / "s.zarr") == whole
 
 

@@ -28,7 +28,7 @@ KEYS_AT_ONCE = 2**20  # keys that are looked up together
 
 
 class CellIndex:
-    """Packs of a cache, or of some of its rooms, by number; `say` is called with a warning."""
+    """Index of the packs of a cache, or of some of its folders; `say` is called with warnings."""
 
     def __init__(
         self, cells: Objects, say: Callable[[str], None], folders: Iterable[str] = ("",)
@@ -36,7 +36,7 @@ class CellIndex:
         self.cells, self._say = cells, say
         self.packs: list[Pack] = []
         self.paths: list[str] = []  # of all packs, by number
-        self._new: dict[int, Keys | None] = {}  # keys of packs not yet in what follows, if read
+        self._new: dict[int, Keys | None] = {}  # keys, if read, of packs that are not indexed yet
         # All cells, sorted by the first half of their key, the newest of equal ones last.
         self._locations = replace(NO_LOCATIONS, paths=self.paths)
         found = [one for part in cells.map(cells.sizes, folders) for one in part.items()]
@@ -46,7 +46,7 @@ class CellIndex:
             for pack, keys in pool.map(lambda one: read_pack(cells, *one), packs):
                 self.add(pack, keys)
         if lost := sum(not pack.cells for pack in self.packs):
-            say(f"results in the cache are damaged, or of another version (files: {lost:,})")
+            say(f"{lost:,} files of results in the cache are damaged, or of another version")
 
     def add(self, pack: Pack, keys: Keys | None = None) -> int:
         """Record a new pack; return its number. Its cells are found after the next `refresh`."""
@@ -57,7 +57,7 @@ class CellIndex:
         return number
 
     def refresh(self) -> None:
-        """Let `find` know the cells of packs that were added."""
+        """Index the cells of packs that were added."""
         if not self._new:
             return
         keys, packs, rows = [self._locations.keys], [self._locations.pack], [self._locations.row]
@@ -79,7 +79,7 @@ class CellIndex:
         self._locations = Locations(self.paths, of_pack, row, np.array(halves).T)
 
     def find(self, keys: Keys, outputs: Sequence[Output]) -> Locations:
-        """Return where the cells of some keys, (cell, 2), are: the newest of equal ones.
+        """Return the locations of keys, (cell, 2), in the newest pack that has them.
 
         A later one whose key has the same first half hides another: by chance once in 10^19 pairs.
         Those of a pack whose arrays are not as `outputs` declares them are damaged.
@@ -98,8 +98,8 @@ class CellIndex:
         if other:
             wrong = np.isin(pack, other)
             pack[wrong] = NO_PACK
-            lost = f"{int(wrong.sum()):,} results in the cache are not what their stage declares"
-            self._say(f"{lost}, and are computed again")
+            lost = f"{int(wrong.sum()):,} results in the cache differ from the declaration of"
+            self._say(f"{lost} their stage, and are computed again")
         return Locations(self.paths, pack, row, keys)
 
     def drop(self, keys: Keys) -> None:

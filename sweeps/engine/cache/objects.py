@@ -50,7 +50,7 @@ _NUMBER = re.compile(r"\(os error (\d+)\)")
 def open_store(
     path: PathOrUrl, *, make: bool = False, mode: int = PUBLIC_MODE, clean: bool = True
 ) -> ObjectStore:
-    """Return a place as obstore's; a folder that is not there is empty, or made if `make`.
+    """Return the obstore of a path; a missing folder is empty, or made if `make`.
 
     A folder that becomes empty is removed if `clean`: nobody else may be about to write there.
     """
@@ -75,11 +75,11 @@ def make_folder(path: Path, mode: int) -> None:
 
 @contextmanager
 def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
-    """Translate errors of obstore within this context into OSError with a message of one line.
+    """Translate obstore errors into OSErrors with a message of one line.
 
     Its number is the operating system's where that is known, else EIO, or UNREACHED of a bucket. A
     server's message is cut after its status, since it may repeat a key. FileNotFoundError is raised
-    of an absent object, or ENXIO of a `whole` place that is absent.
+    if the object is absent, and ENXIO if the `whole` path is.
     """
     try:
         yield
@@ -103,7 +103,7 @@ def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]
 
 @contextmanager
 def world_readable() -> Iterator[None]:
-    """Let others read what is written meanwhile, as far as the umask does, and never change it."""
+    """Create files that others may read, unless the umask forbids it, and never write."""
     before = os.umask(0o022)
     os.umask(before | 0o022)
     try:
@@ -114,9 +114,9 @@ def world_readable() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Objects:
-    """Objects of a place, by name. It is sent away as its place alone, of which a process has one.
+    """Objects of a folder or bucket, by name; pickled as its path, cached in each process.
 
-    Every method raises OSError if the place fails; only an object that is not there is absent.
+    Every method raises OSError if the path fails; an object is absent only if it is not there.
     """
 
     path: PathOrUrl
@@ -126,7 +126,7 @@ class Objects:
 
     @cached_property
     def store(self) -> ObjectStore:
-        """The place as obstore's."""
+        """The obstore of the path."""
         with translated_errors(self.path):
             return open_store(self.path, make=self.make, mode=self.mode, clean=self.clean)
 
@@ -142,12 +142,12 @@ class Objects:
             return None
 
     def put(self, name: str, content: bytes | Iterator[bytes]) -> None:
-        """Write an object: readers see it whole, or as it was before."""
+        """Write an object atomically."""
         with translated_errors(self.path, whole=True):
             self.store.put(name, content, use_multipart=False)
 
     def read_range(self, name: str, begin: int, end: int) -> memoryview:
-        """Return bytes of an object, as many as there are; FileNotFoundError if it is absent."""
+        """Return a range of bytes, cut at the end; FileNotFoundError if the object is absent."""
         if isinstance(self.path, Path):  # a sixth of obstore's time, which asks another thread
             with open(f"{self.path}/{name}", "rb", buffering=0) as file:
                 size = os.fstat(file.fileno()).st_size
@@ -166,9 +166,9 @@ class Objects:
             return None
 
     def put_if(self, name: str, content: bytes, version: Version | None) -> Version | None:
-        """Write an object of a bucket if it is still of a version, or absent if that is None.
+        """Write an object of a bucket if its version is unchanged; None means absent.
 
-        Returns its new version, or None if it is of another: of several at once, one succeeds.
+        Returns the new version, or None if the version differs: one of several writers succeeds.
         """
         mode: Any = version or "create"
         try:
@@ -186,7 +186,7 @@ class Objects:
             self.store.delete(name)
 
     def map(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
-        """Return what a function makes of each thing, several at once as they wait for answers."""
+        """Return a function of each item, called for several at once in threads."""
         with ThreadPoolExecutor(REQUESTS) as pool:
             return list(pool.map(function, given))
 
@@ -200,12 +200,12 @@ class Objects:
         return {name: one["size"] for name, one in self.list_objects(under).items()}
 
     def delete_unfinished(self) -> None:
-        """Delete the unfinished files of writers that were killed, in a folder."""
+        """Delete the unfinished files of killed writers in a folder."""
         for file in self.path.rglob("*#[0-9]*") if isinstance(self.path, Path) else ():
             file.unlink(missing_ok=True)
 
     def remove_empty_folders(self) -> None:
-        """Remove a folder, or those in it, if nothing is there."""
+        """Remove a folder and the folders in it, where they are empty."""
         for folder, *_ in os.walk(self.path, topdown=False):  # nothing of a URL
             with suppress(OSError):
                 os.rmdir(folder)

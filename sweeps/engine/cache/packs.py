@@ -48,13 +48,13 @@ MAX_GAP_BYTES, READ_BYTES = (
 CACHED_HEADS = 16  # of packs, that a process remembers
 CELLS_AT_ONCE = 4096  # cells that are read together
 
-# Errors of this process, machine or network, not of a file: what they hide is not damaged.
+# Errors of this process, machine or network: they do not mean that a file is damaged.
 RESOURCE_ERRORS = frozenset(
     {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE}
 )
 
 Buffer = Any
-"""Bytes, or what shows bytes."""
+"""Bytes-like object."""
 Cells = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 Numbers = NDArray[np.int32]
@@ -64,7 +64,7 @@ Kind = tuple[tuple[str, str, int], ...]
 
 @dataclass(frozen=True, eq=False)
 class Locations:
-    """Where cells are on disk: arrays of one shape, of which an index takes some.
+    """Locations of cells on disk: arrays of one shape, indexed together.
 
     Paths of packs; which of them has each cell, negative if none; its row there; and its key, on a
     further axis of two.
@@ -93,7 +93,7 @@ class Locations:
         return Locations(self.paths, pack, row, self.keys.reshape(*pack.shape, 2))
 
     def compact(self) -> Locations:
-        """Return the same with no further paths, to be sent away."""
+        """Return the locations without unused paths, for pickling."""
         numbers, pack = np.unique(self.pack, return_inverse=True)
         absent = int((numbers < 0).sum())
         pack = np.maximum(pack.reshape(self.pack.shape) - absent, NO_PACK)
@@ -121,7 +121,7 @@ def unseal(line: bytes) -> Any:
 
 
 def open_packs(cache: PathOrUrl, *, make: bool = True) -> Objects:
-    """Return the packs of a cache, a folder that is closed to others when it is made."""
+    """Return the packs of a cache; a new folder is private."""
     return Objects(join(cache, CELLS_FOLDER), make=make, mode=PRIVATE_MODE, clean=False)
 
 
@@ -185,7 +185,7 @@ class Head(NamedTuple):
         return cls(Pack(path, size, cells, stage, seconds, _kinds(described)), *of_cells)
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
-        """Return the arrays of a cell, in memory of its own, of its record; None if it differs."""
+        """Return the arrays of a record, copied; None if its digest differs."""
         if (
             _digest(DIGEST_BYTES, record)
             != self.checks[DIGEST_BYTES * row : DIGEST_BYTES * (row + 1)]
@@ -197,7 +197,7 @@ class Head(NamedTuple):
 
 @dataclass
 class PackWriter:
-    """A pack that is being made: the records of its cells so far."""
+    """Writer of a pack: collects the records of its cells."""
 
     layouts: dict[Any, int] = field(default_factory=dict)
     numbers: list[int] = field(default_factory=list)
@@ -225,7 +225,7 @@ class PackWriter:
     ) -> Pack:
         """Write the cells, whose keys are (cell, 2), as a new pack; OSError if that fails.
 
-        Others see all of it or none. `room` is the folder of the packs of a stage and its code.
+        The write is atomic. `folder` has the packs of one stage and code.
         """
         line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
         numbers = np.array(self.numbers, NUMBER).tobytes()
@@ -284,7 +284,7 @@ def _plain_dtype(code: str | np.dtype[Any]) -> np.dtype[Any]:
 
 @contextmanager
 def ignore_damage() -> Iterator[None]:
-    """Suppress errors of absent or damaged files, but not of a process that lacks something."""
+    """Suppress errors of absent or damaged files, but not a lack of resources."""
     try:
         yield
     except Exception as error:
@@ -292,7 +292,7 @@ def ignore_damage() -> Iterator[None]:
 
 
 def raise_resource_error(error: BaseException) -> None:
-    """Raise an error of the process or the machine, which says nothing about a file."""
+    """Raise an error again if it is a lack of resources, and not of a file."""
     if isinstance(error, MemoryError) or getattr(error, "errno", None) in RESOURCE_ERRORS:
         raise error
 
@@ -304,7 +304,7 @@ def _head(cells: Objects, path: str) -> Head:
 
 
 def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
-    """Return outputs of some cells, (cell,); ask each pack once for all of its own.
+    """Return the outputs of cells, (cell,), in one pass over each pack.
 
     None for a cell that is absent, is another than that of its key, or differs from its digest;
     no content of a pack makes it raise. Arrays are writable and share no element.
@@ -350,7 +350,7 @@ def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
 
 
 def iter_cells(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
-    """Yield what `read_cells` returns, of which some is in memory at once."""
+    """Yield the outputs of cells, as `read_cells` does, holding `CELLS_AT_ONCE` in memory."""
     for first in range(0, len(locations), CELLS_AT_ONCE):
         yield from read_cells(cells, locations[first : first + CELLS_AT_ONCE])
 
@@ -358,7 +358,7 @@ def iter_cells(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
 def _read_run(
     cells: Objects, path: str, head: Head, rows: Numbers, indices: Cells, found: list[Arrays | None]
 ) -> None:
-    """Read neighbours in a pack, by their ascending rows, to their places."""
+    """Read one range of a pack into `found`, for ascending rows."""
     if not len(rows):
         return
     first = int(head.begins[rows[0]])
@@ -369,7 +369,7 @@ def _read_run(
 
 
 def read_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
-    """Return what a pack says of itself, and its keys; no cells, if that cannot be read."""
+    """Return the description and keys of a pack; no cells if its head cannot be read."""
     with ignore_damage():
         head = _head.__wrapped__(cells, path) if _parse_path(path)[1] <= size else None
         if head is None or head.pack.size != size:

@@ -17,7 +17,7 @@ MAX_ARGUMENT, MAX_TRACEBACK = 200, 20_000  # characters of an argument; of a tra
 
 
 class Failure(NamedTuple):
-    """A cell or table that failed: its name, the reason in one line, and how it came about."""
+    """A failed cell or table: its name, the reason in one line, arguments and traceback."""
 
     name: str
     reason: str
@@ -38,7 +38,7 @@ def format_traceback(error: BaseException) -> str:
 
 
 def format_arguments(arguments: Mapping[str, Any]) -> str:
-    """Return arguments, a line each; of arrays, dtype and shape besides their first values."""
+    """Return a line for each argument; arrays with dtype, shape and first values."""
     lines = []
     for name, value in arguments.items():
         try:
@@ -53,9 +53,9 @@ def format_arguments(arguments: Mapping[str, Any]) -> str:
 
 
 class FailureLog:
-    """A file to which failures are appended; it exists once there is one.
+    """A log of failures, created with the first one.
 
-    A traceback that occurs again is only referred to. No error of the disk is raised.
+    A repeated traceback is only referred to. Errors of the disk are ignored.
     """
 
     def __init__(self, path: Path) -> None:

@@ -215,7 +215,7 @@ class Date(Kind):
         return datetime.fromisoformat(value) if isinstance(value, str) else value
 
     def as_input(self, values: tuple[Value, ...]) -> list[str]:
-        """Return what a user writes to get some values."""
+        """Return the input that gives some values."""
         return [str(value) if self.unit else value.isoformat() for value in values]
 
 

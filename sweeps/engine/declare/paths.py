@@ -1,4 +1,4 @@
-"""Places of stores and caches: folders, and URLs of buckets."""
+"""Paths of stores and caches: folders, and URLs of buckets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)+")
 def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
     """Return a setting's value as a path, or as a URL of a bucket without a slash at its end.
 
-    Raises ConfigurationError if it is a URL of another kind, which may also have a secret in it.
+    Raises ConfigurationError for other URLs, without the secrets that they may hold.
     """
     if not _URL.match(str(given)):
         return Path(given)
@@ -41,17 +41,17 @@ def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
 
 
 def join(path: PathOrUrl, name: str) -> PathOrUrl:
-    """Return a place in another one; a folder by its absolute path."""
+    """Return the path of a name in a folder or URL; of a folder, the absolute one."""
     return f"{path}/{name}" if isinstance(path, str) else path.absolute() / name
 
 
 def resolve_path(path: PathOrUrl) -> PathOrUrl:
-    """Return the absolute path without links: a store behind a link is written where it is."""
+    """Return the absolute path without symlinks; a URL stays."""
     return Path(os.path.realpath(path)) if isinstance(path, Path) else path
 
 
 def split_parent(path: PathOrUrl) -> tuple[PathOrUrl, str]:
-    """Return the folder or URL that a place is in, and its name there."""
+    """Return parent and name."""
     if isinstance(path, Path):
         return path.parent, path.name
     parent, _, name = path.rpartition("/")
@@ -59,7 +59,7 @@ def split_parent(path: PathOrUrl) -> tuple[PathOrUrl, str]:
 
 
 def ancestors(path: PathOrUrl) -> list[PathOrUrl]:
-    """Return all folders or URLs that a place is in, the nearest first."""
+    """Return all parents, the nearest first."""
     if isinstance(path, Path):
         return list(path.parents)
     bucket, *names = path.removeprefix(scheme := path.partition("//")[0] + "//").split("/")
@@ -68,15 +68,15 @@ def ancestors(path: PathOrUrl) -> list[PathOrUrl]:
 
 
 def path_beside(path: PathOrUrl) -> Path:
-    """Return the path beside which files about a place are written.
+    """Return the local path beside which logs and reports are written.
 
-    Of a bucket, which has no folders, it is its name in the working folder.
+    Of a URL, it is the name in the working folder.
     """
     return path if isinstance(path, Path) else Path.cwd() / split_parent(path)[1]
 
 
 def is_private(folder: Path) -> bool:
-    """Return whether a folder is this user's, and no other may write to it, or there is none."""
+    """Return whether only this user may write to a folder, or it does not exist."""
     with suppress(FileNotFoundError):
         status = os.stat(folder)
         return status.st_uid == os.geteuid() and not status.st_mode & WRITABLE_BY_OTHERS

@@ -38,10 +38,8 @@ from sweeps.engine.declare.kinds import (
 )
 
 CACHE = "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
-DIMENSION, COORDINATE = "dimension", "coordinate"  # what a setting of one value may be in a store
-AFFECTS_NO_RESULT = (
-    "no result depends on it"  # why a setting of where or how to run takes one value
-)
+DIMENSION, COORDINATE = "dimension", "coordinate"  # roles in a store of a setting of one value
+AFFECTS_NO_RESULT = "no result depends on it"  # why such a setting takes one value
 
 
 class Unit(str):
@@ -67,7 +65,7 @@ class Setting:
     default: Any
     label: str
     unit: str = "1"
-    help: str = ""  # further information for users
+    help: str = ""  # more in `--settings` than the label
     dimension: str = ""  # its name in stores; by default the last word of its key
     # Why it takes one value only; empty if several make it an axis. None: as its class, or empty.
     fixed: str | None = None
@@ -111,11 +109,11 @@ class Setting:
 
     @property
     def message_name(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return self.key
 
     def override(self, values: Iterable[Value]) -> str:
-        """Return how a user gives it some values."""
+        """Return the override that gives it some values."""
         return f"{self.key}=[{','.join(map(format_value, values))}]"
 
     @property
@@ -266,13 +264,13 @@ ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)
 
 @dataclass(frozen=True)
 class Joint:
-    """Joint axis of several settings: their keys, and a value of each at every place."""
+    """Joint axis of several settings: their keys, and the values of all at each position."""
 
     name: str
     keys: tuple[str, ...]
     points: tuple[tuple[Value, ...], ...]
-    labels: tuple[str, ...] | None = None  # of the places, where they have names
-    unlabelled: bool = False  # whether the values of the settings are its only coordinates
+    labels: tuple[str, ...] | None = None  # of the positions, if they have names
+    unlabelled: bool = False  # has the settings' values as its only coordinates
 
 
 @dataclass(frozen=True)
@@ -291,7 +289,7 @@ class Choices:
 
     @property
     def variables(self) -> dict[str, str]:
-        """Environment variables that hold while anything of a sweep is called, also on workers."""
+        """Environment variables of a sweep's calls, also on workers."""
         folder = self.one(Run.cache)
         return {CACHE: os.path.abspath(folder)} if folder and "://" not in folder else {}
 
@@ -305,7 +303,7 @@ class Choices:
         return replace(self, values={**self.values, setting.key: values})
 
     def points(self, keys: Sequence[str]) -> Iterator[tuple[Value, ...]]:
-        """Yield the values of some settings, by key, at all places of the axes."""
+        """Yield the values of some settings, by key, at all points of their axes."""
         joint = [one for one in self.joint if not set(one.keys).isdisjoint(keys)]
         axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
         together = {key for one in joint for key in one.keys}
@@ -339,7 +337,7 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
 
 
 def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return values by name of a mapping that is one value of a setting, checked as settings are.
+    """Return the checked entries of a mapping that is one value of a setting.
 
     `entries` are its keys; those without a default are required.
 
@@ -361,7 +359,7 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
 
 
 def nested(by_key: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is given by key by the words of the keys, group within group."""
+    """Return nested mappings of values by key, split at the dots."""
     tree: dict[str, Any] = {}
     for key, value in by_key.items():
         *groups, last = key.split(".")

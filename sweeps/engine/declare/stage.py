@@ -62,9 +62,9 @@ RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", 
 class Output:
     """One array that a stage returns for every cell: a variable of the store with own dimensions.
 
-    An own dimension that is named like that of a gathered setting has its values as coordinate.
-    If the stage has an output `first_row`, a whole number, a cell's array begins there on the
-    dimension `row` of other outputs, whose label and unit it has.
+    A dimension with the name of a gathered setting has its values as coordinate. If the stage has
+    an output `first_row`, a whole number, the arrays of a cell begin there on the dimension `row`,
+    which has its label and unit.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Output:
 
     @property
     def identity(self) -> tuple[Any, ...]:
-        """What counts of it in the keys of results."""
+        """Its part of the keys of results."""
         return self.name, self.dtype, repr(self.fill_value)
 
     @property
@@ -128,11 +128,11 @@ class Status:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """A group of the store, and what its stages have in common."""
+    """A group of the store, and the defaults of its stages."""
 
     path: str
     when: Condition = always  # whether a configuration has it at all
-    uses: tuple[type[Settings], ...] = ()  # of stages that do not say what they use
+    uses: tuple[type[Settings], ...] = ()  # of stages without `uses`
     dims: tuple[str, ...] = ()  # their order; those not named come first
     status: Status | None = None  # None: every stage has a status of its own
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
@@ -171,7 +171,7 @@ class Stream:
 
     settings: tuple[Setting, ...]
     name: str = ""  # by default the stage's
-    optional: tuple[Setting, ...] = ()  # further ones, which do not count at their first value
+    optional: tuple[Setting, ...] = ()  # do not count at their first value
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,24 +237,24 @@ class Stage:
         return named + tuple(name for name in self.reads if takes_any and name not in named)
 
     def origin(self, output: Output) -> dict[str, Output]:
-        """Return the outputs at which the arrays of another begin, by dimension."""
+        """Return by dimension the outputs that say where the arrays of `output` begin."""
         firsts = {one.name: one for one in self.outputs if not one.dims}
         named = {dim: firsts.get(f"{FIRST}{dim}") for dim in output.dims}
         return {dim: first for dim, first in named.items() if first is not None}
 
     def has_fixed_shape(self, output: Output) -> bool:
-        """Return whether the store needs arrays of one shape in all cells."""
+        """Return whether arrays must have one shape in all cells."""
         padded = output.pad is not None or self.origin(output)
         return output.is_stored and bool(output.dims) and not padded
 
     @property
     def substitutions(self) -> dict[Setting, Setting]:
-        """Return settings of whose inputs the values are others'."""
+        """Return settings that inputs take at the values of other settings."""
         elsewhere = (read.settings for read in self.reads.values() if isinstance(read, At))
         return {one: other for settings in elsewhere for one, other in settings.items()}
 
     def store_group(self, output: Output) -> str:
-        """Return the group of the store that has one of its outputs; empty if none has."""
+        """Return the store's group of an output; empty if it is not stored."""
         status = self.group.status
         if output.role == STATE and status is not None:
             return status.name.partition(":")[0]
@@ -262,12 +262,12 @@ class Stage:
 
     @property
     def is_cached(self) -> bool:
-        """Return whether results are kept on disk."""
+        """Whether results are cached on disk."""
         return self.keep == UNLIMITED
 
     @property
     def is_plain(self) -> bool:
-        """Return whether it is called while planning."""
+        """Whether it is called while planning."""
         return self.keep == 0
 
     def check_value(self, value: Value) -> Value:
@@ -278,7 +278,7 @@ class Stage:
             elif type(one).__repr__ is object.__repr__ and not hasattr(one, "identity"):
                 raise DeclarationError(
                     f"stage {self.name} returned {type(one).__name__!r}, but a plain stage must "
-                    "return a number, text, null or tuple of them, or what has an identity"
+                    "return a number, text, null, a tuple of them, or a value with an identity"
                 )
         return value
 
@@ -301,7 +301,7 @@ def plain(**how: Any) -> Declare:
 
 
 def in_memory(*, keep: int = 2, **how: Any) -> Declare:
-    """Declare a function of whose results the last `keep` stay in memory only; see `Stage`."""
+    """Declare a function whose last `keep` results stay in memory only; see `Stage`."""
     return stage(keep=keep, **how)
 
 
@@ -489,7 +489,7 @@ def _bind_stage(
 
 
 def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundStage]) -> str:
-    """Return the sentence that a stage gathers axes on which nothing of it depends."""
+    """Return the message that no input of a stage depends on some axes that it takes whole."""
     listed = ", ".join(sorted(keys))
     upstream = (one for source in inputs for one in (source, *source.inputs) if one.random)
     random_name = next((one.name for one in upstream), "")
@@ -501,7 +501,7 @@ def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundSt
 
 
 def value_token(value: Value) -> str:
-    """Return the text of a value in a key: equal for equal values only."""
+    """Return the text of a value in a key, different for different values."""
     identity = getattr(value, "identity", None)
     return repr(value) if identity is None else f"={identity!r}"
 
@@ -510,9 +510,9 @@ def value_token(value: Value) -> str:
 
 
 def find_mistakes(experiment: Experiment) -> Iterator[str]:
-    """Yield what is wrong in the declarations of an experiment; `bind` raises what else there is.
+    """Yield the mistakes in the declarations of an experiment; `bind` raises the others.
 
-    Each may be a consequence of those before it.
+    A mistake may follow from an earlier one.
     """
     settings, stages = experiment.declared, experiment.stages
     keys = [one.key for one in settings]
@@ -541,7 +541,7 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
 
 
 def _name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> Iterator[str]:
-    """Yield outputs and own dimensions that are named like something else in their group."""
+    """Yield clashes of the names of outputs and dimensions in a group."""
     in_stores = {s.key: s for s in settings if s.single or not s.fixed}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
     stored = [

@@ -1,4 +1,4 @@
-"""Dtypes and attributes that a store can hold, and every reader of zarr or NetCDF opens."""
+"""Dtypes and attributes that every reader of zarr or NetCDF opens."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def encode_attributes(
     """Return attributes as texts, numbers and lists of numbers; all others as JSON text.
 
     NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
-    TypeError if JSON has no text of a value.
+    TypeError if JSON cannot hold a value.
     """
     texts = {
         name: json.dumps(value, ensure_ascii=False, default=_from_numpy)
@@ -31,7 +31,7 @@ def encode_attributes(
 
 
 def decode_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return plain attributes with mappings and lists read from their JSON text."""
+    """Return attributes with mappings and lists decoded from JSON."""
     found = dict(attributes)
     for name, value in found.items():
         if isinstance(value, str) and value.startswith(("{", "[")):

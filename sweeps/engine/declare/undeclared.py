@@ -1,7 +1,7 @@
-"""Results of a function that declares no outputs: found in what it returns, call by call.
+"""Outputs of a function that declares none, inferred from its results.
 
-What is known of a result besides its values, dimensions and attributes, is kept with it as JSON:
-the name of an empty array, which a pack has once for all cells that are alike.
+Dimensions and attributes of a result are stored as JSON in the name of an empty array, which a pack
+has once for all cells of equal layout.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
 
 @dataclass(frozen=True)
 class Undeclared(Output):
-    """What a function returns that declares nothing; a single variable has this name."""
+    """Undeclared results of a function; a single variable has this name."""
 
     pad: complex | str | None = np.nan
     infer_dtype: bool = True  # the dtype is that of each variable, of numbers f8 or c16
@@ -82,9 +82,9 @@ class Variable(NamedTuple):
 
 
 def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], str]:
-    """Return each variable of a result, declared, with its values; and what else is known of them.
+    """Return the variables of a result with their values, and the JSON of their attributes.
 
-    Raises TypeError, in a sentence, of names that cannot be.
+    Raises TypeError, in a sentence, for impossible names.
     """
     declared: list[tuple[Output, Any]] = []
     about: dict[str, Any] = {}
@@ -96,7 +96,7 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
         key = (name, one.dims, one.coordinate, values.dtype, values.ndim)
         if (variable := output.variables.get(key)) is None:
             variable = output.variables[key] = _declared(output, *key)
-        # What only `_array` knows of is not passed on, such as a mask.
+        # Only times and texts are converted: others may have a mask.
         declared.append((variable, values if values.dtype.kind in "MU" else one.values))
         if variable.dims or one.attrs or one.coordinate:
             attrs = encode_attributes(
@@ -114,7 +114,7 @@ def _declared(
     dtype: np.dtype[Any],
     ndim: int,
 ) -> Output:
-    """Return a variable of a name, with dimensions if it has them, dtype and number of these."""
+    """Return the output of a variable."""
     what = f"{output.name} returned the variable {name!r}"
     if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
         raise TypeError(f"{what}, but a name is a text without '/' that begins with a letter")
@@ -136,7 +136,7 @@ def _declared(
 def _variables(
     name: Any, names: Sequence[str], found: Any, about: str
 ) -> Iterator[tuple[Any, Variable]]:
-    """Yield what a result consists of, by name; `names` are those of the elements of a tuple."""
+    """Yield the variables of a result by name; `names` are those of a tuple's elements."""
     if hasattr(found, "to_xarray"):  # a frame or series of pandas
         found = found.to_xarray()
     if hasattr(found, "coords") and not hasattr(found, "data_vars"):  # a data array
@@ -180,7 +180,7 @@ def _array(what: str, given: Any) -> NDArray[Any]:
 
 
 def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
-    """Return all variables of some results, by the layouts of these; the first names attributes.
+    """Infer outputs from the layouts of results; attributes are those of the first.
 
     Raises DeclarationError if results of a variable do not fit together.
     """
@@ -238,10 +238,7 @@ def _dtype_kind(dtype: np.dtype[Any]) -> str:
 def longest_arrays(
     cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]
 ) -> dict[str, Any]:
-    """Return by name the longest array of some cells, of which all others are the beginning.
-
-    None where they are not.
-    """
+    """Return by name the longest array of cells, or None unless all others are its beginning."""
     found: dict[str, Any] = {}
     for arrays in cells:
         for name in arrays.keys() & set(names):

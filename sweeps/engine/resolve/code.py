@@ -1,4 +1,4 @@
-"""What a function's result depends on, as hashes by name: its code, and the values that it holds.
+"""Digest of a function: hashes, by name, of its code and of the values that it holds.
 
 1. If a `version` is given, that alone.
 2. Of a function of a stage's file, a script or a notebook, or made at run time: its instructions,
@@ -8,7 +8,7 @@
 3. Of a module of the packages in `Experiment.code`, or of no distribution: its syntax tree without
    docstrings, comments and what is only for types, and that of all modules that it imports. Of
    other modules: the version of the distribution. Python's own, and the engine, do not count.
-4. What has no content to compare, such as an open file or a lock, is refused.
+4. A value without content to compare, such as an open file or a lock, is refused.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ from sweeps.engine.resolve.modules import (
 
 MAIN = "__main__"
 DISPLAY_FIELDS = {"help", "label"}  # of settings: they are only shown
-# A function that names one of these may reach anything in its file.
+# A function that names one of these may use any global of its file.
 DYNAMIC_NAMES = {"eval", "exec", "globals", "modules", "__globals__", "__subclasses__"}
 REMEDY = "or give version='1', which counts instead of the code, and change it with the function"
 
 
 class CodeDigest(NamedTuple):
-    """Hash of what a function depends on, with its parts by name and the libraries among them."""
+    """Digest of a function, with its parts and its libraries by name."""
 
     digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
     parts: Mapping[str, str]
@@ -57,7 +57,7 @@ class CodeDigest(NamedTuple):
 
 
 class Code:
-    """What functions depend on.
+    """Digests of functions.
 
     Parameters
     ----------
@@ -65,16 +65,16 @@ class Code:
         Packages and modules, by dotted names, whose sources (and shaders) count, with all below
         them but the engine.
     homes : frozenset of str
-        Modules whose functions, classes and values count one by one: those of stages.
+        Modules of stages, whose functions, classes and values count one by one.
     """
 
     def __init__(self, roots: frozenset[str], homes: frozenset[str] = frozenset()) -> None:
         self.modules, self.homes = Modules(roots), homes | {MAIN}
 
     def digest(self, function: Callable[..., Any], version: str = "") -> CodeDigest:
-        """Return the hash of what a function depends on, or of a version instead.
+        """Return the digest of a function, or of a version instead of its code.
 
-        Raises ConfigurationError if it holds what has no content to compare.
+        Raises ConfigurationError if it holds a value without content to compare.
         """
         if version:
             return CodeDigest(
@@ -104,7 +104,7 @@ _FLAGS = 0x3FF  # flags of code: kinds of arguments and of functions
 
 @cache
 def _scan(code: CodeType) -> _Scan:
-    """Return what code does, without docstrings and lines."""
+    """Return the instructions of code, without docstrings and line numbers."""
     counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount)
     names = (code.co_varnames, code.co_cellvars, code.co_freevars)
     lines = [repr((counts, names, code.co_flags & _FLAGS, code.co_exceptiontable))]
@@ -149,7 +149,7 @@ _DESCRIPTOR_PARTS = ("fget", "fset", "fdel", "__func__", "func")
 
 
 class _Walk:
-    """The parts of what one function depends on: hashes by name, and libraries."""
+    """Walk over all that one function depends on: hashes by name, and libraries."""
 
     def __init__(self, code: Code, root: Callable[..., Any]) -> None:
         module, name = module_and_name(root)
@@ -161,7 +161,7 @@ class _Walk:
         self._waiting: list[tuple[str, Any]] = []  # functions and classes
         self._tokens: dict[int, str] = {}
         self._open: list[int] = []
-        self._references: list[Any] = []  # what ids stand for
+        self._references: list[Any] = []  # objects whose ids are known
         self.root = self._variable(name, root)
         for label, one in self._waiting:  # which grows
             part = self._class(label, one) if isinstance(one, type) else self._function(label, one)
@@ -178,7 +178,7 @@ class _Walk:
         return self._labels[id(one)]
 
     def _variable(self, name: str, value: Any) -> str:
-        """Return what a variable refers to; if that is a value, the name of its part."""
+        """Return the token of a variable; if it holds a value, the name of its part."""
         self._name, self._value = name, value
         token = self.token(value)
         if not isinstance(value, _REFERENCED):
@@ -186,7 +186,7 @@ class _Walk:
         return token
 
     def _function(self, label: str, function: FunctionType) -> Any:
-        """Return the code of a function, and what its variables refer to."""
+        """Return the code of a function, and the tokens of its variables."""
         code, space = function.__code__, function.__globals__
         module = _module_of(function)
         if module == "functools" and hasattr(function, "registry"):  # one for each type
@@ -232,7 +232,7 @@ class _Walk:
         return self.token((type(one), *one.__bases__)), self.token(own)
 
     def _add_file(self, label: str, space: Mapping[str, Any]) -> None:
-        """Count all of the file of a function that may reach anything there."""
+        """Add the whole file of a function that may use any of its globals."""
         name, file = space.get("__name__", MAIN), Path(space.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
             what = f"{label} uses eval or the like, and is in no file"
@@ -259,7 +259,7 @@ class _Walk:
             waiting += self._modules.imports(one)
 
     def _is_in_module(self, one: FunctionType | type, module: str) -> bool:
-        """Return whether a function or class counts by its module."""
+        """Return whether a function or class counts as part of its module."""
         if module in self._homes or module not in sys.modules:
             return False
         if isinstance(one, FunctionType):
@@ -305,7 +305,7 @@ class _Walk:
         return self._tokens[id(value)]
 
     def _content(self, value: Any) -> Any:
-        """Return tokens of what a value consists of; any error if it has no content."""
+        """Return the tokens of a value's parts; raise any error if it has none."""
         kind = type(value)
         if kind in (list, tuple):
             return [*map(self.token, value)]
@@ -346,7 +346,7 @@ class _Walk:
 
 
 def find_attribute(module: str, name: str) -> Any:
-    """Return what a module has by a dotted name, if it is imported; None if there is none."""
+    """Return an attribute of an imported module by its dotted name; None if it is absent."""
     one: Any = sys.modules.get(module)
     for part in name.split("."):
         one = getattr(one, part, None)

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 Keys = NDArray[np.uint64]  # (..., 2)
 
 HASH_BYTES = 16
-# Part of the keys of results that draw. Raise it with any change of what a stream draws: of
-# `cell_rng` or `Plan.stream`.
+# Part of the keys of random results. Raise it with any change of `cell_rng` or `Plan.stream`.
 STREAM_VERSION = 1
 
 
@@ -34,7 +33,7 @@ def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:
 
 
 def fold(keys: Keys, words: Keys) -> None:
-    """Mix further hashes into keys, in place; the order of what is mixed in counts.
+    """Mix hashes into keys, in place; the order of calls matters.
 
     Each half of a key, a number of 64 bits, is mixed on its own: it is multiplied by the increment
     of SplitMix64, so that key and hash do not count alike, joined with that of the hash by
@@ -45,9 +44,9 @@ def fold(keys: Keys, words: Keys) -> None:
     Parameters
     ----------
     keys : (cell, 2) ndarray
-        What is changed.
+        Keys that are changed.
     words : (cell, 2) or (2,) ndarray
-        What is mixed in.
+        Hashes that are mixed in.
     """
     keys *= np.uint64(0x9E3779B97F4A7C15)
     keys ^= words
@@ -59,7 +58,7 @@ def fold(keys: Keys, words: Keys) -> None:
 
 
 def unique_keys(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return where each distinct key occurs first, in that order, and the number of every key's.
+    """Factorise keys: the index of each distinct key's first occurrence, and each key's number.
 
     Parameters
     ----------

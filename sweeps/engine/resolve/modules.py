@@ -1,6 +1,6 @@
-"""Modules as they count in keys: by their source with all that they import, or by their version.
+"""Modules as part of keys: by their source and imports, or by their version.
 
-Nothing is imported to find them out.
+No module is imported for it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def sha256(data: bytes | str) -> str:
 
 
 class Module(NamedTuple):
-    """Hash of a module's syntax tree, what it imports, and whether it imports on demand."""
+    """Hash of a module's syntax tree, its imports, and whether it imports on demand."""
 
     digest: str
     imports: list[Reference]
@@ -48,7 +48,7 @@ class Module(NamedTuple):
 
 
 def _parse(source: bytes, package: str) -> Module:
-    """Return a module by its source; what is not Python's, such as compiled C, counts as it is."""
+    """Parse the source of a module; of compiled files, hash the bytes."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
@@ -73,7 +73,7 @@ def _is_constant(node: ast.AST) -> bool:
 
 
 def _imports(tree: ast.Module, package: str) -> Iterator[Reference]:
-    """Yield what a module imports anywhere, also by `import_module` of a text."""
+    """Yield the imports of a module, including `import_module` of a constant."""
     for node in ast.walk(tree):
         match node:
             case ast.Import():
@@ -95,9 +95,9 @@ def absolute_name(name: str, package: str) -> str:
 
 @cache
 def _cached_modules() -> dict[str, Any]:
-    """Return modules by the hash of their source, of which parsing takes long, from the cache.
+    """Return the parsed modules of the cache by the hash of their source: parsing takes long.
 
-    Nothing if the file is missing, damaged, or another user may write to its folder.
+    Empty if the file is missing or damaged, or another user may write to its folder.
     """
     with suppress(OSError, TypeError, ValueError):
         if is_private(CACHE):
@@ -109,7 +109,7 @@ _new: dict[str, Module] = {}
 
 
 def save_parsed_modules() -> None:
-    """Write modules that were parsed in this process to the user's cache."""
+    """Add the modules that this process parsed to the user's cache."""
     if _new:
         _cached_modules().update(_new)
         _new.clear()
@@ -122,7 +122,7 @@ def save_parsed_modules() -> None:
 
 @cache
 def _parser_digest() -> str:
-    """Return a hash of what decides how a module is parsed: this file, and Python."""
+    """Return a hash of the parser: this file, and Python's version."""
     return sha256(sys.version.encode() + Path(__file__).read_bytes())
 
 
@@ -225,7 +225,7 @@ class Modules:
         return {*filter(self.is_source, found)}
 
     def _imports(self, name: str) -> set[str]:
-        """Return what a module imports."""
+        """Return all sources and libraries that a module imports."""
         module = self.module(name)
         return set().union(*(self.loaded_with(*one) for one in module.imports)) if module else set()
 

@@ -121,7 +121,7 @@ def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
 
 
 def clear_before_set(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
-    """Return overrides with which a value may replace a configured one of another form.
+    """Return overrides that clear a setting before they set it.
 
     OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
     in a list's, so a setting is emptied before it is set: `spring.mass=[0,45]` becomes
@@ -138,7 +138,7 @@ def clear_before_set(experiment: Experiment, overrides: Sequence[str]) -> list[s
 
 
 def error_message(error: BaseException | None) -> str:
-    """Return the message of an error, and those of its causes, in one line."""
+    """Return the messages of an error and its causes in one line."""
     words = []
     while error is not None:
         if isinstance(error, OmegaConfBaseException):  # whose other lines name its classes
@@ -349,13 +349,13 @@ def _as_steps(swept: RangeSweep) -> str:
 
 
 def shell_quoted(text: str) -> str:
-    """Return a word as it is pasted into a shell, in quotes if it needs them."""
+    """Quote a word for a shell, if it needs quotes."""
     plain_inside = "'" in text and not set(text) & set('$`"!\\')
     return f'"{text}"' if plain_inside else shlex.quote(text)
 
 
 def _hydra_quoted(text: str) -> str:
-    """Return a text as Hydra reads it back."""
+    """Quote a text for Hydra."""
     mark = '"' if "'" in text and '"' not in text else "'"
     # It halves backslashes before such a mark, also before that at the end.
     text = re.sub(rf"(\\*){mark}", rf"\1\1\\{mark}", text)
@@ -492,7 +492,7 @@ SEPARATE_STORES = "put it into the store's path for a store each"
 
 
 def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
-    """Return choices and the place of the store of each sweep that jobs are fused into.
+    """Fuse jobs of one store into one sweep; return the choices and store of each.
 
     Raises
     ------
@@ -535,7 +535,7 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
 
 
 def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
-    """Refuse values of different origin with the same name, which one store cannot distinguish."""
+    """Refuse equal names of values that differ in origin."""
     origins = {(value, getattr(value, "origin", None)) for value in values}
     counts = Counter(value for value, _ in origins)
     if twice := [value for value, count in counts.items() if count > 1]:
@@ -581,7 +581,7 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
 
 
 def _is_decided_by(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
-    """Return whether the value swept under a key alone decides that of a setting."""
+    """Return whether the value swept under a key determines the value of a setting."""
     decided: dict[str | None, Point] = {}
     for job in jobs:
         values = job.choices[setting]

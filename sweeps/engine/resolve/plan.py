@@ -1,7 +1,7 @@
 """The cells of a sweep: axes of every stage, its cells by number, and their keys.
 
-Cells of a stage are numbered over its axes of several values, the last axis fastest. Which cells of
-an input they take, and what these are called, is arithmetic with whole arrays of such numbers.
+Cells of a stage are numbered over its swept axes, the last axis fastest. The cells of an input that
+they take follow by arithmetic with arrays of such numbers.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from sweeps.engine.resolve.modules import save_parsed_modules
 Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
 
 KEYS_AT_ONCE = 2**18  # cells whose keys are made together
-NOT_CALLED = object()  # in place of the result of a plain stage that was not called yet
+NOT_CALLED = object()  # instead of the result of a plain stage
 
 
 @dataclass(frozen=True)
@@ -36,23 +36,23 @@ class Axis:
 
     name: str
     settings: tuple[Setting, ...]
-    points: tuple[tuple[Value, ...], ...]  # a value of each setting, for every place
-    labels: tuple[str, ...] | None = None  # of the places, where settings run together
+    points: tuple[tuple[Value, ...], ...]  # the values of all settings, by position
+    labels: tuple[str, ...] | None = None  # of the positions of a joint axis
     unlabelled: bool = False  # see `Joint`
 
     @property
     def is_swept(self) -> bool:
-        """Whether it has more than one place."""
+        """Whether it has several values."""
         return len(self.points) > 1
 
     @property
     def is_joint(self) -> bool:
-        """Return whether it is a joint dimension, with values of its settings along it."""
+        """Whether several settings run along it, or its positions have labels."""
         return self.labels is not None or len(self.settings) > 1
 
 
 def make_axes(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
-    """Return every axis; a joint one takes the place of the first of its settings."""
+    """Return every axis; a joint axis stands where the first of its settings does."""
     by_key = {setting.key: setting for setting in settings}
     axes = {one.key: Axis(one.name, (one,), tuple((v,) for v in choices[one])) for one in settings}
     for joint in choices.joint:
@@ -65,9 +65,8 @@ def make_axes(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]
 class InputCells(NamedTuple):
     """Cells of an input that the cells of a stage take.
 
-    `first` has one for each cell of the stage, (cell,). `offsets`, (gathered axis, ...), is what to
-    add to it for every place on those gathered axes that the input has, in the order of
-    `Stage.gather`.
+    `first` has one for each cell of the stage, (cell,). `offsets`, (gathered axis, ...), leads from
+    it to the other positions on the gathered axes of the input, in the order of `Stage.gather`.
     """
 
     source: BoundStage
@@ -75,12 +74,12 @@ class InputCells(NamedTuple):
     offsets: Cells
 
     def select(self, cells: Cells) -> Cells:
-        """Return the cells taken by distinct ones among some cells, (distinct, taken)."""
+        """Return the input cells of some cells, without repetition, (distinct, taken)."""
         return np.unique(self.first[cells])[:, None] + self.offsets.ravel()
 
 
 class Plan:
-    """Plan of a sweep: stages, their cells and the keys of these."""
+    """Plan of a sweep: stages, cells and keys."""
 
     def __init__(self, experiment: Experiment, choices: Choices) -> None:
         self.experiment = experiment
@@ -104,7 +103,7 @@ class Plan:
         self.bound = {name: bound for name, bound in self._all_stages.items() if bound in wanted}
         self._strides = {bound: self._axis_strides(bound) for bound in self.bound.values()}
         self.along_strides = {bound: self._along_strides(bound) for bound in self.bound.values()}
-        # What follows is filled as it is needed.
+        # Filled on demand.
         self._input_cells: dict[BoundStage, dict[BoundStage, InputCells]] = {}
         self._keys: dict[BoundStage, Keys] = {}
         self._fingerprints: dict[BoundStage, str] = {}
@@ -115,7 +114,7 @@ class Plan:
                 self.input_cells(bound)  # which may refuse it
 
     def unused_settings(self, keys: Iterable[str]) -> list[str]:
-        """Return which of some keys the experiment's stages read, but none of this plan does."""
+        """Return the keys that stages of the experiment read, but none of this plan."""
         read, known = _setting_keys(self.bound.values()), _setting_keys(self._all_stages.values())
         recorder = Choices(self.choices.values, self.choices.joint)
         for group in {bound.stage.group for bound in self._all_stages.values()}:
@@ -149,7 +148,7 @@ class Plan:
         return tuple(self._strides[bound])
 
     def _along_strides(self, bound: BoundStage) -> dict[int, int]:
-        """Return axes that a stage computes together: number, and stride of its cells along it."""
+        """Return the strides of the axes that a stage computes together, by number."""
         return {
             number: stride
             for number, stride in self._strides[bound].items()
@@ -158,14 +157,14 @@ class Plan:
         }
 
     def _axis_strides(self, bound: BoundStage) -> dict[int, int]:
-        """Return by axis of several values how far apart the cells of neighbouring places are."""
+        """Return the stride of a stage's cells along each swept axis."""
         numbers = sorted({self.axis_number(key) for key in bound.needs})
         several = [number for number in numbers if self.axes[number].is_swept]
         lengths = [len(self.axes[number].points) for number in several]
         return {number: prod(lengths[at + 1 :]) for at, number in enumerate(several)}
 
     def _check_joint(self, bound: BoundStage) -> None:
-        """Refuse settings that run together with others, but are gathered."""
+        """Refuse gathered settings that run together with others."""
         for axis in (self.axes[self.axis_number(key)] for key in bound.gather):
             if axis.is_swept and axis.is_joint and not bound.stage.is_plain:
                 raise ConfigurationError(
@@ -184,12 +183,12 @@ class Plan:
         return np.arange(self.count(bound))
 
     def positions(self, bound: BoundStage, number: int, cells: Cells | int) -> Any:
-        """Return the places of some cells of a stage on an axis; 0 if it does not depend on it."""
+        """Return the positions of cells on an axis; 0 if their stage does not depend on it."""
         stride = self._strides[bound].get(number)
         return 0 * cells if stride is None else cells // stride % len(self.axes[number].points)
 
     def first_cells(self, bound: BoundStage, cells: Cells) -> Cells:
-        """Return cells at the first place of all axes computed together."""
+        """Return the cells at the first position of all axes computed together."""
         for number, stride in self.along_strides[bound].items():
             cells = cells - stride * self.positions(bound, number, cells)
         return cells
@@ -200,7 +199,7 @@ class Plan:
         return self.axes[number].points[self.positions(bound, number, cell)][position]
 
     def cell_name(self, bound: BoundStage, cell: int) -> str:
-        """Return a cell in words: name=value for every axis of several values."""
+        """Return the name of a cell: its stage, and name=value for every swept axis."""
         words = [bound.name]
         for number in self._strides[bound]:
             axis, position = self.axes[number], self.positions(bound, number, cell)
@@ -220,7 +219,7 @@ class Plan:
     # inputs ---------------------------------------------------------------------------------
 
     def input_cells(self, bound: BoundStage) -> dict[BoundStage, InputCells]:
-        """Return which cells of each of its inputs the cells of a stage take."""
+        """Return by input the cells that the cells of a stage take."""
         if bound not in self._input_cells:
             sources = dict.fromkeys(bound.inputs)
             self._input_cells[bound] = {
@@ -229,7 +228,7 @@ class Plan:
         return self._input_cells[bound]
 
     def computed_inputs(self, bound: BoundStage) -> list[InputCells]:
-        """Return what a stage takes of its inputs that are cells."""
+        """Return the cells of all inputs of a stage but plain ones."""
         return [one for one in self.input_cells(bound).values() if not one.source.stage.is_plain]
 
     def _find_input_cells(self, bound: BoundStage, source: BoundStage) -> InputCells:
@@ -256,12 +255,12 @@ class Plan:
     def _substitute(
         self, bound: BoundStage, source: BoundStage, one: Setting, other: Setting
     ) -> Cells:
-        """Return by cell the place of an input on a setting's axis that takes another's value.
+        """Return by cell the position of an input on the axis of `one`, at the value of `other`.
 
         Raises
         ------
         ConfigurationError
-            If the axis lacks a value, or settings that run together leave the place open.
+            If the axis lacks a value, or settings that run together make it ambiguous.
         """
         number, position = self._axis_of[one.key]
         axis, (at, part) = self.axes[number], self._axis_of[other.key]
@@ -318,8 +317,8 @@ class Plan:
     def factorise(
         self, bound: BoundStage, source: Setting | BoundStage, cells: Cells
     ) -> tuple[tuple[Value, ...], Cells]:
-        """Return distinct values of an argument that is a setting or a plain stage, and of which
-        of them is that of each of some cells.
+        """Factorise an argument, a setting or plain stage, over cells: its distinct values, and
+        each cell's index into them.
         """
         if isinstance(source, BoundStage):
             codes, size = self.input_cells(bound)[source].first[cells], self.count(source)
@@ -343,7 +342,7 @@ class Plan:
         return (bound.stage.stream and bound.stage.stream.name) or bound.name
 
     def _stream_settings(self, bound: BoundStage) -> list[tuple[str, Setting, bool]]:
-        """Return label, setting, and whether it is optional, of what a stream depends on."""
+        """Return label, setting and optionality of the settings that name a stream."""
         stream, by_key = bound.stage.stream, self.experiment.by_key
         if stream is None:
             return [(key, by_key[key], False) for key in bound.needs if key != Run.seed.key]
@@ -357,9 +356,9 @@ class Plan:
         return key_text(self.keys(bound)[cell])
 
     def keys(self, bound: BoundStage) -> Keys:
-        """Return the hash of all that a cell depends on, of each cell of a stage, (cell, 2).
+        """Return the keys of all cells of a stage, (cell, 2): hashes of all that they depend on.
 
-        Those of all that they depend on are made first, and none is made twice.
+        The keys of inputs are made first, and none is made twice.
         """
         if bound not in self._keys:
             keys = np.empty((self.count(bound), 2), np.uint64)
@@ -370,13 +369,13 @@ class Plan:
         return self._keys[bound]
 
     def drop_keys(self, bound: BoundStage) -> None:
-        """Free the memory of a stage's keys, which are made again if they are asked for."""
+        """Free the memory of a stage's keys; `keys` makes them again."""
         self._keys.pop(bound, None)
 
     def hash_cells(
         self, bound: BoundStage, cells: Cells, known: Callable[[BoundStage], Keys]
     ) -> Keys:
-        """Return the keys of some cells of a stage, made of the `known` ones of its inputs."""
+        """Return the keys of cells, from those of their inputs, which `known` returns."""
         keys = np.tile(hash_texts([self.identity[bound.name]]), (len(cells), 1))
         for name, source in bound.arguments.items():
             if isinstance(source, Setting) or source.stage.is_plain:
@@ -430,7 +429,7 @@ class Plan:
 
     @cached_property
     def digests(self) -> dict[str, CodeDigest]:
-        """Return by stage what its function depends on."""
+        """Return the digest of each stage's function."""
         stages = {name: bound.stage for name, bound in self.bound.items()}
         found = {
             name: self.source_code.digest(one.function, one.version) for name, one in stages.items()
@@ -447,9 +446,9 @@ class Plan:
 def _factorise(
     codes: Cells, size: int, cells: Cells, value: Callable[[int], Value]
 ) -> tuple[tuple[Value, ...], Cells]:
-    """Return the value at each place that some cells have, and which of these is each cell's.
+    """Return the values at distinct positions, and each cell's index into them.
 
-    `value` is called with one cell of each place, which is below `size`.
+    `value` is called with one cell of each position, which is below `size`.
     """
     occurs, representative = np.zeros(size, dtype=bool), np.zeros(size, dtype=np.int64)
     occurs[codes], representative[codes] = True, cells

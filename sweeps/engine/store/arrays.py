@@ -23,8 +23,8 @@ from sweeps.engine.resolve.keys import HASH_BYTES
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
 
-# What the name of a chunk begins with: two of zarr's ways to name them, of which a changed array
-# takes the other, so that the old metadata never refer to new chunks.
+# Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array takes the
+# other one, so that the old metadata never refer to new chunks.
 KEY_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20
@@ -55,11 +55,11 @@ class Array:
     # Returns the values of one chunk's region (a slice with start and stop for each dimension).
     read: Callable[[Region], NDArray[Any]]
     chunks: tuple[int, ...]
-    fill: complex | str | None = None  # of what is not written; None is NaN, 0 or no text
+    fill: complex | str | None = None  # of elements that are not written; None: NaN, 0 or ""
     coordinate: bool = False
-    # Returns bytes that decide the values of a region; by default these themselves.
+    # Returns bytes that determine the values of a region; by default the values.
     source_bytes: Callable[[Region], bytes] | None = None
-    # Returns `read` of a region alone, which may be sent to another process.
+    # Returns a picklable `read` of one region, for other processes.
     remote_read: Callable[[Region], Callable[[Region], NDArray[Any]]] | None = None
 
     @classmethod
@@ -120,7 +120,7 @@ class Array:
         return self.stored_dtype.type(fill)
 
     def digest(self, region: Region) -> str:
-        """Return the hash of all that decides the content of the chunk of a region."""
+        """Return the hash of all that determines the chunk of a region."""
         sizes = [part.stop - part.start for part in region]
         about = (self.stored_dtype.str, self.chunks, self.empty.tobytes().hex(), sizes, ZSTD_LEVEL)
         if self.source_bytes is not None:
@@ -130,11 +130,11 @@ class Array:
         return hashlib.blake2b(repr(about).encode() + given, digest_size=HASH_BYTES).hexdigest()
 
     def with_fill(self) -> Array:
-        """Return an array without dimensions with its value as that of what is not written."""
+        """Return a scalar with its value as fill value, so that it needs no chunk."""
         return self if self.dims else replace(self, fill=self.load().flat[0])
 
     def for_worker(self, region: Region) -> Array:
-        """Return what another process needs to write the chunk of a region."""
+        """Return the part that another process needs to write the chunk of a region."""
         assert self.remote_read is not None
         return replace(
             self, read=self.remote_read(region), attrs={}, source_bytes=None, remote_read=None
@@ -166,7 +166,7 @@ class Group:
         return encode_attributes(self.attrs) | named
 
     def fold_scalars(self, taken: Collection[str] = ()) -> Group:
-        """Return the group as it is written: scalar coordinates are attributes of it.
+        """Return the group with scalar coordinates as attributes, as it is stored.
 
         `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them. One whose
         name is `taken` by another attribute stays an array.
@@ -253,7 +253,7 @@ def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
 
 
 def _fill(value: Any) -> Any:
-    """Return a value of numpy as zarr has it in its metadata."""
+    """Return a fill value as zarr's metadata have it."""
     if value.dtype.kind == "c":
         return [_fill(value.real), _fill(value.imag)]
     if value.dtype.kind != "f":

@@ -58,9 +58,9 @@ class StoredVariable:
 
 @dataclass(frozen=True, eq=False)
 class RegionReader:
-    """How results fill a region of a variable: where they are, which places they take, the padding.
+    """Picklable recipe for one region of a variable.
 
-    `present` and `failed` are places, in the order of the axes, of results and of failed ones.
+    `present` and `failed` are flat positions, along the axes, of results and of failed cells.
     """
 
     packs: Objects
@@ -71,7 +71,7 @@ class RegionReader:
     shape: tuple[int, ...]  # along the axes
     own_starts: tuple[int, ...]  # starts of own dimensions
     own_lengths: tuple[int, ...]  # and lengths
-    own_region: tuple[slice, ...]  # of these, what is in the region
+    own_region: tuple[slice, ...]  # part of them in the region
     order: tuple[int, ...]  # of the dimensions, axes and own
     present: Cells
     failed: Cells
@@ -180,9 +180,9 @@ class Cube:
         return dict(sorted(found.items()))
 
     def _outputs(self, bound: BoundStage) -> tuple[Sequence[Output], dict[str, Array]]:
-        """Return the outputs of a stage, of undeclared ones what its results have.
+        """Return the outputs of a stage, inferred if undeclared.
 
-        And coordinates that are the same in all of these, along own dimensions.
+        And, for undeclared ones, the coordinates that are equal in all results.
         """
         output = bound.stage.outputs[0] if bound.stage.outputs else None
         if not isinstance(output, Undeclared):
@@ -219,7 +219,7 @@ class Cube:
         return Group(arrays | self._coordinates(variables, names))
 
     def _names(self, variables: Sequence[StoredVariable]) -> dict[int, str]:
-        """Return names of all axes that a group depends on; the whole key if the word is taken."""
+        """Return the names of all axes of a group: the whole key if its last word is taken."""
         axes, number_of = self.plan.axes, self.plan.axis_number
         names = {
             number_of(key): axes[number_of(key)].name
@@ -250,7 +250,7 @@ class Cube:
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if dtype.kind in "UM" else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
-        if output.role == SHARE:  # of which xarray makes numbers from 0 to 1, and NaN
+        if output.role == SHARE:  # xarray decodes it to numbers from 0 to 1, and NaN
             attrs["scale_factor"] = 1 / int(np.iinfo(output.dtype).max)
             attrs["_FillValue"] = empty
         if output.role == MEASURED:
@@ -314,7 +314,7 @@ class Cube:
     def _make_reader(
         self, variable: StoredVariable, region: Region
     ) -> Callable[[Region], NDArray[Any]]:
-        """Return what makes the values of a region of a variable, also in another process."""
+        """Return a picklable reader of a region of a variable."""
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
         natural = [region[k] for k in np.argsort(variable.order)]
@@ -341,7 +341,7 @@ class Cube:
         ).read
 
     def _source_bytes(self, variable: StoredVariable, region: Region) -> bytes:
-        """Return what decides the values of a region: keys of its cells, and how they lie there."""
+        """Return bytes that determine the values of a region: keys of cells and their layout."""
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
         natural = [region[k] for k in np.argsort(variable.order)]
@@ -422,10 +422,10 @@ class Cube:
 
 
 def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
-    """Return coordinates of an axis: its values, or those of every setting of a joint axis.
+    """Return the coordinates of an axis: the values of its settings.
 
-    The places of a joint axis are labelled by the values there, as in 'mass=3,limit=9', unless
-    they have names. The kind of a setting may add others.
+    Positions of a joint axis are labelled by their values, as in 'mass=3,limit=9', unless they
+    have labels. The kind of a setting may add others.
     """
     columns = list(zip(*axis.points, strict=True))
     if not axis.is_joint:

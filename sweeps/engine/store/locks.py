@@ -67,7 +67,7 @@ def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
 
 
 def is_locked(path: PathOrUrl) -> bool:
-    """Return whether a process holds the lock of a store; that of a bucket may have died lately."""
+    """Return whether a process holds the lock of a store; in a bucket it may have just died."""
     parent, name = _lock_path(path)
     if not isinstance(parent, Path):
         return Objects(parent).get(name) is not None
@@ -105,7 +105,7 @@ Lock = tuple[Callable[[], None], Callable[[], None]]
 
 
 def _lock_file(folder: Path, name: str) -> Lock:
-    """Lock a file, which is there only as long as it is locked, or its owner was killed."""
+    """Lock a file, which `release` deletes."""
     make_folder(folder, PUBLIC_MODE)
     path = folder / name
     lock = FileLock(path, blocking=False, thread_local=False)
@@ -126,7 +126,7 @@ def _lock_file(folder: Path, name: str) -> Lock:
 
 
 def _lock_object(parent: PathOrUrl, name: str) -> Lock:
-    """Make an object that `check` renews, or take one over that was silent for a lease."""
+    """Make a lock object that `check` renews, or take over one whose lease has ended."""
     objects, own, using = Objects(parent), uuid.uuid4().hex, threading.Lock()
     owner, turns, found, since = _owner(), count(), None, time.monotonic()
 
@@ -163,9 +163,9 @@ def _lock_object(parent: PathOrUrl, name: str) -> Lock:
 
 @contextmanager
 def cache_lock(folder: PathOrUrl, *, exclusive: bool = False) -> Iterator[None]:
-    """Use a folder together with others, or alone: then raise BlockingIOError if others use it.
+    """Hold a shared or exclusive lock of a folder; BlockingIOError if an exclusive one is refused.
 
-    Of a bucket, or a folder that is not there, nobody is known to use it.
+    Buckets and missing folders are not locked.
     """
     if isinstance(folder, Path) and folder.is_dir():
         descriptor = os.open(folder, os.O_RDONLY)

@@ -1,9 +1,9 @@
-"""The manifest of a store: the size of each of its objects, and what its chunks were made of.
+"""The manifest of a store: the size of each object, and a digest of the sources of each chunk.
 
 Whoever reads a changed chunk notices it by the checksum within, but a missing one reads as fill
 values: a listing of the store shows it, without reading. A store changes in three steps, each of
 which begins with the manifest: names of the chunks to come, which no metadata refer to; then all
-metadata as they will be, which are put in place, the root's last; then the finished store.
+new metadata, which are put in place, the root's last; then the finished store.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MANIFEST = "manifest"
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a store has: by name of an object, or by path of an array.
+    """Contents of a store, by name of an object or path of an array.
 
     `chunks` are the key space of each array and, by index, the digest of what decides the values of
     a chunk; one that holds only the fill value is no file. While it is written: names of the chunks
@@ -83,7 +83,7 @@ def _unreadable(path: PathOrUrl) -> ConfigurationError:
 
 
 def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
-    """Return sorted names of objects of a store that are missing, of another size or unexpected.
+    """Return the sorted names of objects that are missing, of another size, or unexpected.
 
     Nothing is read. An object that is not in the manifest counts as damage, because zarr would read
     it as a chunk. If `groups` are given, only their objects and all metadata are verified. Raises

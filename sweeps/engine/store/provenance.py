@@ -73,9 +73,9 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
 
 
 def _code_parts(plan: Plan) -> dict[str, dict[str, str]]:
-    """Return by stage what counts of its function, each by name with a part of its hash.
+    """Return by stage the parts of its code digest, by name, each as the beginning of its hash.
 
-    Where a name stands for several things, it has that of the stage, too.
+    A name that stages share for different parts has the stage's name behind it.
     """
     known: dict[str, str] = {}
     found: dict[str, dict[str, str]] = {}
@@ -87,7 +87,7 @@ def _code_parts(plan: Plan) -> dict[str, dict[str, str]]:
 
 
 def explain_differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
-    """Yield stages, and what of their keys differs from those of a store, by its attributes."""
+    """Yield each stage whose keys differ from those of a store, with the differences."""
     settings, parts, now = _result_settings(plan.experiment), _code_parts(plan), versions(plan)
     before = read_choices(settings, flatten(settings, old.get("configuration", {})))
     keys = {one.key for one in settings if before[one] != plan.choices[one]}
@@ -115,7 +115,7 @@ def explain_differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[st
 
 
 def _display_digest(plan: Plan) -> str:
-    """Return the hash of what a store shows of its results: labels, units and tables."""
+    """Return the hash of all that a store displays besides results: labels, units, tables."""
     experiment = plan.experiment
     settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
     stages = [(one.stage.outputs, one.stage.group.status) for one in plan.targets]
@@ -127,7 +127,7 @@ def _display_digest(plan: Plan) -> str:
 
 
 def _code_of(function: Callable[..., Any], plan: Plan) -> str:
-    """Return the hash of the code of a table; empty if it holds what has none."""
+    """Return the digest of a table's function; empty if it cannot be hashed."""
     try:
         return plan.source_code.digest(function).digest
     except ConfigurationError:
@@ -159,7 +159,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
     """Refuse a store, by its attributes, of another configuration or other code.
 
     A sweep may extend a store if it includes all of the store's values. The
-    ConfigurationError names the keys that differ, and what to do.
+    ConfigurationError names the keys that differ, and the remedy.
     """
     if "configuration" not in old or old.get("title") != experiment.title:
         raise ConfigurationError(
@@ -192,7 +192,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
         if not set(texts.points(joint.keys)) <= points:
             raise ConfigurationError(
                 f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
-                "together; have these among those that run together, too, or give another store"
+                "together; include these points in those that run together, or give another store"
             )
     now = {"code": plan.code, "versions": versions(plan)}
     for kind, word in (("code", "code of"), ("versions", "version of")):

@@ -97,7 +97,7 @@ class Finished:
 
 
 def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
-    """Return attributes of the store that a sweep extends; None if there is none."""
+    """Return the attributes of the store that a sweep extends; None if it is new."""
     attributes = read_attributes(path)
     if attributes is not None:
         check_extends(plan.experiment, str(path), attributes, plan)
@@ -135,8 +135,8 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
             finished = _unchanged(plan, index, watch)
         elif options.partial and old is not None and PARTIAL not in old:
             raise ConfigurationError(
-                f"store is {str(options.store)!r}, which is not partial, and would lose what the "
-                "cache has no longer; give another path for partial=true"
+                f"store is {str(options.store)!r}, a complete store; partial=true would drop "
+                "results that the cache has lost; give another store="
             )
         else:
             crash_free = _crash_free(plan, old or {})
@@ -156,9 +156,9 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
 
 
 def _crash_free(plan: Plan, old: Mapping[str, Any]) -> set[str]:
-    """Return stages declared in packages that a store, by its attributes, has of the same code.
+    """Return the stages of packages that a store, by its attributes, was made with.
 
-    Calls of these end no process: they may run in the command. A script's function may do anything.
+    Their calls have ended no process, so they may run in the command; a script's may not.
     """
     if "failures" in old:
         return set()
@@ -179,7 +179,7 @@ def _compute_and_write(
     check: Callable[[], None],
     crash_free: Collection[str],
 ) -> Finished:
-    """Compute and write all cells, and again those that are damaged when they are read back."""
+    """Compute and write all cells; compute those again that cannot be read back."""
     # The thread starts and ends workers while this one plans and writes.
     with ThreadPoolExecutor(1, "cluster") as thread:
         for _ in range(MAX_ROUNDS):
@@ -215,10 +215,10 @@ def _compute(
     stack: ExitStack,
     crash_free: Collection[str],
 ) -> tuple[Failures, Executor | None]:
-    """Compute missing cells on workers, which a stack ends; return them, if any were started.
+    """Compute missing cells on workers, which `stack` ends; return failures and workers, if any.
 
     Little work of stages that were `tried` before is done here instead of in local workers.
-    Returns and raises what `execute` does.
+    Returns and raises as `execute` does.
     """
     plan, choice = schedule.plan, options.cluster
     with interruptible():
@@ -279,7 +279,7 @@ def execute(
     # A worker that dies, for example out of memory, takes other tasks with it. So each of their
     # calls is run again, alone, when nothing else is left to run.
     suspects: deque[Task] = deque()
-    isolated = False  # whether what is under way is a suspect
+    isolated = False  # whether the running task is a suspect
     numbers = count()
 
     def submit(task: Task) -> None:
@@ -324,7 +324,7 @@ def execute(
 
 
 def _damaged_keys(schedule: Schedule, packs: Objects) -> set[bytes]:
-    """Return keys of all cells that cannot be read back, so that one round mends them."""
+    """Return the keys of all cells that cannot be read back."""
     locations = schedule.locations[schedule.locations.present]
     locations = locations[np.lexsort((locations.row, locations.pack))]
     cells = zip(locations.keys, iter_cells(packs, locations), strict=True)
@@ -337,7 +337,7 @@ def _damaged_keys(schedule: Schedule, packs: Objects) -> set[bytes]:
 def is_complete(
     plan: Plan, path: PathOrUrl, old: Mapping[str, object], say: Callable[[str], None]
 ) -> bool:
-    """Return whether a store already has all of a plan, and is undamaged."""
+    """Return whether an undamaged store has all results of a plan."""
     # As read back from a store.
     raise_if_stopped()
     new = decode_attributes(encode_attributes(provenance(plan)))
@@ -373,9 +373,9 @@ def _write(
     check: Callable[[], None],
     workers: Executor | None,
 ) -> Failures:
-    """Assemble the store with its tables, and write it; return tables that failed.
+    """Write the store with its tables; return the tables that failed.
 
-    Chunks of cells are written by `workers` that are elsewhere.
+    Remote `workers` write chunks of cells.
     """
     raise_if_stopped()
     plan, failed = schedule.plan, schedule.failed

@@ -1,4 +1,4 @@
-"""Where stores and caches may be: checks of paths and URLs before anything is written."""
+"""Checks of the paths and URLs of stores and caches, before anything is written."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # of names beside a store one of 
 
 
 def check_store_path(path: PathOrUrl) -> None:
-    """Refuse a place that is neither new nor a store with a readable manifest and its files alone.
+    """Refuse a path that is neither new nor a store with a readable manifest and no other files.
 
-    A store grows where it is. Nor may it be inside another one.
+    A store inside another one is refused, too.
     """
     place = _resolve_checked("store", path, inside=True)
     if found := _object_names("store", place):
@@ -47,7 +47,7 @@ def check_store_path(path: PathOrUrl) -> None:
 
 
 def _object_names(key: str, place: PathOrUrl) -> set[str]:
-    """Return names of all objects of a place, and of links to folders."""
+    """Return the names of all objects of a path, and of links to folders."""
     try:
         return set(Objects(place).sizes())
     except OSError as error:
@@ -55,21 +55,21 @@ def _object_names(key: str, place: PathOrUrl) -> set[str]:
 
 
 def check_cache_path(path: PathOrUrl) -> None:
-    """Refuse a cache that is in a store, is no folder and cannot become one, or is not its user's.
+    """Refuse a cache that is in a store, cannot be a folder, or is writable by others.
 
-    Who may write to a bucket is said there.
+    Permissions of a bucket are not checked.
     """
     place = _resolve_checked("cache", path, inside=False)
     for folder in (place, join(place, CELLS_FOLDER)):
         if isinstance(folder, Path) and not is_private(folder):
-            reason = f"but others own {str(folder)!r} or may write there; a cache is its user's own"
+            reason = f"but others own {str(folder)!r} or may write there; a cache must be private"
             raise _invalid("cache", path, f"{reason}: chmod go-w, or give another folder")
 
 
 def check_disjoint(
     stores: Iterable[PathOrUrl], cache: PathOrUrl, beside: Callable[[Path], Iterable[Path]]
 ) -> None:
-    """Refuse stores of one command in one another, around its cache, or where reports are written.
+    """Refuse stores of one command inside each other, around its cache, or in the way of reports.
 
     `check_store_path` and `check_cache_path` refuse stores that exist. `beside` returns the paths
     that the report of a store writes to, which may also be an existing store.
@@ -92,8 +92,8 @@ def check_disjoint(
 
 
 def is_store(place: PathOrUrl) -> bool:
-    """Return whether a place is a zarr store or part of one."""
-    with suppress(OSError):  # what cannot be told
+    """Return whether a path is a zarr store or part of one."""
+    with suppress(OSError):  # unreadable
         return any(Objects(place).get(name) is not None for name in ZARR_FILES)
     return False
 
@@ -103,9 +103,9 @@ def _invalid(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
 
 
 def _resolve_checked(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
-    """Return the real place; refuse a name or a folder that cannot be, or what is in a store.
+    """Return the real path; refuse an impossible one, or one in a store.
 
-    That is the place itself, or the one that it is `inside`.
+    With `inside`, the path itself may be a store.
     """
     path = path_or_url(key, given)
     place = _resolve_folder(key, given, path, inside=inside) if isinstance(path, Path) else path
@@ -115,7 +115,7 @@ def _resolve_checked(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
 
 
 def _resolve_folder(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> Path:
-    """Return the real path; refuse an impossible name, or a folder that cannot be written."""
+    """Return the real path; refuse an impossible name or an unwritable folder."""
     try:
         place = Path(os.path.realpath(path))
         with suppress(FileNotFoundError, NotADirectoryError):
@@ -125,7 +125,7 @@ def _resolve_folder(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> 
         raise _invalid(key, given, f"which cannot be used: {reason}") from error
     for link in (path, *path.parents):
         if link.is_symlink() and not link.exists():
-            raise _invalid(key, given, f"but {str(link)!r} is a link to nothing")
+            raise _invalid(key, given, f"but {str(link)!r} is a dangling symlink")
     if not str(given) or not place.name:
         raise _invalid(key, given, "but must be the name of a folder")
     nearest = next(part for part in (place, *place.parents) if part.exists())

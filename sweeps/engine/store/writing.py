@@ -55,10 +55,10 @@ def write_store(
     check: Callable[[], None] = lambda: None,
     writers: Executor | None = None,
 ) -> None:
-    """Write a store, or what differs from the one that is there.
+    """Write a store, or the changes of an existing one.
 
     Hold its lock meanwhile (`locked`), whose `check` is called before readers see a change. Memory
-    holds a few chunks. If anything fails before that, the store is as it was. Readers of the old
+    holds a few chunks. If anything fails before that, the store is unchanged. Readers of the old
     store must open it again. Files are left to the operating system to flush: `verify` finds those
     that a power cut has lost. `groups` are by path, as
     'classification/acn'; parents need not be given. `attributes` are those of the root, of which
@@ -101,7 +101,7 @@ def write_store(
                 _roll_back(objects, intent)
             raise
         files |= {name: len(content) for name, content in _metadata_objects(nodes).items()}
-        files = dict(sorted(files.items()))  # whoever wrote them
+        files = dict(sorted(files.items()))  # in an order that does not depend on the writers
         LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(unchanged))
         made_of = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
@@ -114,7 +114,7 @@ def write_store(
 
 
 def recover(path: PathOrUrl) -> None:
-    """Finish or undo what a killed writer began; hold the lock of the store meanwhile."""
+    """Finish or undo the change of a killed writer; the caller holds the lock of the store."""
     manifest = read_manifest(path)
     if manifest is not None and (manifest.nodes or manifest.coming):
         objects = Objects(path, make=True)
@@ -126,7 +126,7 @@ def recover(path: PathOrUrl) -> None:
 
 
 def _commit(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
-    """Put all metadata in place, the root's last, and delete what they no longer refer to."""
+    """Put all metadata in place, the root's last, and delete unreferenced objects."""
     documents = _metadata_objects(manifest.nodes)
     root = documents.pop(METADATA)
     objects.map(lambda one: objects.put(*one), documents.items())
@@ -137,7 +137,7 @@ def _commit(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> 
 
 
 def _roll_back(objects: Objects, manifest: Manifest) -> None:
-    """Remove the chunks of a store that was not finished; all of a new one."""
+    """Remove the chunks of an unfinished change; everything of a new store."""
     objects.delete(name for name in manifest.coming if name not in manifest.files)
     if manifest.files:
         replace(manifest, coming=[]).put(objects)
@@ -147,7 +147,7 @@ def _roll_back(objects: Objects, manifest: Manifest) -> None:
 
 
 def read_attributes(path: PathOrUrl) -> dict[str, Any] | None:
-    """Return attributes of the root of a store, nested ones as such; None if there is none yet.
+    """Return the decoded attributes of the root of a store; None if there is none yet.
 
     Raises ConfigurationError if it is not a store, or its metadata are damaged.
     """
@@ -169,7 +169,7 @@ def read_attributes(path: PathOrUrl) -> dict[str, Any] | None:
 
 
 def zarr_store(path: PathOrUrl) -> Any:
-    """Return a place as zarr and xarray open it, to be read."""
+    """Return the store of a path that zarr and xarray open, read-only."""
     from zarr.storage import LocalStore, ObjectStore  # takes long
 
     if isinstance(path, Path):  # threads of obstore that answer when Python ends would abort it
@@ -231,9 +231,9 @@ def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | 
 def _write_remotely(
     objects: Objects, chunks: Sequence[Chunk], writers: Executor
 ) -> dict[str, int | None]:
-    """Have other processes write new chunks, each by one of them; return what `write_chunks` does.
+    """Let other processes write new chunks; return the sizes of those written.
 
-    What they do not write, as where they do not see the store, is left to this process.
+    This process writes the others, such as those of workers that do not see the store.
     """
     objects = Objects(resolve_path(objects.path))  # which no worker makes
     new = [chunk for chunk in chunks if chunk.array.remote_read is not None]
@@ -254,7 +254,7 @@ def _write_remotely(
                 under_way -= 1
                 files |= written or {}
     except Stopped:
-        while under_way:  # nothing is written after what is there is removed
+        while under_way:  # so that nothing is written after the roll-back
             under_way -= len(writers.finished())
         raise
 
@@ -262,7 +262,7 @@ def _write_remotely(
 def write_chunks(
     objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
 ) -> dict[str, int | None]:
-    """Write chunks that a store awaits; return their sizes by name, None of empty ones."""
+    """Write chunks that the manifest announces; return their sizes by name, None of empty ones."""
     files: dict[str, int | None] = {}
     with world_readable():
         for name, array, region in chunks:
