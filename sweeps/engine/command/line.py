@@ -178,7 +178,9 @@ class Command:
         known = group in nested(self.experiment.by_key)
         if word.startswith("--") and (known or (conf is not None and (conf / group).is_dir())):
             given = f"{'' if known else '+'}{stripped}{'' if '=' in stripped else '=VALUE'}"
-            raise ConfigurationError(f"{word} is no option; a setting has no dashes, {given}")
+            raise ConfigurationError(
+                f"{word} is not an option; give the setting without dashes, {given}"
+            )
 
     def _job(self, composed: DictConfig) -> None:
         """Run one job of Hydra's: a sweep, by default with its own store."""
@@ -208,7 +210,7 @@ class Command:
         return sweeps
 
     def _why(self, words: Sequence[str]) -> None:
-        """Print what of each stage's keys differs from the store of a sweep."""
+        """Print how the keys of each stage differ from those of a store."""
         [job] = read_jobs(self.experiment, words, several=False)
         choices, place = self.experiment.check(job.choices), path_or_url("store", job.store)
         with environment(choices.variables):
@@ -234,7 +236,7 @@ class Command:
         return path_or_url("cache", str(given)) if given else user_cache_path(self.name)
 
     def _options(self, choices: Choices, store: PathOrUrl) -> RunOptions:
-        """Return where and how a sweep runs."""
+        """Return the store, cache and cluster of a sweep."""
         return RunOptions(
             store,
             self._cache_path(choices.one(Run.cache)),
@@ -272,7 +274,7 @@ class Command:
             raise SweepIncomplete("; ".join(left))
 
     def _run(self, plan: Plan, options: RunOptions) -> list[str]:
-        """Run one sweep into a store, and report it; return what is not complete."""
+        """Run one sweep and its report; return messages on failures."""
         near = path_beside(options.store)
         log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
         with watching(
@@ -324,7 +326,7 @@ class Command:
 
 
 def _prune_limit(words: Sequence[str]) -> float | None:
-    """Return how much of a cache is to stay [byte], by the words beside `--cache`; None for all."""
+    """Return the limit [byte] of `--cache clear` or `--cache prune=`; None if neither is given."""
     from dask.utils import parse_bytes  # takes long
 
     if "clear" in words:
@@ -341,7 +343,7 @@ def _prune_limit(words: Sequence[str]) -> float | None:
 
 
 def _failure_message(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
-    """Return how many cells and tables failed, the first of them, and where the others are."""
+    """Return the message on failed cells and tables: numbers, the first ones, and the log."""
     named = "; ".join(
         f"{what} ({explain_differences})" for what, explain_differences in failures[:NAMED_FAILURES]
     )
@@ -357,7 +359,7 @@ def _failure_message(failures: Sequence[tuple[str, str]], log: FailureLog) -> st
 
 
 def _is_for_hydra(word: str) -> bool:
-    """Return whether a word of the command line asks for Hydra's own options, jobs or folders."""
+    """Return whether a word of the command line needs Hydra's own options, jobs or folders."""
     own = word.startswith("-") and word not in MULTIRUN
     return own or word.lstrip("+~").startswith(("hydra.", "hydra/")) or "${hydra:" in word
 

@@ -1,4 +1,4 @@
-"""How far the latest sweep of a store is, as another terminal asks for it."""
+"""Text of `--status`: the state of the latest sweep of a store."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def usage(experiment: Experiment) -> str:
 
 
 def main_settings(experiment: Experiment) -> list[Setting]:
-    """Return the settings that `--help` lists: dimensions of stores, and those of every run."""
+    """Return the settings that `--help` lists: dimensions of stores, and settings of the run."""
     dims = [
         one for one in experiment.own_settings if one.single == DIMENSION and one.fallback is None
     ]

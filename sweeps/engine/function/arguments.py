@@ -157,11 +157,11 @@ def _kind(listed: list[Any]) -> Kind:
 
 
 def _python_text(value: Any) -> str:
-    """Return a value as it is written in Python."""
+    """Return the Python expression of a value."""
     return f"'{value}'" if isinstance(value, np.datetime64) else repr(value)
 
 
 def _short_text(value: Any) -> str:
-    """Return a value as messages show it."""
+    """Return a value for messages, cut after 80 characters."""
     text = " ".join(_python_text(value).split())
     return text if len(text) < 80 else f"{text[:80]}..."

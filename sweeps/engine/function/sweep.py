@@ -183,7 +183,7 @@ def _declare(
     Raises ConfigurationError if the function cannot be swept over these values.
     """
     if not callable(function):
-        raise ConfigurationError(f"function is {function!r}, but must be what can be called")
+        raise ConfigurationError(f"function is {function!r}, but must be a callable")
     module, qualified = module_and_name(function)
     name = qualified.rpartition(".")[2]
     name = name if name.isidentifier() else "result"
@@ -220,7 +220,7 @@ def _arguments(
     try:
         parameters = inspect.signature(function).parameters.values()
     except ValueError:
-        what = f"function is {name}, of which Python does not tell the arguments"
+        what = f"function is {name}, whose arguments Python cannot inspect"
         raise ConfigurationError(f"{what}; call it in a function of your own") from None
     by_kind = {one.name: one.kind for one in parameters}
     needed = {one.name for one in parameters if one.default is one.empty}
@@ -250,7 +250,7 @@ def _declare_result(
     reserved: frozenset[str],
     attrs: Mapping[str, Mapping[str, Any]],
 ) -> Undeclared:
-    """Return what a function returns, as far as it is known before it is called."""
+    """Return the undeclared output of a function."""
     names = _as_names("outputs", outputs)
     if isinstance(dims, Mapping):
         of = {one: _as_names(f"dims[{one!r}]", given) for one, given in dims.items()}
@@ -270,7 +270,7 @@ def _declare_result(
 
 
 def _as_names(key: str, given: Any) -> tuple[str, ...]:
-    """Return one name or several as several."""
+    """Return names as a tuple; a text is one name."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, tuple | list) or not all(isinstance(one, str) for one in names):
         raise ConfigurationError(f"{key} is {given!r}, but must be a name or a tuple of names")
@@ -278,7 +278,7 @@ def _as_names(key: str, given: Any) -> tuple[str, ...]:
 
 
 def _failure_message(finished: Finished, failed: Sequence[Failure]) -> str:
-    """Return which calls failed, and all about the first of them."""
+    """Return the message on failed calls: their number, the first ones, and a traceback."""
     calls = sum(one.total for one in finished.progress.values())
     named = [f"  {one.name}: {one.reason}" for one in failed[:NAMED_FAILURES]]
     more = len(failed) - NAMED_FAILURES

@@ -1,4 +1,4 @@
-"""Executors of tasks: this process, local processes, or a cluster; and what they must share."""
+"""Choice of a cluster, the interface of executors, and the inline executor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run.process import one_thread
 
-# Settings that each kind of cluster reads; all others must be null.
+# Settings of each kind of cluster; all others must be null.
 SETTINGS_OF_KIND = {
     "inline": (),
     "local": ("workers",),
@@ -129,7 +129,7 @@ class InlineExecutor:
 
 
 def import_jobqueue() -> Any:
-    """Return dask's class of clusters of Slurm jobs, which only the main thread can import first.
+    """Return dask's class of Slurm clusters; only the main thread can import it first.
 
     Raises ConfigurationError if it is not installed, or this machine cannot submit jobs.
     """

@@ -66,7 +66,7 @@ SCRATCH = "temporary-directory"
 # Removing a scratch folder must not fail for a file that a dying worker still writes.
 CLEANUP: dict[str, Any] = {"ignore_cleanup_errors": True}
 
-# Runs all tasks of this process; a daemon, unlike those of `concurrent.futures`.
+# Runs all tasks of this process; a daemon thread, unlike those of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
 TaskResult = tuple[int, Any, Exception | None]
@@ -76,7 +76,7 @@ Say = Callable[[str], None]
 def run_task(shared: Requirements, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     """Call a function in the task thread of this process, with one thread for numerical libraries.
 
-    Raises what `Requirements.check` does if this process has other code or folders.
+    Raises `REQUIREMENT_ERRORS` if this process has other code or another cache.
     """
     shared.check()
     relax_gc()
@@ -271,14 +271,14 @@ def _check_scheduler(url: str, security: Security) -> None:
         async with rpc(url, connection_args=security.get_connection_args("client")) as peer:
             return (await asyncio.wait_for(peer.identity(), ANSWER_SECONDS))["type"]
 
-    # in its own thread, since that of a notebook has a running event loop
+    # in another thread: a notebook's has a running event loop
     kind = _thread.submit(asyncio.run, ask()).result()
     if not kind.endswith("Scheduler"):
         raise ValueError(f"{url} is a {kind}")
 
 
 def _security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
-    """Return the certificates of all roles, of which this process is the client."""
+    """Return the certificates of client, scheduler and workers."""
     roles = ("client", "scheduler", "worker")
     own = {f"tls_{role}_cert": cert for role in roles}
     own |= {f"tls_{role}_key": private_key for role in roles}
@@ -380,7 +380,7 @@ async def _nothing() -> None:
 def _replacing_workers(
     cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] = _nothing
 ) -> Iterator[None]:
-    """Replace workers that are gone, checking every few seconds, after a look at what is there.
+    """Replace dead workers, checking every few seconds.
 
     Dask restarts a worker process that dies, but gives up if it dies during its start, as by a task
     that it gets at once. It does not replace a job that ended.

@@ -1,4 +1,4 @@
-"""The chosen workers, started or connected to: this process, local processes, or a cluster."""
+"""Start of the chosen executor: this process, local processes, or a cluster."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def open_executor(
     packs: Objects | None = None,
     say: Callable[[str], None],
 ) -> AbstractContextManager[Executor]:
-    """Return a context that starts the chosen workers, or connects to them, and then releases them.
+    """Return a context that starts the chosen workers, or connects to them, and ends them.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def open_executor(
         Modules of the functions that tasks call: imported once for all local workers of this
         process, which do not see them change.
     packs : Objects, optional
-        Where results are kept, which remote workers must see, too.
+        Cache of results, which remote workers must see.
     say : callable
-        Called with a sentence about what is awaited, or what the user should know.
+        Called with messages for the user.
 
     Returns
     -------

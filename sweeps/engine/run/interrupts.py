@@ -30,7 +30,7 @@ class Stopped(BaseException):
 
     @property
     def words(self) -> str:
-        """Return what happened, for the user."""
+        """Message for the user."""
         if self.number == signal.SIGINT:
             return "interrupted"
         return f"stopped by {signal.Signals(self.number).name}"
@@ -47,9 +47,9 @@ _state = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
 
 @contextmanager
 def signals_deferred() -> Iterator[None]:
-    """Note signals within this context; inside another such context, do nothing.
+    """Defer signals within this context, unless another such context does.
 
-    Signals that are ignored, as by `nohup` or in the background, stay so.
+    Ignored signals, as under `nohup` or in the background, stay ignored.
     """
     if _state.handled or threading.current_thread() is not threading.main_thread():
         yield
@@ -77,7 +77,7 @@ def raise_if_stopped() -> None:
 
 
 def unless_stopped(say: Callable[[str], None]) -> Callable[[str], None]:
-    """Return a function that says a sentence, unless a signal has arrived."""
+    """Return `say` with a check for signals before it."""
 
     def checked_say(sentence: str) -> None:
         raise_if_stopped()

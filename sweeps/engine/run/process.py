@@ -38,7 +38,8 @@ def show(what: Any) -> None:
 def tolerant_output() -> Iterator[Callable[[], str]]:
     """Suppress errors of printing to stdout or stderr within this context.
 
-    Yields a function that returns why stdout took not all, empty if it did or its reader has ended.
+    Yields a function that returns why writing to stdout failed; empty if it did not, or its
+    reader has ended.
     """
     before = sys.stdout, sys.stderr
     for stream in before:
@@ -55,7 +56,7 @@ def tolerant_output() -> Iterator[Callable[[], str]]:
 
 
 class _TolerantStream:
-    """A stream that drops what cannot be written."""
+    """A stream that ignores errors of writing."""
 
     def __init__(self, stream: Any) -> None:
         self._stream, self._why = stream, ""
@@ -87,7 +88,7 @@ class _TolerantStream:
 
 
 def _discard_pending(stream: Any) -> None:
-    """Discard what cannot be printed: else Python tries again at exit, and exits with 120."""
+    """Discard unprintable output: else Python tries again at exit, and exits with 120."""
     if stream is None:
         return
     try:
@@ -118,7 +119,7 @@ def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
 
 @contextmanager
 def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]:
-    """Call a function from time to time within this context; it may fail by OSError."""
+    """Call a function every few seconds within this context; its OSErrors are ignored."""
     ended = threading.Event()
 
     def repeat() -> None:
@@ -152,5 +153,5 @@ def one_thread() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _libraries(modules: int) -> ThreadpoolController:
-    """Return the numerical libraries; looked for, which takes 30 ms, after further imports only."""
+    """Return the numerical libraries; the search takes 30 ms, and is repeated after imports."""
     return ThreadpoolController()

@@ -1,4 +1,4 @@
-"""How far a sweep is: shown on this terminal, kept in the cache for another one, and summed up."""
+"""Progress of a sweep: on this terminal, in the cache for `--status`, and as a summary."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def watching(
 ) -> Iterator[Watch]:
     """Show the progress of a sweep on stderr, in lines that begin with the `name`.
 
-    The first failures are shown, and all are logged. How far it is, is also written into its cache,
-    every second at most; a `record` that cannot be written costs nothing but itself.
+    The first failures are shown, and all are logged. With `record`, its state is also written into
+    the cache, at most every second; errors of writing it are ignored.
     """
     view = _ProgressView(name, log, store, cache, record)
     with view.live:
@@ -50,7 +50,7 @@ def watching(
 
 
 class _ProgressView:
-    """What is shown and written of a sweep under way."""
+    """Display and record of a running sweep."""
 
     def __init__(
         self, name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, record: bool
@@ -112,7 +112,7 @@ class _ProgressView:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[Schedule], None]]:
-    """Yield what shows how far a sweep is, in a terminal or notebook; elsewhere it is silent."""
+    """Yield a function that draws progress bars in a terminal or notebook, else does nothing."""
     console, begun = Console(stderr=True), time.monotonic()
     terminal = sys.stderr is not None and sys.stderr.isatty()
 
@@ -153,7 +153,7 @@ def _bars(rows: Sequence[tuple[str, Progress]], left: str) -> Table:
 
 
 def time_left(work: float, done: float, elapsed: float) -> str:
-    """Return the time that work takes, in s of one worker, as fast as some was done until now.
+    """Return the time left for `work`, at the rate of the work `done` in `elapsed` [s].
 
     Empty while too little is done.
     """

@@ -1,8 +1,7 @@
 """The order of work: missing cells, the calls that compute them, and tasks of several calls.
 
-The calls of a stage become ready when all results that it needs are done, so that it is known which
-of them failed. Stages that become ready together are computed side by side, and calls that share
-in-memory objects are neighbours, closest where they share most.
+The calls of a stage become ready when all its inputs are done or failed. Stages that become ready
+together are computed side by side, and calls that share in-memory objects are neighbours.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from sweeps.engine.run.tasks import (
 
 LOG = logging.getLogger(__name__)
 MAX_CELLS = 4096  # of one task
-FAILED_KEY = hash_texts(["failed"])[0]  # in place of the key of a result
+FAILED_KEY = hash_texts(["failed"])[0]  # instead of the key of a failed result
 
 Flags = NDArray[np.bool_]
 Call = tuple[BoundStage, Cells]  # cells of a stage that one call computes
@@ -62,14 +61,14 @@ class ReadyCalls:
         return len(self.stage) - self.next
 
     def next_calls(self, most: int) -> tuple[BoundStage, Cells]:
-        """Return the stage of the next calls, and where their cells begin, and the last ends."""
+        """Return the stage of the next calls, and the bounds of their cells."""
         calls = self.stage[self.next : self.next + most]
         same = int(np.argmax(np.append(calls != calls[0], True)))
         return self.stages[calls[0]], self.begins[self.next : self.next + same + 1]
 
 
 class CallQueue:
-    """Calls that are ready, in the order in which tasks take them."""
+    """Queue of calls that are ready."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
@@ -84,7 +83,7 @@ class CallQueue:
         return bool(self._split or self._ready)
 
     def add(self, ready: Mapping[BoundStage, Cells]) -> None:
-        """Add calls for cells of some stages, of which those that share in-memory objects mix."""
+        """Add calls for cells of stages, sorted by the in-memory objects that they share."""
         tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
         width = max(part.shape[1] for _, _, part, _ in tables)
         stage, lengths, cells = (np.concatenate([one[k] for one in tables]) for k in (0, 1, 3))
@@ -104,7 +103,7 @@ class CallQueue:
         self.load.update({bound: len(of) for bound, of in ready.items()})
 
     def retry(self, bound: BoundStage, cells: Cells) -> None:
-        """Add a call, which comes before all others."""
+        """Add a call before all others."""
         self._split.append((bound, cells))
         self.load[bound] += len(cells)
 
@@ -126,7 +125,7 @@ class CallQueue:
         return stage, lengths.astype(np.int32), objects.T[begins], cells.astype(np.int32)
 
     def _object_numbers(self, bound: BoundStage, cells: Cells) -> list[Cells]:
-        """Return numbers of the in-memory objects that cells need, dependencies first."""
+        """Return the numbers of the in-memory objects of cells, dependencies first."""
         found: list[Cells] = []
         for source, first, _ in self._plan.computed_inputs(bound):
             if not source.stage.is_cached:
@@ -222,7 +221,7 @@ class Progress:
 
 
 class PlannedBatch(NamedTuple):
-    """Calls of one stage in a task, and what they compute, in their order.
+    """Calls of one stage in a task, with their cells and results in order.
 
     `cells` and `results` are (cell,).
     """
@@ -256,10 +255,10 @@ class Schedule:
     results: dict[BoundStage, Cells] = field(default_factory=dict)
     locations: Locations = field(default_factory=lambda: NO_LOCATIONS)
 
-    # what is missing ------------------------------------------------------------------------
+    # missing cells --------------------------------------------------------------------------
 
     def look_up(self, index: CellIndex) -> None:
-        """Look up all cells that are needed, and plan calls for missing ones."""
+        """Look up all cells in the cache, and plan the calls of missing ones."""
         plan, self._index = self.plan, index
         index.refresh()
         self.locations = replace(NO_LOCATIONS, paths=index.paths)
@@ -294,7 +293,7 @@ class Schedule:
         self._queue_ready()
 
     def _makers(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
-        """Return who makes the inputs of a stage, also of its in-memory objects."""
+        """Return the numbers of the stages that make the inputs of a stage and of its objects."""
         found: set[int] = set()
         for source, *_ in self.plan.computed_inputs(bound):
             if source.stage.is_cached:
@@ -307,14 +306,14 @@ class Schedule:
         return found
 
     def _number_results(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
-        """Number the results of some cells; return those that are to be computed, one of each.
+        """Number the results of cells; return one missing cell of each.
 
         Cells of equal keys are one result, also of other stages of the same function, whose
         results are among the `earlier` ones.
         """
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
-        self.plan.drop_keys(bound)  # those of what it depends on are made
+        self.plan.drop_keys(bound)  # its inputs have theirs
         known = np.array([result for results in earlier for result in results], dtype=np.int32)
         first, number = unique_keys(concatenate(self.locations.keys[known], keys))
         again, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
@@ -333,7 +332,7 @@ class Schedule:
             concatenate(self.locations.row, found.row),
             concatenate(self.locations.keys, found.keys),
         )
-        # What another stage is about to compute is counted there.
+        # Results that another stage computes are counted there.
         total = len(new) + int(self.locations.present[again].sum())
         self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
@@ -367,9 +366,9 @@ class Schedule:
                 self._calls.add(calls)
 
     def _computable(self, bound: BoundStage, cells: Cells) -> Cells:
-        """Return which cells of a stage are to be computed: those whose inputs have not failed.
+        """Return the cells of a stage whose inputs have not failed.
 
-        A result that gathers failed ones with others has another key, and may be in the cache.
+        A result that gathers failed inputs has another key, and may be in the cache.
         """
         if not self.failed:
             return cells
@@ -397,7 +396,7 @@ class Schedule:
     def _lacks_input(
         self, taken: list[InputCells], gone: Mapping[BoundStage, Flags], cells: Cells
     ) -> Flags:
-        """Return which cells lack an input, or all of one that they gather."""
+        """Return which cells lack an input, or all cells of a gathered one."""
         lost = np.zeros(len(cells), dtype=bool)
         for source, first, offsets in taken:
             starts, places = np.unique(first[cells], return_inverse=True)
@@ -405,7 +404,7 @@ class Schedule:
         return lost
 
     def _is_lost(self, bound: BoundStage) -> Flags:
-        """Return which cells of a stage failed, or cannot be made in memory."""
+        """Return which cells of a stage failed, or are objects that cannot be made."""
         if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
         taken = self.plan.computed_inputs(bound)
@@ -413,14 +412,14 @@ class Schedule:
         return self._lacks_input(taken, gone, self.plan.cells(bound))
 
     def _current_keys(self, bound: BoundStage) -> Keys:
-        """Return the keys of a stage's cells as they are with the inputs that failed."""
+        """Return the keys of a stage's cells, given the failed inputs."""
         if bound.stage.is_cached:
             keys = self.locations.keys[self.results[bound]]
         elif bound in self._object_keys:
             return self._object_keys[bound]
         else:
             keys = self.plan.hash_cells(bound, self.plan.cells(bound), self._current_keys)
-            self._object_keys[bound] = keys  # whose inputs are done
+            self._object_keys[bound] = keys  # its inputs are done
         keys[self._is_lost(bound)] = FAILED_KEY
         return keys
 
@@ -446,7 +445,7 @@ class Schedule:
         order: list[int] = []
         numbers: dict[tuple[BoundStage, bytes], int] = {}
         for bound, cells in calls:
-            # Those of a batch compute equal places of the axes that are computed together.
+            # Calls of a batch compute equal positions of the axes computed together.
             starts = self.plan.first_cells(bound, cells[:1]) if bound.along else None
             pattern = b"" if starts is None else (cells - starts).tobytes()
             order.append(numbers.setdefault((bound, pattern), len(numbers)))
@@ -457,11 +456,11 @@ class Schedule:
     # calls ----------------------------------------------------------------------------------
 
     def make_batch(self, bound: BoundStage, calls: Sequence[Cells]) -> PlannedBatch:
-        """Return a batch of calls of a stage, each of which computes equal places of its axes."""
+        """Return a batch of calls of a stage that compute equal positions of its axes."""
         plan, cells = self.plan, np.concatenate(calls)
         begins = np.cumsum([0, *map(len, calls)])
         firsts = plan.first_cells(bound, cells[begins[:-1]])
-        # The cells that a call computes: by the values that occur on each axis computed together.
+        # Offsets of the cells of a call, by the positions on each axis computed together.
         grid = np.zeros((), dtype=np.int64)
         for key in bound.along:
             number = plan.axis_number(key)
@@ -485,10 +484,10 @@ class Schedule:
     def _bind_arguments(
         self, bound: BoundStage, firsts: Cells, grid: Cells, **computed: Any
     ) -> Batch:
-        """Return a batch of calls for cells, (call,), and a grid of others from each of these on.
+        """Return a batch of calls for cells, (call,), each with a grid of others.
 
-        The grid is an array of numbers to be added; each axis is one that is computed together.
-        What is `computed` is passed on to `Batch`.
+        The grid has offsets, with an axis for each axis computed together. `computed` are other
+        fields of `Batch`.
         """
         plan, along, count = self.plan, bound.along, len(firsts)
         arguments: dict[str, ValueArgument | StoredArgument | ObjectArgument] = {}
@@ -530,7 +529,7 @@ class Schedule:
     def _locate_input(
         self, bound: BoundStage, source: BoundStage, firsts: Cells, grid: Cells
     ) -> tuple[Locations, Flags]:
-        """Return where an input is, and by call where on gathered axes all of its cells exist."""
+        """Return the locations of an input, and by call a mask on the gathered axes."""
         _, first, offsets = self.plan.input_cells(bound)[source]
         # Along axes on which the input does not depend, it is the same.
         own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
@@ -546,10 +545,9 @@ class Schedule:
     def record(
         self, planned: PlannedBatch, outcome: Outcome, pack: int, *, split: bool = True
     ) -> list[Failure]:
-        """Record where the cells of some calls are, and let stages begin that wait for them.
+        """Record the outcome of calls, and queue the stages that become ready; return failures.
 
-        Returns what failed. Several cells of a call that raised are computed by one call each if
-        `split`, since one of them may be the cause.
+        With `split`, the cells of a call that raised are computed again by one call each.
         """
         bound, begins, name = planned.bound, planned.batch.begins, planned.bound.name
         done = np.ones(len(planned.cells), dtype=bool)
@@ -594,7 +592,7 @@ class Schedule:
         self._left[bound] -= 1
 
     def remaining_seconds(self) -> dict[str, float]:
-        """Return seconds that the missing cells of stages take; of an untimed one, the median."""
+        """Return the seconds that missing cells take, by stage; the median for untimed stages."""
         needed = {name: one for name, one in self.progress.items() if one.total}
         whole = {
             name: self.costs[name] * needed[name].total for name in needed if name in self.costs

@@ -1,4 +1,4 @@
-"""What workers elsewhere share with the command that gives them tasks: its code and its cache."""
+"""Requirements of remote workers: the code and the cache of the command."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
 
 
 class CodeDiffers(RuntimeError):
-    """The code of a process differs from that of the calling process."""
+    """A worker has other code than the command."""
 
 
 @cache
@@ -36,11 +36,11 @@ def check_code(digests: Mapping[str, str]) -> None:
 
 
 class CacheNotShared(RuntimeError):
-    """A worker does not see the results of the command."""
+    """A worker does not see the cache of the command."""
 
 
 class Requirements(NamedTuple):
-    """Digests of packages by name, where results are, and the name of a mark there."""
+    """Digests of packages by name, the cache, and the name of a marker in it."""
 
     code: Mapping[str, str] = {}
     packs: Objects | None = None

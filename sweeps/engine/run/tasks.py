@@ -1,4 +1,4 @@
-"""Tasks of a worker: calls of stages, whose inputs it reads or makes, and whose results it packs.
+"""Tasks of a worker: it reads or makes the inputs of calls, and packs their results.
 
 A task has batches of calls, each of one function. A call computes one cell, or several along the
 axes that its stage computes together. The arguments of a batch come together: plain values, arrays
@@ -44,13 +44,13 @@ INT_LIMIT = 2**63  # of the whole numbers that numpy knows, about the largest
 
 @dataclass(frozen=True)
 class StageSpec:
-    """Description of a stage for workers."""
+    """Part of a stage that workers need."""
 
     name: str
     import_path: str  # module and qualified name of its function
     function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Output, ...]
-    fixed_shape: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
+    fixed_shape: tuple[str, ...]  # names of outputs of one shape in all cells
     keep: float  # number of results in memory, of a stage not kept on disk
 
     @classmethod
@@ -151,7 +151,7 @@ class Report(NamedTuple):
 
 
 class DamagedResults(Exception):
-    """Inputs differ from what was written; its arguments are their keys, as bytes."""
+    """Results in the cache are damaged; the arguments are their keys, as bytes."""
 
 
 def iter_results(packs: Objects, locations: Locations) -> Iterator[Arrays]:
@@ -163,7 +163,7 @@ def iter_results(packs: Objects, locations: Locations) -> Iterator[Arrays]:
 
 
 def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects) -> Report:
-    """Run calls one after the other, even if some raise, and pack their results.
+    """Run calls in order, even if some raise, and pack their results.
 
     `order` has, for each call, the number of its batch.
     """
@@ -190,7 +190,7 @@ def uneven_error(
 
 
 class _RunningBatch:
-    """Calls of one function, under way: what is done of them."""
+    """State of the calls of a batch."""
 
     def __init__(self, batch: Batch, packs: Objects) -> None:
         self.batch, self.packs = batch, packs
@@ -259,7 +259,7 @@ class _RunningBatch:
 
 
 def _return_to(folder: str) -> None:
-    """Change to a working folder, if a call has left it: relative paths stay what they were."""
+    """Change back to the working folder, if a call has left it."""
     with suppress(FileNotFoundError):  # of the folder of now
         if os.getcwd() == folder:
             return
@@ -269,11 +269,11 @@ def _return_to(folder: str) -> None:
 # arguments --------------------------------------------------------------------------------------
 
 Inputs = dict[str, Any]
-"""By argument, the arrays of what a call reads, what reads them, or that they are damaged."""
+"""Stored inputs of a call by argument: arrays, a `GatheredArray`, or an error."""
 
 
 def _prefetch_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[Inputs]:
-    """Yield what each call from one on reads, for as many at once as fit, estimated from earlier.
+    """Yield the stored inputs of each call from `start` on, prefetching up to `AHEAD_BYTES`.
 
     Opening a pack takes longer than reading a small cell in it.
     """
@@ -327,7 +327,7 @@ def _arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dic
 
 
 def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
-    """Return an object by its key, made if missing; the oldest of its stage is evicted."""
+    """Return an in-memory object, made if it is missing; evict the oldest of its stage."""
     # By the function's name: stages that share one share its results. A function that comes with
     # each task, from a script or a session, is another object each time.
     objects = vars(_objects).setdefault(batch.stage.import_path, OrderedDict())
@@ -337,7 +337,7 @@ def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
         return objects[key]
     while len(objects) >= batch.stage.keep:
         objects.popitem(last=False)
-    # What is read for the next ones, too, of the latest calls of a function.
+    # Inputs are prefetched for the objects that follow in the same batch.
     ahead = vars(_prefetched)
     latest, due, inputs = ahead.get(batch.stage.import_path, (None, 0, None))
     if latest is not batch or due != number:
@@ -349,9 +349,9 @@ def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GatheredArray:
-    """The arrays of many cells, of an output, as one array: what is indexed is read then.
+    """The arrays of many cells as one array, read when it is indexed.
 
-    Only axes of cells are indexed, and by `reshape` become others; indices are those of numpy.
+    `reshape` and indices, as of numpy, apply to the axes of cells only.
     """
 
     stage: StageSpec
@@ -370,7 +370,7 @@ class GatheredArray:
         return self.shape[0]
 
     def reshape(self, *shape: int) -> GatheredArray:
-        """Return the same with other axes of cells, whose own shape stays."""
+        """Return the array with other axes of cells."""
         own = len(self.shape) - self.locations.pack.ndim
         return replace(self, locations=self.locations.reshape(*shape[: len(shape) - own]))
 
@@ -405,7 +405,7 @@ _objects, _prefetched = threading.local(), threading.local()
 
 
 def drop_objects() -> None:
-    """Drop all objects kept in this thread, and what is read ahead of them."""
+    """Drop all in-memory objects of this thread, and their prefetched inputs."""
     for kept in (_objects, _prefetched):
         vars(kept).clear()
 
@@ -467,7 +467,7 @@ def _check_output(stage: str, output: Output, given: Any, along: tuple[int, ...]
     """Return one output as an array."""
     dtype = _dtype(output.dtype)
     if dtype.kind == "f" and _is_number(given) and abs(given) <= _max_float(output.dtype):
-        array = np.array(given, dtype)  # what follows takes 10 us, which counts for single numbers
+        array = np.array(given, dtype)  # the general way takes 10 us
     elif given is None:
         raise _output_error(stage, output, "None")
     else:
