@@ -18,12 +18,14 @@ from sweeps.engine.declare.stage import MEASURED, BoundStage, Experiment
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.run.process import one_thread
-from sweeps.engine.run.schedule import MAX_CELLS, Schedule, Watch
+from sweeps.engine.run.schedule import MAX_TASK_CELLS, Schedule, Watch
 from sweeps.engine.run.tasks import drop_objects, run_batches
 from sweeps.engine.store.sweeping import execute
 
 
-def check_pure(experiment: Experiment, choices: Choices, *, most: int = MAX_CELLS) -> Counter[str]:
+def check_pure(
+    experiment: Experiment, choices: Choices, *, most: int = MAX_TASK_CELLS
+) -> Counter[str]:
     """Return how many cells of each stage are the same when computed again, alone.
 
     A result must depend on the arguments of its stage alone: on no clock, no generator of its own,

@@ -29,7 +29,7 @@ from ncti.ships import Transform
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import SetOf, format_value
 from sweeps.engine.declare.settings import (
-    CACHE,
+    CACHE_VARIABLE,
     Choices,
     Setting,
     Settings,
@@ -334,7 +334,7 @@ def restored(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
 
 def cache_folder() -> Path:
     """Return the folder of finished results: that of the environment, or the user's."""
-    given = os.environ.get(CACHE)
+    given = os.environ.get(CACHE_VARIABLE)
     return Path(given) if given else user_cache_path("ncti-sweep")
 
 

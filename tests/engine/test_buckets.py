@@ -63,7 +63,7 @@ def test_damage_is_found_and_mended(place, tmp_path):
     assert any("2 files of the store are damaged" in sentence for sentence in told.sentences)
     assert contents(store) == before
     there.put("mine.txt", b"")
-    with pytest.raises(ConfigurationError, match="in which no sweep wrote 'mine"):
+    with pytest.raises(ConfigurationError, match="which contains 'mine"):
         go(store, cache)
 
 

@@ -77,7 +77,7 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
         groups["one"].arrays["x"] = array(np.zeros((1, 6), "f4"), chunks=(1, 6), read=put)
     else:
         put()
-    reason = "no sweep wrote 'zarr.json'" if appears else "exists but is not a store"
+    reason = "which contains 'zarr.json'" if appears else "exists but is not a store"
     with pytest.raises(ConfigurationError, match=reason):
         write_store(path, groups, {})
     assert files(path) == {"zarr.json": b"mine"}

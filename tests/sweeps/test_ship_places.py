@@ -40,7 +40,7 @@ def to_make(*overrides):
     schedule = Schedule(plan_of(*overrides))
     schedule.look_up(CellIndex(Objects(Path("none")), print))
     extents = {"extent", "seen_extent", "placed_extent"}
-    return sum(cells for bound, cells, _ in schedule.missing_cells() if bound.name in extents)
+    return sum(cells for bound, cells, _ in schedule.missing_cells if bound.name in extents)
 
 
 def keys(stage, *overrides):

@@ -24,7 +24,7 @@ from sweeps.engine.resolve.keys import Keys
 
 READERS = 16  # packs whose heads are read at once
 RECENT_PACKS = 10  # packs of a stage, whose costs count
-KEYS_AT_ONCE = 2**20  # keys that are looked up together
+LOOKUP_KEYS = 2**20  # keys that are looked up together
 
 
 class CellIndex:
@@ -86,8 +86,8 @@ class CellIndex:
         """
         pack, row = np.full((2, len(keys)), NO_PACK, dtype=np.int32)
         known = self._locations
-        for start in range(0, len(keys) if len(known) else 0, KEYS_AT_ONCE):
-            asked = keys[start : start + KEYS_AT_ONCE]
+        for start in range(0, len(keys) if len(known) else 0, LOOKUP_KEYS):
+            asked = keys[start : start + LOOKUP_KEYS]
             order = np.argsort(asked[:, 0])  # neighbours are found faster
             at = np.searchsorted(known.keys[:, 0], asked[order, 0], side="right") - 1
             right = (at >= 0) & (known.keys[at] == asked[order]).all(axis=1)

@@ -38,7 +38,7 @@ ALIGNMENT = 16  # bytes: arrays begin at multiples of this in a record
 NO_PACK = -1  # instead of the number of a pack
 PACK = ".pack"
 PACK_PATH = re.compile(r"(?:\w+/)?[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
-KEY, NUMBER = np.dtype(("<u8", 2)), np.dtype("<u4")
+KEY_DTYPE, LAYOUT_DTYPE = np.dtype(("<u8", 2)), np.dtype("<u4")
 MAX_HEAD_BYTES = 2**30  # bytes of a head, of more cells than a sweep may have
 DIGEST_BYTES = 8  # bytes of the digest of a record
 MAX_GAP_BYTES, READ_BYTES = (
@@ -158,7 +158,9 @@ class Head(NamedTuple):
             raise ValueError("it was changed")
         begin = content.index(b"\n") + 1
         stage, seconds, described = json.loads(content[:begin])
-        cells, over = divmod(len(content) - begin, KEY.itemsize + NUMBER.itemsize + DIGEST_BYTES)
+        cells, over = divmod(
+            len(content) - begin, KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
+        )
         if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
             raise ValueError("it is not a pack")
         layouts, sizes = [], []
@@ -173,8 +175,8 @@ class Head(NamedTuple):
                 size += length + -length % ALIGNMENT
             layouts.append(layout)
             sizes.append(size)
-        keys = np.frombuffer(content, KEY.base, 2 * cells, begin).reshape(cells, 2)
-        numbers = np.frombuffer(content, NUMBER, cells, begin + keys.nbytes)
+        keys = np.frombuffer(content, KEY_DTYPE.base, 2 * cells, begin).reshape(cells, 2)
+        numbers = np.frombuffer(content, LAYOUT_DTYPE, cells, begin + keys.nbytes)
         taken = np.array(sizes, np.int64)[numbers]
         ends = len(content) + np.cumsum(taken)
         if (ends < 0).any():  # beyond the largest number
@@ -228,8 +230,8 @@ class PackWriter:
         The write is atomic. `folder` has the packs of one stage and code.
         """
         line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
-        numbers = np.array(self.numbers, NUMBER).tobytes()
-        head = b"".join((line, b"\n", keys.astype(KEY.base).tobytes(), numbers, *self.checks))
+        numbers = np.array(self.numbers, LAYOUT_DTYPE).tobytes()
+        head = b"".join((line, b"\n", keys.astype(KEY_DTYPE.base).tobytes(), numbers, *self.checks))
         # A name begins with the time, so that the newest of equal cells is known.
         path = f"{folder}/{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack".lstrip("/")
         size, parts = sum(map(len, self.parts)), self.parts
@@ -259,12 +261,8 @@ def _parse_path(path: str) -> tuple[str, int]:
     return name[1], int(name[2], 16)
 
 
-def _digest(size: int, *parts: Buffer) -> bytes:
-    """Return the digest of some bytes, one after the other."""
-    found = hashlib.blake2b(digest_size=size)
-    for part in parts:
-        found.update(part)
-    return found.digest()
+def _digest(size: int, data: Buffer) -> bytes:
+    return hashlib.blake2b(data, digest_size=size).digest()
 
 
 @cache

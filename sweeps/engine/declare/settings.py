@@ -37,7 +37,9 @@ from sweeps.engine.declare.kinds import (
     quote_value,
 )
 
-CACHE = "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
+CACHE_VARIABLE = (
+    "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
+)
 DIMENSION, COORDINATE = "dimension", "coordinate"  # roles in a store of a setting of one value
 AFFECTS_NO_RESULT = "no result depends on it"  # why such a setting takes one value
 
@@ -291,7 +293,7 @@ class Choices:
     def variables(self) -> dict[str, str]:
         """Environment variables of a sweep's calls, also on workers."""
         folder = self.one(Run.cache)
-        return {CACHE: os.path.abspath(folder)} if folder and "://" not in folder else {}
+        return {CACHE_VARIABLE: os.path.abspath(folder)} if folder and "://" not in folder else {}
 
     def one(self, setting: Setting) -> Value:
         """Return the value of a setting that has one."""

@@ -37,7 +37,7 @@ from sweeps.engine.declare.settings import (
     Setting,
     Settings,
 )
-from sweeps.engine.declare.storable import DATES, MAX_BYTES
+from sweeps.engine.declare.storable import is_storable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -594,10 +594,7 @@ def _bad_dtype(what: str, output: Output, stored: Any) -> Iterator[str]:
     except TypeError:
         yield f"{what} has the dtype {dtype!r}, unknown to numpy"
         return
-    plain = not (found.hasobject or found.names or found.subdtype)
-    of_numbers = found.kind in "biufc" and found.itemsize <= MAX_BYTES.get(found.kind, 8)
-    storable = found.kind == "U" or of_numbers or found == DATES
-    if not plain or (stored and not storable):
+    if not is_storable(found) and (stored or found.hasobject or found.names or found.subdtype):
         allowed = "numbers of at most 8 bytes (complex 16), M8[ns], truth values or texts of "
         allowed += "fixed width"
         yield f"{what} has the dtype {dtype!r}, but must have one of {allowed}"

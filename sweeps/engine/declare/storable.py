@@ -9,9 +9,15 @@ from typing import Any
 
 import numpy as np
 
-MAX_BYTES = {"c": 16}  # bytes of a number; of other kinds 8
 DATES = np.dtype("M8[ns]")  # the only times that every version of xarray reads back
 NAT = np.iinfo(np.int64).min
+
+
+def is_storable(dtype: np.dtype[Any]) -> bool:
+    """Return whether a store can hold numbers, texts or times of a dtype."""
+    plain = not (dtype.hasobject or dtype.names or dtype.subdtype)
+    number = dtype.kind in "biufc" and dtype.itemsize <= (16 if dtype.kind == "c" else 8)
+    return plain and (dtype.kind == "U" or number or dtype == DATES)
 
 
 def encode_attributes(

@@ -20,9 +20,10 @@ HASH_BYTES = 16
 STREAM_VERSION = 1
 
 
-def digest(text: str) -> str:
-    """Return a hash of a text: 32 hexadecimal digits."""
-    return hashlib.blake2b(text.encode(), digest_size=HASH_BYTES).hexdigest()
+def digest(data: str | bytes) -> str:
+    """Return a hash of a text or bytes: 32 hexadecimal digits."""
+    data = data.encode() if isinstance(data, str) else data
+    return hashlib.blake2b(data, digest_size=HASH_BYTES).hexdigest()
 
 
 def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:

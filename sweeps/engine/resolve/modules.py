@@ -29,7 +29,7 @@ from sweeps.engine.declare.paths import is_private
 ENGINE = frozenset({__name__.rpartition(".")[0].rpartition(".")[0]})
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
 CACHE_FILE, MAX_MODULES = "sources.json", 4000  # how many are kept
-CACHE = user_cache_path("sweeps")
+CACHE_FOLDER = user_cache_path("sweeps")
 
 Reference = tuple[str, str]  # a module, and a name that is imported from it; "" for none
 
@@ -100,8 +100,8 @@ def _cached_modules() -> dict[str, Any]:
     Empty if the file is missing or damaged, or another user may write to its folder.
     """
     with suppress(OSError, TypeError, ValueError):
-        if is_private(CACHE):
-            return dict(json.loads((CACHE / CACHE_FILE).read_bytes()))
+        if is_private(CACHE_FOLDER):
+            return dict(json.loads((CACHE_FOLDER / CACHE_FILE).read_bytes()))
     return {}
 
 
@@ -114,10 +114,10 @@ def save_parsed_modules() -> None:
         _cached_modules().update(_new)
         _new.clear()
         with suppress(OSError):
-            CACHE.mkdir(0o700, parents=True, exist_ok=True)
-            with NamedTemporaryFile("w", dir=CACHE, prefix=CACHE_FILE, delete=False) as file:
+            CACHE_FOLDER.mkdir(0o700, parents=True, exist_ok=True)
+            with NamedTemporaryFile("w", dir=CACHE_FOLDER, prefix=CACHE_FILE, delete=False) as file:
                 json.dump(dict([*_cached_modules().items()][-MAX_MODULES:]), file)
-            os.replace(file.name, CACHE / CACHE_FILE)
+            os.replace(file.name, CACHE_FOLDER / CACHE_FILE)
 
 
 @cache

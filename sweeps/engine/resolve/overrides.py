@@ -375,7 +375,9 @@ def _syntax_error(
 ) -> ConfigurationError:
     """Return the error of the first of some arguments, which Hydra cannot read."""
     wholes = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
-    whole = next(filter(_is_balanced, wholes), arguments[0])
+    pairs = (("[", "]"), ("{", "}"))
+    closed = (text for text in wholes if all(text.count(a) == text.count(b) for a, b in pairs))
+    whole = next(closed, arguments[0])
     key, given, value = whole.partition("=")
     if not given:
         return ConfigurationError(f"{whole} has no value, but must be KEY=VALUE")
@@ -397,10 +399,6 @@ def _syntax_error(
     except ConfigurationError as error:
         return error
     return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {shell_quoted(whole)}")
-
-
-def _is_balanced(text: str) -> bool:
-    return all(text.count(left) == text.count(right) for left, right in ("[]", "{}"))
 
 
 def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override) -> None:

@@ -26,7 +26,7 @@ from sweeps.engine.resolve.modules import save_parsed_modules
 
 Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
 
-KEYS_AT_ONCE = 2**18  # cells whose keys are made together
+HASHED_CELLS = 2**18  # cells whose keys are made together
 NOT_CALLED = object()  # instead of the result of a plain stage
 
 
@@ -362,9 +362,9 @@ class Plan:
         """
         if bound not in self._keys:
             keys = np.empty((self.count(bound), 2), np.uint64)
-            for start in range(0, len(keys), KEYS_AT_ONCE):
-                part = np.arange(start, min(start + KEYS_AT_ONCE, len(keys)))
-                keys[start : start + KEYS_AT_ONCE] = self.hash_cells(bound, part, self.keys)
+            for start in range(0, len(keys), HASHED_CELLS):
+                part = np.arange(start, min(start + HASHED_CELLS, len(keys)))
+                keys[start : start + HASHED_CELLS] = self.hash_cells(bound, part, self.keys)
             self._keys[bound] = keys
         return self._keys[bound]
 

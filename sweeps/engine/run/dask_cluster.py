@@ -372,13 +372,9 @@ class _SlurmQueue:
             self._say(f"no job of Slurm has a worker yet ({reason})")
 
 
-async def _nothing() -> None:
-    """Wait for nothing."""
-
-
 @contextmanager
 def _replacing_workers(
-    cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] = _nothing
+    cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] | None = None
 ) -> Iterator[None]:
     """Replace dead workers, checking every few seconds.
 
@@ -387,7 +383,8 @@ def _replacing_workers(
     """
 
     async def restore() -> None:
-        await look()
+        if look is not None:
+            await look()
         for name, worker in list(cluster.workers.items()):
             if worker.status in {Status.closed, Status.failed}:
                 del cluster.workers[name], cluster.worker_spec[name]

@@ -34,7 +34,7 @@ from sweeps.engine.run.tasks import (
 )
 
 LOG = logging.getLogger(__name__)
-MAX_CELLS = 4096  # of one task
+MAX_TASK_CELLS = 4096  # of one task
 FAILED_KEY = hash_texts(["failed"])[0]  # instead of the key of a failed result
 
 Flags = NDArray[np.bool_]
@@ -97,7 +97,8 @@ class CallQueue:
             begins = np.cumsum(lengths) - lengths
             stage, objects = stage[order], objects[order]
             lengths = lengths[order]
-            cells = cells[_ranges(begins[order], lengths)]
+            moves = begins[order] - np.cumsum(lengths) + lengths
+            cells = cells[np.arange(len(cells)) + np.repeat(moves, lengths)]
         begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
         self._ready.append(ReadyCalls([*ready], stage, begins, cells, objects))
         self.load.update({bound: len(of) for bound, of in ready.items()})
@@ -146,11 +147,11 @@ class CallQueue:
         """
         seconds, cells = 0.0, 0
         before: list[int] = []
-        while self and cells < MAX_CELLS:
+        while self and cells < MAX_TASK_CELLS:
             block = self._ready[0] if not self._split else None
             if block and not block.objects.shape[1]:
                 yield from self._take_calls(
-                    block, costs, size - seconds, MAX_CELLS - cells, cells == 0
+                    block, costs, size - seconds, MAX_TASK_CELLS - cells, cells == 0
                 )
                 break
             objects = block.objects[block.next].tolist() if block else []
@@ -186,12 +187,6 @@ class CallQueue:
         self._ready[0].next += calls
         if not self._ready[0]:
             self._ready.popleft()
-
-
-def _ranges(begins: Cells, lengths: Cells) -> Cells:
-    """Return the numbers of several ranges, one after the other."""
-    ends = np.cumsum(lengths)
-    return np.arange(ends[-1] if len(ends) else 0) + np.repeat(begins - ends + lengths, lengths)
 
 
 MIN_TASK_SECONDS, MAX_TASK_SECONDS = 0.2, 1.5  # s, range of a task's duration
@@ -286,8 +281,11 @@ class Schedule:
         self._needs = {
             bound: [stages[n] for n in self._makers(bound, maker) if n >= 0] for bound in stages
         }
-        missing_of = self._missing.items()
-        self._counts = [(one, len(cells), self._count(one, cells)) for one, cells in missing_of]
+        # Every stage with missing cells, their number, and the number of calls.
+        self.missing_cells = [
+            (one, len(cells), len(np.unique(plan.first_cells(one, cells))))
+            for one, cells in self._missing.items()
+        ]
         self._object_keys: dict[BoundStage, Keys] = {}
         self._calls = CallQueue(plan)
         self._queue_ready()
@@ -336,14 +334,6 @@ class Schedule:
         total = len(new) + int(self.locations.present[again].sum())
         self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
-
-    def missing_cells(self) -> list[tuple[BoundStage, int, int]]:
-        """Return every stage with missing cells, how many, and in how many calls."""
-        return self._counts
-
-    def _count(self, bound: BoundStage, cells: Cells) -> int:
-        """Return in how many calls some cells are computed."""
-        return len(np.unique(self.plan.first_cells(bound, cells))) if bound.along else len(cells)
 
     # stages that become ready ---------------------------------------------------------------
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
@@ -11,7 +10,7 @@ from typing import NamedTuple
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import is_private
-from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
+from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files, sha256
 
 
 class CodeDiffers(RuntimeError):
@@ -23,16 +22,8 @@ def package_digest(name: str) -> str:
     """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
     found, spec = package_files(name, SHADERS | {".py"}), module_spec(name)
     if spec and spec.has_location and spec.origin and not found:
-        found = [(name, hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest())]
-    return hashlib.sha256(repr(found).encode()).hexdigest() if found else ""
-
-
-def check_code(digests: Mapping[str, str]) -> None:
-    """Raise `CodeDiffers` if the digest of a package differs in this process."""
-    if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
-        raise CodeDiffers(
-            f"has other code of {', '.join(other)}; it must have that of this process"
-        )
+        found = [(name, sha256(Path(spec.origin).read_bytes()))]
+    return sha256(repr(found)) if found else ""
 
 
 class CacheNotShared(RuntimeError):
@@ -48,7 +39,10 @@ class Requirements(NamedTuple):
 
     def check(self) -> None:
         """Raise one of `REQUIREMENT_ERRORS` if this process has other code or sees no marker."""
-        check_code(self.code)
+        other = [name for name, digest in self.code.items() if package_digest(name) != digest]
+        if other:
+            remedy = "it must have that of this process"
+            raise CodeDiffers(f"has other code of {', '.join(other)}; {remedy}")
         if self.packs is not None:
             _check_marker(self.packs, self.marker)
 

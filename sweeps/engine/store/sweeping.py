@@ -223,7 +223,7 @@ def _compute(
     plan, choice = schedule.plan, options.cluster
     with interruptible():
         schedule.look_up(index)
-        missing = schedule.missing_cells()
+        missing = schedule.missing_cells
     cells = sum(number for _, number, _ in missing)
     total = sum(one.total for one in schedule.progress.values())
     if options.partial:
@@ -428,7 +428,7 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     schedule, costs = Schedule(plan), index.costs()
     schedule.look_up(index)
     stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}
-    calls = sum(number for *_, number in schedule.missing_cells())
+    calls = sum(number for *_, number in schedule.missing_cells)
     if not calls:
         return stages, "nothing to compute: all cells are in the cache"
     size = work = "unknown"

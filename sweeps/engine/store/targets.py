@@ -33,25 +33,19 @@ def check_store_path(path: PathOrUrl) -> None:
     A store inside another one is refused, too.
     """
     place = _resolve_checked("store", path, inside=True)
-    if found := _object_names("store", place):
+    try:
+        found = set(Objects(place).sizes())
+    except OSError as error:
+        raise _invalid("store", place, f"which cannot be read: {error.strerror}") from error
+    if found:
         manifest = read_manifest(place)
         if manifest is None:
-            reason = (
-                "which exists but is not a store of a sweep; it must be a new path or such a store"
-            )
+            reason = "which exists but is not a store of a sweep; give a new path or such a store"
             raise _invalid("store", path, reason)
         if foreign := sorted(found - manifest.known):
             more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
-            reason = f"in which no sweep wrote {foreign[0]!r}{more}; move that elsewhere"
+            reason = f"which contains {foreign[0]!r}{more}, not part of the store; move it"
             raise _invalid("store", path, reason)
-
-
-def _object_names(key: str, place: PathOrUrl) -> set[str]:
-    """Return the names of all objects of a path, and of links to folders."""
-    try:
-        return set(Objects(place).sizes())
-    except OSError as error:
-        raise _invalid(key, place, f"which cannot be read: {error.strerror}") from error
 
 
 def check_cache_path(path: PathOrUrl) -> None:
