@@ -14,7 +14,7 @@ import zarr
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
-from sweeps.engine.declare.storable import decode_attributes
+from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.tables import with_scalars
@@ -44,7 +44,7 @@ def _opened(place: PathOrUrl, metadata: bytes | None) -> Any:
 
 def attributes(store: Any) -> dict[str, Any]:
     """Return the attributes of a store, or of a group, with mappings and lists as such."""
-    return decode_attributes(store.attrs)
+    return decode_attrs(store.attrs)
 
 
 def groups(store: Any, under: str = "") -> list[str]:

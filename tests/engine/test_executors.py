@@ -81,7 +81,7 @@ def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(a
             spans.append(result[1])
     assert any_executor.finished() == []
     processes = {process for process, *_ in spans}
-    assert len(processes) <= any_executor.workers
+    assert len(processes) <= any_executor.worker_count
     for process in processes:
         here = sorted((one for one in spans if one[0] == process), key=lambda one: one[2])
         assert len({thread for _, thread, *_ in here}) == 1

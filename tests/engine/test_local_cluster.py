@@ -94,7 +94,7 @@ def test_no_more_workers_than_tasks_and_nothing_left_behind():
     handler, blocked = signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     before = set(psutil.Process().children(recursive=True))
     with open_executor(ClusterChoice(workers=2), tasks=1, say=sentences.append) as workers:
-        assert workers.workers == 1
+        assert workers.worker_count == 1
         assert result_of(workers, refuse_odd, 2) == 2
     assert sentences == ["starting 1 worker process"]
     assert set(psutil.Process().children(recursive=True)) <= before

@@ -12,7 +12,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.declare.stage import Group, Output, Stage, stage
 from sweeps.engine.resolve.plan import Plan
-from sweeps.engine.store.provenance import check_extends, explain_differences
+from sweeps.engine.store.provenance import check_extends, differences
 from sweeps.engine.store.writing import read_attributes
 
 
@@ -25,20 +25,20 @@ def store(tmp_path, monkeypatch):
 
 def test_what_differs_is_named_by_stage(store):
     old, plan = read_attributes(store), Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
-    assert not dict(explain_differences(plan, old))
+    assert not dict(differences(plan, old))
     more = Plan(SPRINGS, read_choices(SPRINGS.declared, {"spring.mass": [1, 2, 3]}))
-    found = dict(explain_differences(more, old))
+    found = dict(differences(more, old))
     assert found["rate"] == ["spring.mass"] and found["solver"] == ["its input rate"]
     then = deepcopy(old)
     then["versions"]["numpy"] = "2.3"
-    assert dict(explain_differences(plan, then))["noisy"] == [
+    assert dict(differences(plan, then))["noisy"] == [
         f"numpy 2.3 -> {np.__version__}",
         "its input period",
     ]
     then = deepcopy(old)
     then["code"]["period"] = then["parts"]["code of toys.period"] = "0"
-    assert dict(explain_differences(plan, then))["period"] == ["code of toys.period"]
-    assert dict(explain_differences(plan, {}))["period"] == ["the store has none of it"]
+    assert dict(differences(plan, then))["period"] == ["code of toys.period"]
+    assert dict(differences(plan, {}))["period"] == ["the store has none of it"]
     with pytest.raises(ConfigurationError, match=r"code of period \(code of toys.period\); give"):
         check_extends(SPRINGS, "s.zarr", then, plan)
 
@@ -63,7 +63,7 @@ def squared(by):
 def test_a_value_that_a_stage_holds_is_named(tmp_path):
     run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c")
     plan = Plan(of(squared(3)), read_choices(of(squared(3)).declared, {"few.size": [1, 2, 3]}))
-    [(name, found)] = explain_differences(plan, read_attributes(tmp_path / "s.zarr"))
+    [(name, found)] = differences(plan, read_attributes(tmp_path / "s.zarr"))
     assert name == "square" and found == ["by of test_why.squared.<locals>.square"]
 
 

@@ -5,7 +5,7 @@ import xarray as xr
 
 from ncti import ships
 from sweeps.engine.declare.display import ATTRIBUTE
-from sweeps.engine.declare.storable import encode_attributes
+from sweeps.engine.declare.storable import encode_attrs
 from sweeps.stages.scores import category_display, score_displays
 
 UNITS = {"range": "km", "pulse_width": "ns", "aspect": "degree", "cnr": "dB", "ifov": "urad"}
@@ -61,7 +61,7 @@ def shown(tables, classifier="acn", **more):
     labels = {"classifier": classifier, "channel": "range"}
     displays = score_displays(labels, scored="ship", source=classifier, chance=(25.0, 25.0))
     written = [one.as_attribute(None) for one in (*displays, *more.values())]
-    return tables.assign_attrs(encode_attributes({ATTRIBUTE: written}))
+    return tables.assign_attrs(encode_attrs({ATTRIBUTE: written}))
 
 
 def categories(counts, views=124, **axes):
@@ -76,5 +76,5 @@ def categories(counts, views=124, **axes):
     )
     display = category_display({"classifier": "acn", "channel": "range"}, "acn").written(None)
     return made.assign_attrs(
-        encode_attributes({ATTRIBUTE: [display]}) | {"receiver": "full_profile"}
+        encode_attrs({ATTRIBUTE: [display]}) | {"receiver": "full_profile"}
     )

@@ -6,7 +6,7 @@ from made import SHIPS, scores, shown
 from pages import stored
 
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure
-from sweeps.engine.declare.storable import encode_attributes
+from sweeps.engine.declare.storable import encode_attrs
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
 
@@ -57,7 +57,7 @@ def test_of_other_percentages_the_best_row_is_named_where_it_is_asked_first(tmp_
     )
     figure = Figure("share", "percent_correct", percent=True, format=".0f")
     display = Display("trees", "Trees", (figure,), rows=("tree",), columns="split", chance=25.0)
-    table = table.assign_attrs(encode_attributes({ATTRIBUTE: [display.as_attribute(None)]}))
+    table = table.assign_attrs(encode_attrs({ATTRIBUTE: [display.as_attribute(None)]}))
     said = sentence(tmp_path, {"swept": []}, tables__trees=table)
     assert said.startswith("Percent correct: 60 % ") and said.endswith("; chance 25 %.")
     assert "ash" in said and "aspect-random" in said

@@ -9,7 +9,7 @@ from commands import groups_of
 
 from ncti.features import profile_vector
 from ncti.ladar import noise_floor
-from sweeps.engine.declare.storable import decode_attributes
+from sweeps.engine.declare.storable import decode_attrs
 
 ASPECTS = [0, 15, 30, 45, 60, 75, 90]
 VIEW = ("ship", "aspect")
@@ -33,7 +33,7 @@ def test_every_variable_has_units_and_a_name(groups):
 
 
 def test_root_says_what_made_it(smoke_store):
-    attributes = decode_attributes(xr.open_datatree(smoke_store, engine="zarr").attrs)
+    attributes = decode_attrs(xr.open_datatree(smoke_store, engine="zarr").attrs)
     assert attributes["seed"] == 0
     assert attributes["configuration"]["grid"]["aspect"] == ASPECTS
     assert attributes["configuration"]["render"]["engine"] in ("osmesa", "egl", "embree")

@@ -41,10 +41,7 @@ PACK_PATH = re.compile(r"(?:\w+/)?[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack"
 KEY_DTYPE, LAYOUT_DTYPE = np.dtype(("<u8", 2)), np.dtype("<u4")
 MAX_HEAD_BYTES = 2**30  # bytes of a head, of more cells than a sweep may have
 DIGEST_BYTES = 8  # bytes of the digest of a record
-MAX_GAP_BYTES, READ_BYTES = (
-    2**18,
-    2**22,
-)  # bytes between cells that are not worth reading; read at once
+MAX_GAP, READ_BYTES = 2**18, 2**22  # bytes: largest gap that is read, largest range
 CACHED_HEADS = 16  # of packs, that a process remembers
 CELLS_AT_ONCE = 4096  # cells that are read together
 
@@ -158,9 +155,8 @@ class Head(NamedTuple):
             raise ValueError("it was changed")
         begin = content.index(b"\n") + 1
         stage, seconds, described = json.loads(content[:begin])
-        cells, over = divmod(
-            len(content) - begin, KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
-        )
+        size_of_cell = KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
+        cells, over = divmod(len(content) - begin, size_of_cell)
         if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
             raise ValueError("it is not a pack")
         layouts, sizes = [], []
@@ -188,10 +184,8 @@ class Head(NamedTuple):
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
         """Return the arrays of a record, copied; None if its digest differs."""
-        if (
-            _digest(DIGEST_BYTES, record)
-            != self.checks[DIGEST_BYTES * row : DIGEST_BYTES * (row + 1)]
-        ):
+        begin = DIGEST_BYTES * row
+        if _digest(DIGEST_BYTES, record) != self.checks[begin : begin + DIGEST_BYTES]:
             return None
         content, layout = bytearray(record), self.layouts[self.numbers[row]]
         return {name: np.ndarray(shape, dtype, content, at) for name, dtype, shape, at in layout}
@@ -325,10 +319,9 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
                 (head.keys[wanted[inside]] == locations.keys[indices[inside]]).all(axis=1)
             ]
             begins, ends = head.begins[wanted[right]], head.ends[wanted[right]]
-            splits = (begins[1:] - ends[:-1] > MAX_GAP_BYTES) | np.diff(
-                begins // READ_BYTES
-            ).astype(bool)
-            for run in np.split(right, np.flatnonzero(splits) + 1):
+            gaps, blocks = begins[1:] - ends[:-1], np.diff(begins // READ_BYTES)
+            splits = np.flatnonzero((gaps > MAX_GAP) | (blocks != 0))
+            for run in np.split(right, splits + 1):
                 _read_run(cells, path, head, wanted[run], indices[run], found)
     return found
 

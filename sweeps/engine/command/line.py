@@ -34,10 +34,10 @@ from sweeps.engine.resolve.overrides import (
     DEFAULT_STORE,
     Job,
     clear_before_set,
+    config_name,
     error_message,
     fuse_jobs,
     make_job,
-    primary_config,
     read_jobs,
     register,
     shell_quoted,
@@ -48,14 +48,14 @@ from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stoppe
 from sweeps.engine.run.process import environment, say, show, tolerant_output
 from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
 from sweeps.engine.store.locks import cache_lock
-from sweeps.engine.store.provenance import explain_differences
+from sweeps.engine.store.provenance import differences
 from sweeps.engine.store.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
 from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"
-PRUNE_WORD = "prune="  # to a size, beside --cache
+PRUNE = "prune="  # to a size, beside --cache
 HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
 MAX_CELLS = 10_000_000  # whose keys fit into memory
@@ -94,9 +94,9 @@ class Command:
             message, status = self._run_reporting(given)
             if message:
                 say(self.name, message)
-            if explain_differences := lost():
-                say(self.name, f"the output cannot be written: {explain_differences}")
-            return status or (SOME_FAILED if explain_differences else ALL_DONE)
+            if why := lost():
+                say(self.name, f"the output cannot be written: {why}")
+            return status or (SOME_FAILED if why else ALL_DONE)
 
     def _run_reporting(self, given: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
@@ -134,12 +134,9 @@ class Command:
             show(list_settings(experiment, [word for word in given if word != "--settings"]))
             return
         if "--cache" in given:
-            done = [word for word in given if word == "clear" or word.startswith(PRUNE_WORD)]
+            done = [word for word in given if word == "clear" or word.startswith(PRUNE)]
             _, place = self._store_and_cache(
-                [word for word in given if word not in done],
-                "--cache",
-                "clear",
-                f"{PRUNE_WORD}20GB",
+                [word for word in given if word not in done], "--cache", "clear", f"{PRUNE}20GB"
             )
             self._cache(place, _prune_limit(done))
             return
@@ -166,7 +163,7 @@ class Command:
             # Hydra then raises what went wrong, instead of printing it and ending the process.
             with environment({"HYDRA_FULL_ERROR": "1"}):
                 conf = None if experiment.conf is None else str(experiment.conf)
-                name = primary_config(experiment)
+                name = config_name(experiment)
                 hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._job)()
         finally:
             sys.argv = before
@@ -217,9 +214,7 @@ class Command:
             plan, old = Plan(self.experiment, choices), read_attributes(place)
             if old is None:
                 raise ConfigurationError(f"store is {str(place)!r}, which does not exist")
-            found = [
-                f"{name}: {', '.join(parts)}" for name, parts in explain_differences(plan, old)
-            ]
+            found = [f"{name}: {', '.join(parts)}" for name, parts in differences(plan, old)]
             for line in found or ["nothing differs: the store has all of the sweep"]:
                 show(line)
 
@@ -284,7 +279,7 @@ class Command:
         if options.partial:
             return []
         say(self.name, summary(finished.progress, finished.seconds))
-        left = [_failure_message(finished.failures, log)] if finished.failures else []
+        left = [_failure_text(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
                 (self.report or self._report)(options.store, plan.choices, finished)
@@ -319,8 +314,8 @@ class Command:
                 with cache_lock(packs.path, exclusive=True):
                     cells, size = index.prune(limit)
             except BlockingIOError:
-                one_line = "which a sweep uses; wait until it ends"
-                raise ConfigurationError(f"cache is {str(place)!r}, {one_line}") from None
+                reason = "which a sweep uses; wait until it ends"
+                raise ConfigurationError(f"cache is {str(place)!r}, {reason}") from None
         done = "kept" if limit is None else "removed"
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
 
@@ -332,27 +327,23 @@ def _prune_limit(words: Sequence[str]) -> float | None:
     if "clear" in words:
         return 0.0
     for word in words:
-        if word.startswith(PRUNE_WORD):
+        if word.startswith(PRUNE):
             try:
-                return float(parse_bytes(word.removeprefix(PRUNE_WORD)))
+                return float(parse_bytes(word.removeprefix(PRUNE)))
             except ValueError:
-                raise ConfigurationError(
-                    f"{word} must be a size, such as {PRUNE_WORD}20GB"
-                ) from None
+                raise ConfigurationError(f"{word} must be a size, such as {PRUNE}20GB") from None
     return None
 
 
-def _failure_message(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
+def _failure_text(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
     """Return the message on failed cells and tables: numbers, the first ones, and the log."""
-    named = "; ".join(
-        f"{what} ({explain_differences})" for what, explain_differences in failures[:NAMED_FAILURES]
-    )
+    named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
     more = len(failures) - NAMED_FAILURES
     tables = sum(what.startswith("table ") for what, _ in failures)
     counts = {"cell": len(failures) - tables, "table": tables}
-    count_table = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
+    parts = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
     return (
-        f"{' and '.join(count_table)} failed: {named}"
+        f"{' and '.join(parts)} failed: {named}"
         + (f"; and {more:,} more" if more > 0 else "")
         + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.exists else "")
     )

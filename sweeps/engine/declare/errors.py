@@ -22,7 +22,7 @@ class SweepIncomplete(RuntimeError):
     """Some cells failed; the message names them (exit 1)."""
 
 
-def with_location(thing: type | Callable[..., Any], sentence: str) -> str:
+def locate(thing: type | Callable[..., Any], sentence: str) -> str:
     """Prefix a sentence with the file and line of a class or function, if it has these."""
     try:
         file, line = inspect.getfile(thing), inspect.getsourcelines(thing)[1]

@@ -16,7 +16,7 @@ import numpy as np
 MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MAX_VALUES = 100_000  # longer axes come from a mistaken step
 EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
-NUMBER_PATTERN = r"[-+.\deE]+"  # as a text
+DECIMAL = r"[-+.\deE]+"  # as a text
 STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than this part of itself lands on it
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
@@ -106,11 +106,9 @@ class Number(Kind):
 
     def _refusal(self, key: str, value: Any) -> str:
         text = value if isinstance(value, str) else ""
-        if re.fullmatch(f"{NUMBER_PATTERN}([ ;]+{NUMBER_PATTERN})+", text):
+        if re.fullmatch(f"{DECIMAL}([ ;]+{DECIMAL})+", text):
             meant = f"; a list has commas, '{key}=[{', '.join(re.split('[ ;]+', text))}]'"
-        elif found := re.fullmatch(
-            f"({NUMBER_PATTERN}):({NUMBER_PATTERN}):({NUMBER_PATTERN})", text
-        ):
+        elif found := re.fullmatch(f"({DECIMAL}):({DECIMAL}):({DECIMAL})", text):
             steps = "start: {}, stop: {}, step: {}".format(*found.groups())
             meant = f"; steps are '{key}={{{steps}}}'"
         else:

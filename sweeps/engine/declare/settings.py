@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar, Self
 
-from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, with_location
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, locate
 from sweeps.engine.declare.kinds import (
     Count,
     Draws,
@@ -37,9 +37,7 @@ from sweeps.engine.declare.kinds import (
     quote_value,
 )
 
-CACHE_VARIABLE = (
-    "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
-)
+CACHE_VARIABLE = "SWEEP_CACHE"  # environment variable with the folder of the cache
 DIMENSION, COORDINATE = "dimension", "coordinate"  # roles in a store of a setting of one value
 AFFECTS_NO_RESULT = "no result depends on it"  # why such a setting takes one value
 
@@ -148,10 +146,10 @@ class Settings:
             if isinstance(value, Setting):
                 if name in ("key", "declared"):
                     wrong = f"setting {name} must have another name: every group has its own {name}"
-                    raise DeclarationError(with_location(cls, wrong))
+                    raise DeclarationError(locate(cls, wrong))
                 if not isinstance(value.unit, str):
                     wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
-                    raise DeclarationError(with_location(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
+                    raise DeclarationError(locate(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
                 class_options = {"single": single, "fixed": fixed}.items()
                 inherited: Any = {
                     of: given for of, given in class_options if getattr(value, of) is None

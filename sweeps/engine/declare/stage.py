@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.engine.declare.display import Display
-from sweeps.engine.declare.errors import DeclarationError, with_location
+from sweeps.engine.declare.errors import DeclarationError, locate
 from sweeps.engine.declare.kinds import Value
 from sweeps.engine.declare.settings import (
     COORDINATE,
@@ -208,13 +208,11 @@ class Stage:
             if not isinstance(value, tuple | list):
                 named = getattr(value, "key", value)
                 wrong = f"stage {self.name} has {named!r} as {what}, but must have a tuple, "
-                raise DeclarationError(
-                    with_location(self.function, f"{wrong}with a comma: (NAME,)")
-                )
+                raise DeclarationError(locate(self.function, f"{wrong}with a comma: (NAME,)"))
         for one in self.outputs:
             if not isinstance(one.unit, str):
                 wrong = f"stage {self.name}: {one.name} has unit={one.unit!r}, but must have a text"
-                raise DeclarationError(with_location(self.function, wrong))
+                raise DeclarationError(locate(self.function, wrong))
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
@@ -447,7 +445,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
             return visit(source)
         groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
         sentence = f"{what} neither a setting of {groups} nor a stage"
-        raise DeclarationError(with_location(declared.function, sentence))
+        raise DeclarationError(locate(declared.function, sentence))
 
     for declared in experiment.stages:
         visit(declared.name)
@@ -476,7 +474,7 @@ def _bind_stage(
     whole = {*along, *gather}
     if missing := whole - needs:
         wrong = _unneeded_message(declared.name, missing, inputs)
-        raise DeclarationError(with_location(declared.function, wrong))
+        raise DeclarationError(locate(declared.function, wrong))
     for source in inputs:
         if not source.stage.is_cached and (wanted := whole & set(source.needs)):
             raise DeclarationError(

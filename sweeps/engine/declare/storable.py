@@ -20,9 +20,7 @@ def is_storable(dtype: np.dtype[Any]) -> bool:
     return plain and (dtype.kind == "U" or number or dtype == DATES)
 
 
-def encode_attributes(
-    attributes: Mapping[str, Any],
-) -> dict[str, str | int | float | list[int | float]]:
+def encode_attrs(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[int | float]]:
     """Return attributes as texts, numbers and lists of numbers; all others as JSON text.
 
     NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
@@ -36,7 +34,7 @@ def encode_attributes(
     return {name: value if _is_native(value) else texts[name] for name, value in given.items()}
 
 
-def decode_attributes(attributes: Mapping[str, Any]) -> dict[str, Any]:
+def decode_attrs(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return attributes with mappings and lists decoded from JSON."""
     found = dict(attributes)
     for name, value in found.items():

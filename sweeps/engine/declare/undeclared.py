@@ -20,19 +20,12 @@ from numpy.typing import NDArray
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import Date
 from sweeps.engine.declare.stage import COORDINATE, RESULT, Output
-from sweeps.engine.declare.storable import DATES, encode_attributes
+from sweeps.engine.declare.storable import DATES, encode_attrs
 
-DESCRIPTION = "/"  # before the JSON, since no variable's name has it
+META = "/"  # before the JSON, since no variable's name has it
 # Attributes that say how values are stored, which the store says itself.
-STORAGE_ATTRIBUTES = {
-    "_FillValue",
-    "missing_value",
-    "scale_factor",
-    "add_offset",
-    "dtype",
-    "coordinates",
-}
-NUMBER_DTYPE, COMPLEX_DTYPE = "f8", "c16"
+ENCODING = {"_FillValue", "missing_value", "scale_factor", "add_offset", "dtype", "coordinates"}
+FLOAT, COMPLEX = "f8", "c16"
 PADDING = "padding"  # an attribute: along which dimensions calls returned different numbers
 
 Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
@@ -99,11 +92,11 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
         # Only times and texts are converted: others may have a mask.
         declared.append((variable, values if values.dtype.kind in "MU" else one.values))
         if variable.dims or one.attrs or one.coordinate:
-            attrs = encode_attributes(
-                {key: value for key, value in one.attrs.items() if key not in STORAGE_ATTRIBUTES}
+            attrs = encode_attrs(
+                {key: value for key, value in one.attrs.items() if key not in ENCODING}
             )
             about[name] = [variable.dims, attrs, one.coordinate]
-    return declared, f"{DESCRIPTION}{json.dumps(about)}" if about else ""
+    return declared, f"{META}{json.dumps(about)}" if about else ""
 
 
 def _declared(
@@ -127,7 +120,7 @@ def _declared(
         raise TypeError(f"{what} along a dimension of that name; rename one of them")
     stored = output.dtype
     if (output.infer_dtype or coordinate) and dtype.kind == "c":
-        stored = COMPLEX_DTYPE
+        stored = COMPLEX
     elif (dtype.kind in "MU" and output.infer_dtype) or coordinate:
         stored = dtype.str
     return Output(name, dims, stored)
@@ -188,20 +181,17 @@ def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]
     shapes: dict[str, list[tuple[np.dtype[Any], tuple[int, ...]]]] = defaultdict(list)
     lengths: dict[str, set[int]] = defaultdict(set)
     for layout in layouts:
-        texts = (name[len(DESCRIPTION) :] for name, *_ in layout if name.startswith(DESCRIPTION))
+        texts = (name[len(META) :] for name, *_ in layout if name.startswith(META))
         about = {name: one for text in texts for name, one in json.loads(text).items()}
         for name, dtype, shape in layout:
-            if name.startswith(DESCRIPTION):
+            if name.startswith(META):
                 continue
             dims, attrs, coordinate = about.get(name, ((), {}, False))
             known = first.setdefault(name, (tuple(dims), attrs, coordinate))
             shapes[name].append((np.dtype(dtype), shape))
-            if known[0] != tuple(dims) or _dtype_kind(shapes[name][0][0]) != _dtype_kind(
-                shapes[name][-1][0]
-            ):
+            if known[0] != tuple(dims) or _kind(shapes[name][0][0]) != _kind(shapes[name][-1][0]):
                 ways = [
-                    f"{_dtype_kind(one)} {list(at)}"
-                    for one, at in (shapes[name][0], shapes[name][-1])
+                    f"{_kind(one)} {list(at)}" for one, at in (shapes[name][0], shapes[name][-1])
                 ]
                 raise DeclarationError(
                     f"{output.name} returned {name} as {' and as '.join(ways)} for different "
@@ -227,11 +217,11 @@ def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]
     for name in () if found else output.names or (output.name,):
         own = output.about.get(name, {})
         label, unit = own.get("long_name", name), own.get("units", "1")
-        found.append(Output(name, (), NUMBER_DTYPE, label, unit))
+        found.append(Output(name, (), FLOAT, label, unit))
     return found
 
 
-def _dtype_kind(dtype: np.dtype[Any]) -> str:
+def _kind(dtype: np.dtype[Any]) -> str:
     return {"U": "texts", "M": "times"}.get(dtype.kind, "numbers")
 
 

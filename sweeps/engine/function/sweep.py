@@ -17,7 +17,7 @@ from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import path_or_url
 from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
 from sweeps.engine.declare.stage import RNG, VALID, Experiment, Group, Stage
-from sweeps.engine.declare.undeclared import NUMBER_DTYPE, PADDING, Undeclared
+from sweeps.engine.declare.undeclared import FLOAT, PADDING, Undeclared
 from sweeps.engine.function.arguments import Argument, read_values
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.plan import Plan
@@ -266,7 +266,7 @@ def _declare_result(
                 what = "two of them" if found.count(one) > 1 else what
                 raise ConfigurationError(f"{key} has {one!r}, the name of {what}; rename one")
     how: dict[str, Any] = {"names": names, "dims_of": of, "reserved": reserved, "about": attrs}
-    return Undeclared(name, every, dtype or NUMBER_DTYPE, label=name, infer_dtype=not dtype, **how)
+    return Undeclared(name, every, dtype or FLOAT, label=name, infer_dtype=not dtype, **how)
 
 
 def _as_names(key: str, given: Any) -> tuple[str, ...]:

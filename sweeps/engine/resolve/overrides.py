@@ -25,13 +25,7 @@ from hydra.core.config_loader import ConfigLoader
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import (
-    ChoiceSweep,
-    Override,
-    RangeSweep,
-    Sweep,
-    Transformer,
-)
+from hydra.core.override_parser.types import ChoiceSweep, Override, RangeSweep, Sweep, Transformer
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -61,7 +55,7 @@ SIMILARITY = 0.66  # least similarity of a key that may have been meant
 # composing ----------------------------------------------------------------------------------------
 
 
-def primary_config(experiment: Experiment) -> str:
+def config_name(experiment: Experiment) -> str:
     """Return the name of the primary configuration of Hydra."""
     return "config" if experiment.conf is not None else "all_defaults"
 
@@ -80,7 +74,7 @@ def register(experiment: Experiment) -> None:
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_"]
         node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}
-        known.store(name=primary_config(experiment), node=node)
+        known.store(name=config_name(experiment), node=node)
 
 
 def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,7 +108,7 @@ def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
     """Return the configuration of some overrides."""
     try:
         return hydra.compose(
-            primary_config(experiment), overrides=clear_before_set(experiment, overrides)
+            config_name(experiment), overrides=clear_before_set(experiment, overrides)
         )
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
         raise ConfigurationError(f"{error_message(error)} (of {' '.join(overrides)})") from error
@@ -486,7 +480,7 @@ def _swept_values(override: Override, most: int) -> list[str]:
 
 
 Point = tuple[Value, ...]
-SEPARATE_STORES = "put it into the store's path for a store each"
+SEPARATE = "put it into the store's path for a store each"
 
 
 def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
@@ -510,7 +504,7 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     first = jobs[0].choices
     if any(job.choices.joint != first.joint for job in jobs):
         raise ConfigurationError(
-            f"grid.zip has settings that differ between jobs of one store; {SEPARATE_STORES}"
+            f"grid.zip has settings that differ between jobs of one store; {SEPARATE}"
         )
     union: dict[Setting, Point] = {}  # of settings that differ
     for setting in experiment.declared:
@@ -522,7 +516,7 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
             given = " and ".join(quote_value(value) for value in sorted(values, key=sort_key))
             raise ConfigurationError(
                 f"{setting.key} is {given} in jobs of one store, but must be one: "
-                f"{setting.fixed}; {SEPARATE_STORES}"
+                f"{setting.fixed}; {SEPARATE}"
             )
         union[setting] = tuple(sorted(values, key=sort_key))
     values_of = {setting.key: values for setting, values in union.items()}
@@ -539,7 +533,7 @@ def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
     if twice := [value for value, count in counts.items() if count > 1]:
         raise ConfigurationError(
             f"{setting.key} has {str(twice[0])!r} for two values in jobs of one store, but their "
-            f"names must differ; name one of them, or {SEPARATE_STORES}"
+            f"names must differ; name one of them, or {SEPARATE}"
         )
 
 
@@ -551,11 +545,11 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
         return Joint(name, keys, tuple(labels), tuple(labels.values()))
 
     groups: list[Joint] = []
-    independent = list(union)
+    single = list(union)
     for key in jobs[0].overrides:
-        following = [setting for setting in independent if _is_decided_by(jobs, key, setting)]
+        following = [setting for setting in single if _is_decided_by(jobs, key, setting)]
         if len(following) > 1:
-            independent = [setting for setting in independent if setting not in following]
+            single = [setting for setting in single if setting not in following]
             labels = {
                 tuple(job.choices.one(setting) for setting in following): job.overrides[key]
                 for job in jobs
@@ -565,9 +559,7 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
     points = {
         point for job in jobs for point in product(*(job.choices[setting] for setting in union))
     }
-    sizes = [len(union[setting]) for setting in independent] + [
-        len(group.points) for group in groups
-    ]
+    sizes = [len(union[setting]) for setting in single] + [len(group.points) for group in groups]
     if math.prod(sizes) == len(points):
         return groups
     every = sorted(points, key=lambda point: [sort_key(value) for value in point])

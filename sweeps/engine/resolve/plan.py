@@ -202,17 +202,13 @@ class Plan:
         """Return the name of a cell: its stage, and name=value for every swept axis."""
         words = [bound.name]
         for number in self._strides[bound]:
-            axis, position = self.axes[number], self.positions(bound, number, cell)
+            axis, at = self.axes[number], self.positions(bound, number, cell)
             if axis.unlabelled:
-                pairs = zip(axis.settings, axis.points[position], strict=True)
+                pairs = zip(axis.settings, axis.points[at], strict=True)
                 read = [(one.name, value) for one, value in pairs if one.key in bound.needs]
                 words += [f"{name}={format_value(value)}" for name, value in read]
                 continue
-            label = (
-                axis.labels[position]
-                if axis.labels
-                else ",".join(map(format_value, axis.points[position]))
-            )
+            label = axis.labels[at] if axis.labels else ",".join(map(format_value, axis.points[at]))
             words.append(f"{axis.name}={label}")
         return " ".join(words)
 
@@ -233,18 +229,14 @@ class Plan:
 
     def _find_input_cells(self, bound: BoundStage, source: BoundStage) -> InputCells:
         cells, strides = self.cells(bound), self._strides[source]
-        substituted = {
+        moved = {
             self.axis_number(one.key): self._substitute(bound, source, one, other)
             for one, other in bound.stage.substitutions.items()
             if one.key in source.needs
         }
         first = 0 * cells
         for number, stride in strides.items():
-            positions = (
-                substituted[number]
-                if number in substituted
-                else self.positions(bound, number, cells)
-            )
+            positions = moved[number] if number in moved else self.positions(bound, number, cells)
             first += stride * positions
         offsets = np.zeros((), dtype=np.int64)
         for number in (self.axis_number(key) for key in bound.gather if key in source.needs):

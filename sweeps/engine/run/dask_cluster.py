@@ -49,15 +49,12 @@ DASK_SETTINGS = {
     "distributed.worker.profile.enabled": False,
 }
 # Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
-SCHEDULER_OPTIONS = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 
 COUNT_INTERVAL = 1.0  # s between looks at how many workers a running cluster has
-ANSWER_SECONDS, ARRIVAL_SECONDS, CHECK_INTERVAL = (
-    10,
-    60,
-    1.0,
-)  # s: for a scheduler's answer, its first worker; of checks
-JOB_CHECK_INTERVAL = 10.0  # s between checks whether a job has ended, for example by its time limit
+ANSWER_SECONDS, ARRIVAL_SECONDS = 10, 60  # for a scheduler's answer; for its first worker
+CHECK_INTERVAL = 1.0  # s between checks of workers
+JOB_INTERVAL = 10.0  # s between checks whether a job has ended, for example by its time limit
 LOST_SECONDS = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
 MAX_VAIN_CHECKS = 3  # checks that find jobs ended, and no worker, until jobs are submitted no more
 SCHEDULER_GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
@@ -177,7 +174,7 @@ def local(
                         protocol="tls://",
                         security=Security.temporary(),
                         dashboard_address=None,
-                        scheduler_kwargs=SCHEDULER_OPTIONS,
+                        scheduler_kwargs=SCHEDULER,
                         silence_logs=logging.CRITICAL,
                     )
                 )
@@ -257,7 +254,7 @@ def slurm(
             ) from error
         run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
         look = _SlurmQueue(cluster, run, Path(folder), say).look
-        stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_CHECK_INTERVAL, look=look))
+        stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_INTERVAL, look=look))
         yield run
 
 
@@ -306,13 +303,9 @@ def _slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
         protocol="tls://",
         security=_security(str(certificate), str(certificate), str(key)),
         log_directory=str(folder),
-        scheduler_options=SCHEDULER_OPTIONS,
+        scheduler_options=SCHEDULER,
         job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
-        worker_extra_args=[
-            "--no-dashboard",
-            "--dashboard-address",
-            SCHEDULER_OPTIONS["dashboard_address"],
-        ],
+        worker_extra_args=["--no-dashboard", "--dashboard-address", SCHEDULER["dashboard_address"]],
         silence_logs=logging.CRITICAL,
     )
 

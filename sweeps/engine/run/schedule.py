@@ -55,16 +55,16 @@ class ReadyCalls:
     begins: Cells
     cells: Cells
     objects: Cells
-    next: int = 0  # the first call that is left
+    position: int = 0  # the first call that is left
 
     def __len__(self) -> int:
-        return len(self.stage) - self.next
+        return len(self.stage) - self.position
 
     def next_calls(self, most: int) -> tuple[BoundStage, Cells]:
         """Return the stage of the next calls, and the bounds of their cells."""
-        calls = self.stage[self.next : self.next + most]
+        calls = self.stage[self.position : self.position + most]
         same = int(np.argmax(np.append(calls != calls[0], True)))
-        return self.stages[calls[0]], self.begins[self.next : self.next + same + 1]
+        return self.stages[calls[0]], self.begins[self.position : self.position + same + 1]
 
 
 class CallQueue:
@@ -74,9 +74,7 @@ class CallQueue:
         self._plan = plan
         self._ready: deque[ReadyCalls] = deque()
         self._split: deque[Call] = deque()
-        self._object_keys: Keys = np.empty(
-            (0, 2), np.uint64
-        )  # keys of in-memory objects, by number
+        self._objects: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
         self.load: Counter[BoundStage] = Counter()  # cells
 
     def __bool__(self) -> bool:
@@ -131,12 +129,10 @@ class CallQueue:
         for source, first, _ in self._plan.computed_inputs(bound):
             if not source.stage.is_cached:
                 taken, places = np.unique(first[cells], return_inverse=True)
-                known, keys = (
-                    len(self._object_keys),
-                    concatenate(self._object_keys, self._plan.keys(source)[taken]),
-                )
+                known = len(self._objects)
+                keys = concatenate(self._objects, self._plan.keys(source)[taken])
                 of_first, number = unique_keys(keys)
-                self._object_keys = keys[of_first]
+                self._objects = keys[of_first]
                 found += [*self._object_numbers(source, first[cells]), number[known:][places]]
         return found
 
@@ -154,7 +150,7 @@ class CallQueue:
                     block, costs, size - seconds, MAX_TASK_CELLS - cells, cells == 0
                 )
                 break
-            objects = block.objects[block.next].tolist() if block else []
+            objects = block.objects[block.position].tolist() if block else []
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
             if cells and seconds >= (together if shared else size):
                 break
@@ -173,7 +169,7 @@ class CallQueue:
     def _take_calls(
         self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, begins: bool
     ) -> Iterator[Call]:
-        """Remove and yield calls of one stage that share no objects, as `next` does."""
+        """Remove and yield calls of one stage that share no objects, as `position` does."""
         bound, ends = block.next_calls(most)
         before = (ends - ends[0])[:-1]
         count = int(np.count_nonzero((before * costs[bound.name] < size) & (before < most)))
@@ -184,12 +180,12 @@ class CallQueue:
             yield bound, block.cells[begin:end]
 
     def _advance(self, calls: int) -> None:
-        self._ready[0].next += calls
+        self._ready[0].position += calls
         if not self._ready[0]:
             self._ready.popleft()
 
 
-MIN_TASK_SECONDS, MAX_TASK_SECONDS = 0.2, 1.5  # s, range of a task's duration
+MIN_SECONDS, MAX_SECONDS = 0.2, 1.5  # s, range of a task's duration
 MAX_SHARED_SECONDS = 5.0  # s, longest task if cells share costly objects
 UNTIMED_SECONDS = 0.1  # s a cell, until one is timed
 
@@ -283,7 +279,7 @@ class Schedule:
         }
         # Every stage with missing cells, their number, and the number of calls.
         self.missing_cells = [
-            (one, len(cells), len(np.unique(plan.first_cells(one, cells))))
+            (one, len(cells), len(np.unique(plan.first_cells(one, cells)) if one.along else cells))
             for one, cells in self._missing.items()
         ]
         self._object_keys: dict[BoundStage, Keys] = {}
@@ -422,7 +418,7 @@ class Schedule:
         """
         costs = defaultdict(lambda: UNTIMED_SECONDS, self.costs)
         left = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
-        size = min(max(left / (3 * workers), MIN_TASK_SECONDS), MAX_TASK_SECONDS)
+        size = min(max(left / (3 * workers), MIN_SECONDS), MAX_SECONDS)
         together = min(MAX_SHARED_SECONDS, max(left / workers / 2, size))
         task = self._task(self._calls.next(costs, size, together))
         message = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"

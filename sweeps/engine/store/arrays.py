@@ -16,7 +16,7 @@ import numpy as np
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
-from sweeps.engine.declare.storable import DATES, NAT, encode_attributes, is_storable
+from sweeps.engine.declare.storable import DATES, NAT, encode_attrs, is_storable
 from sweeps.engine.resolve.keys import digest
 
 METADATA = "zarr.json"
@@ -104,7 +104,7 @@ class Array:
     def attributes(self) -> dict[str, Any]:
         """Return the stored attributes, with the dtype that xarray converts integers to."""
         kind, of_bool = np.dtype(self.dtype).kind, {"dtype": "bool"}
-        return encode_attributes(self.attrs) | (
+        return encode_attrs(self.attrs) | (
             of_bool if kind == "b" else DATE_ATTRIBUTES if kind == "M" else {}
         )
 
@@ -161,7 +161,7 @@ class Group:
             name for name, one in self.arrays.items() if one.coordinate and one.dims != (name,)
         ]
         named = {"coordinates": " ".join(sorted(others))} if others else {}
-        return encode_attributes(self.attrs) | named
+        return encode_attrs(self.attrs) | named
 
     def fold_scalars(self, taken: Collection[str] = ()) -> Group:
         """Return the group with scalar coordinates as attributes, as it is stored.

@@ -34,11 +34,8 @@ from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.run.tasks import iter_results, uneven_error
 from sweeps.engine.store.arrays import Array, Group, Region, suggest_chunks
 
-MISSING_STATE, FAILED_STATE, DONE_STATE = -1, 0, 1
-FLAGS = {
-    "flag_values": [MISSING_STATE, FAILED_STATE, DONE_STATE],
-    "flag_meanings": "missing failed done",
-}
+MISSING, FAILED, DONE = -1, 0, 1
+FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
 
 MEASURED_COMMENT = "measured while the cell was computed; differs if computed again"
 
@@ -84,7 +81,7 @@ class RegionReader:
         output, own = self.output, self.own_lengths
         dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
-        flat[self.failed] = FAILED_STATE
+        flat[self.failed] = FAILED
         cells = iter_results(self.packs, self.locations)
         for number, arrays in zip(self.present.tolist(), cells, strict=True):
             array = arrays.get(output.name)
@@ -397,19 +394,19 @@ class Cube:
         """Return the worst state of some stages along axes, and the coordinates of these."""
         plan = self.plan
         axes = [plan.axes[number] for number in numbers]
-        worst = np.full([len(axis.points) for axis in axes], DONE_STATE, dtype=np.int8)
+        worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
         for bound in bounds:
             results, own = self.schedule.results[bound], plan.axis_numbers(bound)
             present = self.schedule.locations.present[results]
             failed = np.isin(results, [*self.schedule.failed])
-            for state, those in ((MISSING_STATE, ~present & ~failed), (FAILED_STATE, failed)):
+            for state, those in ((MISSING, ~present & ~failed), (FAILED, failed)):
                 cells = np.flatnonzero(those)
                 point = tuple(
                     plan.positions(bound, number, cells) if number in own else slice(None)
                     for number in numbers
                 )
                 if len(cells):
-                    worst[point] = np.where(worst[point] == FAILED_STATE, FAILED_STATE, state)
+                    worst[point] = np.where(worst[point] == FAILED, FAILED, state)
         names: list[str] = []
         for axis in axes:
             taken = axis.name in (*names, name)
@@ -418,7 +415,7 @@ class Cube:
         for axis, axis_name in zip(axes, names, strict=True):
             found |= axis_coordinates(axis, axis_name)
         attrs = {"units": "1", "long_name": label, **FLAGS}
-        return found | {name: Array.from_values(tuple(names), worst, attrs, MISSING_STATE)}
+        return found | {name: Array.from_values(tuple(names), worst, attrs, MISSING)}
 
 
 # coordinates --------------------------------------------------------------------------------------

@@ -86,7 +86,7 @@ def _code_parts(plan: Plan) -> dict[str, dict[str, str]]:
     return found
 
 
-def explain_differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
     """Yield each stage whose keys differ from those of a store, with the differences."""
     settings, parts, now = _result_settings(plan.experiment), _code_parts(plan), versions(plan)
     before = read_choices(settings, flatten(settings, old.get("configuration", {})))
@@ -198,7 +198,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
     for kind, word in (("code", "code of"), ("versions", "version of")):
         for name, value in old.get(kind, {}).items():
             if now[kind].get(name, value) != value:
-                differs = ", ".join(dict(explain_differences(plan, old)).get(name, ())[:3])
+                differs = ", ".join(dict(differences(plan, old)).get(name, ())[:3])
                 named = f"{name} ({differs})" if differs else name
                 raise ConfigurationError(
                     f"store is {path!r}, which was made by another {word} {named}; give another "

@@ -23,7 +23,7 @@ from sweeps.engine.cache.packs import NO_PACK, array_kinds, iter_cells, open_pac
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.declare.paths import PathOrUrl
-from sweeps.engine.declare.storable import decode_attributes, encode_attributes
+from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.keys import unique_keys
 from sweeps.engine.resolve.modules import is_within
@@ -38,12 +38,7 @@ from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches
 from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.locks import cache_lock, store_lock
 from sweeps.engine.store.manifest import verify
-from sweeps.engine.store.provenance import (
-    SHARED_ATTRIBUTES,
-    check_extends,
-    explain_differences,
-    provenance,
-)
+from sweeps.engine.store.provenance import SHARED_ATTRIBUTES, check_extends, differences, provenance
 from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes, recover, write_store
 
@@ -128,7 +123,7 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
         index = CellIndex(options.packs, watch.say, plan.identity.values())
         old = extended_attributes(options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
-            for name, found in explain_differences(plan, old or {}):
+            for name, found in differences(plan, old or {}):
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
         if old is not None and is_complete(plan, options.store, old, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
@@ -263,9 +258,7 @@ def _compute(
     return execute(schedule, workers, index, watch), workers
 
 
-def execute(
-    schedule: Schedule, open_executor: Executor, index: CellIndex, watch: Watch
-) -> Failures:
+def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
     """Run all calls of a schedule, and record finished cells in the index, whose packs have them.
 
     Returns the names of cells that failed, with the reasons. Raises `DamagedResults` at the end if
@@ -284,18 +277,18 @@ def execute(
 
     def submit(task: Task) -> None:
         number, batches = next(numbers), tuple(one.batch for one in task.batches)
-        open_executor.submit(number, run_batches, batches, task.order, index.cells)
+        executor.submit(number, run_batches, batches, task.order, index.cells)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
         if not under_way and (isolated := bool(suspects) and not schedule.ready):
             submit(suspects.popleft())
-        most = 0 if isolated else QUEUED_TASKS * open_executor.worker_count
+        most = 0 if isolated else QUEUED_TASKS * executor.worker_count
         while schedule.ready and len(under_way) < most:
-            if (task := schedule.next_task(open_executor.worker_count)).batches:
+            if (task := schedule.next_task(executor.worker_count)).batches:
                 submit(task)
         with interruptible():
-            finished = open_executor.finished()
+            finished = executor.finished()
         for number, report, error in finished:
             task = under_way.pop(number)
             if error is not None and not isolated:
@@ -340,7 +333,7 @@ def is_complete(
     """Return whether an undamaged store has all results of a plan."""
     # As read back from a store.
     raise_if_stopped()
-    new = decode_attributes(encode_attributes(provenance(plan)))
+    new = decode_attrs(encode_attrs(provenance(plan)))
     if "failures" in old or dict(old) != new:
         keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
         LOG.debug("store is written again: its %s differ", ", ".join(keys))

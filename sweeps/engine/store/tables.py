@@ -22,10 +22,10 @@ from xarray.core.indexing import (
 
 from sweeps.engine.cache.packs import raise_resource_error
 from sweeps.engine.declare.display import ATTRIBUTE
-from sweeps.engine.declare.errors import DeclarationError, with_location
+from sweeps.engine.declare.errors import DeclarationError, locate
 from sweeps.engine.declare.failures import RAISED, Failure, format_traceback, one_line
 from sweeps.engine.declare.paths import PathOrUrl
-from sweeps.engine.declare.storable import decode_attributes
+from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.arrays import SCALARS, Array, Group, metadata
@@ -58,7 +58,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                     )
                 if made is None and not _returns(table.make):
                     sentence = "its function has no return, but must return a data set or None"
-                    raise TypeError(with_location(table.make, sentence))
+                    raise TypeError(locate(table.make, sentence))
                 if made is not None:
                     if table.displays:
                         displays = [
@@ -126,7 +126,7 @@ def to_dataset(group: Group) -> xr.Dataset:
 def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
     """Return a group of a store with the scalar coordinates that are attributes there."""
     attrs = dict(dataset.attrs)
-    about = decode_attributes({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
+    about = decode_attrs({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
     scalars = {}
     for name, given in about.items():
         value = attrs.pop(name, math.nan)

@@ -23,7 +23,7 @@ from typing import Any
 from sweeps.engine.cache.objects import REQUESTS, Objects, world_readable
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path
-from sweeps.engine.declare.storable import decode_attributes, encode_attributes
+from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped
 from sweeps.engine.store.arrays import (
@@ -160,7 +160,7 @@ def read_attributes(path: PathOrUrl) -> dict[str, Any] | None:
     try:
         if content is None or not manifest.allows(METADATA, len(content)):
             raise ValueError("its size differs")
-        return decode_attributes(json.loads(content)["attributes"])
+        return decode_attrs(json.loads(content)["attributes"])
     except ValueError as error:
         raise ConfigurationError(
             f"store is {str(path)!r}, whose {METADATA} cannot be read; "
@@ -285,8 +285,8 @@ def _make_nodes(
     shared: tuple[str, ...],
 ) -> Nodes:
     """Return the metadata of the root, groups and arrays by path, the root's being empty."""
-    repeated = encode_attributes({name: attributes[name] for name in shared})
-    nodes = {"": _group_node(encode_attributes(attributes))}
+    repeated = encode_attrs({name: attributes[name] for name in shared})
+    nodes = {"": _group_node(encode_attrs(attributes))}
     for name, group in groups.items():
         for parent in accumulate(name.split("/"), "{}/{}".format):
             nodes.setdefault(parent, _group_node(repeated))
