@@ -90,11 +90,11 @@ def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, 
 
     first = told((1, 2))
     assert "square differs from the store in: the store has none of it" in first
-    assert "square: 2 cells are in no pack, and computed by 2 calls" in first
+    assert "square: 2 cells are computed by 2 calls" in first
     assert any(line.startswith("task of ['square']: calls of ") for line in first)
     assert any("chunks are written, 0 stay" in line for line in first)
     assert told((1, 2)) == ["store is reused: it has all of the sweep, and is undamaged"]
     more = told((1, 2, 3))
     assert "square differs from the store in: few.size" in more
-    assert "square: 1 cells are in no pack, and computed by 1 calls" in more
+    assert "square: 1 cells are computed by 1 calls" in more
     assert "store is written again: its cells, configuration differ" in more

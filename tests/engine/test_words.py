@@ -102,9 +102,9 @@ def test_each_word_has_its_own_cause(word):
     [
         (
             "--spring.mass=3",
-            "--spring.mass=3 is not an option; give the setting without dashes, spring.mass=3",
+            "--spring.mass=3 is not an option; give it without dashes, spring.mass=3",
         ),
-        ("--dry-run", "--dry-run is not an option; give the setting without dashes, dry_run=VALUE"),
+        ("--dry-run", "--dry-run is not an option; give it without dashes, dry_run=VALUE"),
     ],
 )
 def test_a_setting_is_no_option(word, sentence, capsys):

@@ -106,9 +106,8 @@ class CellIndex:
         """Drop keys of damaged cells, (cell, 2), including older copies; packs stay."""
         self.refresh()
         for key in keys:
-            first, last = np.searchsorted(
-                self._locations.keys[:, 0], [key[0], key[0] + np.uint64(1)]
-            )
+            halves, last_key = self._locations.keys[:, 0], key[0] + np.uint64(1)
+            first, last = np.searchsorted(halves, [key[0], last_key])
             same = (self._locations.keys[first:last] == key).all(axis=1)
             self._locations.pack[first:last][same] = NO_PACK
 

@@ -315,9 +315,8 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
         with ignore_damage():
             head = _head(cells, path)
             inside = np.flatnonzero(wanted < len(head.keys))
-            right = inside[
-                (head.keys[wanted[inside]] == locations.keys[indices[inside]]).all(axis=1)
-            ]
+            same = head.keys[wanted[inside]] == locations.keys[indices[inside]]
+            right = inside[same.all(axis=1)]
             begins, ends = head.begins[wanted[right]], head.ends[wanted[right]]
             gaps, blocks = begins[1:] - ends[:-1], np.diff(begins // READ_BYTES)
             splits = np.flatnonzero((gaps > MAX_GAP) | (blocks != 0))

@@ -175,9 +175,7 @@ class Command:
         known = group in nested(self.experiment.by_key)
         if word.startswith("--") and (known or (conf is not None and (conf / group).is_dir())):
             given = f"{'' if known else '+'}{stripped}{'' if '=' in stripped else '=VALUE'}"
-            raise ConfigurationError(
-                f"{word} is not an option; give the setting without dashes, {given}"
-            )
+            raise ConfigurationError(f"{word} is not an option; give it without dashes, {given}")
 
     def _job(self, composed: DictConfig) -> None:
         """Run one job of Hydra's: a sweep, by default with its own store."""

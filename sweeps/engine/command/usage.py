@@ -70,9 +70,8 @@ def usage(experiment: Experiment) -> str:
 
 def main_settings(experiment: Experiment) -> list[Setting]:
     """Return the settings that `--help` lists: dimensions of stores, and settings of the run."""
-    dims = [
-        one for one in experiment.own_settings if one.single == DIMENSION and one.fallback is None
-    ]
+    listed = [one for one in experiment.own_settings if one.single == DIMENSION]
+    dims = [one for one in listed if one.fallback is None]
     own = [one for one in experiment.own_settings if "." not in one.key]
     return [*own, *dims, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
 

@@ -312,9 +312,8 @@ def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
         # A store ends texts at their last character that is not NUL.
         label = value.rstrip("\0") if isinstance(value, str) else value
         if label in seen:
-            raise ValueError(
-                f"{key} has {quote_value(value)} more than once, but values must differ"
-            )
+            wrong = f"{key} has {quote_value(value)} more than once"
+            raise ValueError(f"{wrong}, but values must differ")
         seen.add(label)
     return tuple(sorted(values, key=sort_key))
 

@@ -128,9 +128,8 @@ class Setting:
         except ValueError as error:
             raise ConfigurationError(str(error)) from None
         if self.fixed and len(found) > 1 and not isinstance(self.kind, Draws):
-            raise ConfigurationError(
-                f"{self.key} has {len(found)} values, but must have one: {self.fixed}"
-            )
+            count = f"{self.key} has {len(found)} values"
+            raise ConfigurationError(f"{count}, but must have one: {self.fixed}")
         return found
 
 
@@ -152,7 +151,7 @@ class Settings:
                     raise DeclarationError(locate(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
                 class_options = {"single": single, "fixed": fixed}.items()
                 inherited: Any = {
-                    of: given for of, given in class_options if getattr(value, of) is None
+                    of: one for of, one in class_options if getattr(value, of) is None
                 }
                 setting = replace(value, key=f"{key}.{name}".lstrip("."), **inherited)
                 if value.fallback in found:  # of the same group, whose key is set only now

@@ -345,10 +345,8 @@ class Experiment:
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
         """Every setting, including those of the engine."""
-        return (
-            *self.own_settings,
-            *(setting for group in ENGINE_SETTINGS for setting in group.declared),
-        )
+        engine = (setting for group in ENGINE_SETTINGS for setting in group.declared)
+        return (*self.own_settings, *engine)
 
     @cached_property
     def own_settings(self) -> tuple[Setting, ...]:

@@ -56,13 +56,8 @@ class Undeclared(Output):
     @property
     def identity(self) -> tuple[Any, ...]:
         """See `Output.identity`."""
-        return (
-            *super().identity,
-            self.infer_dtype,
-            self.names,
-            self.dims,
-            sorted(self.dims_of.items()),
-        )
+        own = (self.infer_dtype, self.names, self.dims, sorted(self.dims_of.items()))
+        return *super().identity, *own
 
 
 class Variable(NamedTuple):
@@ -92,9 +87,8 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
         # Only times and texts are converted: others may have a mask.
         declared.append((variable, values if values.dtype.kind in "MU" else one.values))
         if variable.dims or one.attrs or one.coordinate:
-            attrs = encode_attrs(
-                {key: value for key, value in one.attrs.items() if key not in ENCODING}
-            )
+            given = {key: value for key, value in one.attrs.items() if key not in ENCODING}
+            attrs = encode_attrs(given)
             about[name] = [variable.dims, attrs, one.coordinate]
     return declared, f"{META}{json.dumps(about)}" if about else ""
 
@@ -190,9 +184,8 @@ def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]
             known = first.setdefault(name, (tuple(dims), attrs, coordinate))
             shapes[name].append((np.dtype(dtype), shape))
             if known[0] != tuple(dims) or _kind(shapes[name][0][0]) != _kind(shapes[name][-1][0]):
-                ways = [
-                    f"{_kind(one)} {list(at)}" for one, at in (shapes[name][0], shapes[name][-1])
-                ]
+                both = (shapes[name][0], shapes[name][-1])
+                ways = [f"{_kind(one)} {list(at)}" for one, at in both]
                 raise DeclarationError(
                     f"{output.name} returned {name} as {' and as '.join(ways)} for different "
                     "arguments, which one variable cannot be"

@@ -77,9 +77,8 @@ class Code:
         Raises ConfigurationError if it holds a value without content to compare.
         """
         if version:
-            return CodeDigest(
-                sha256(repr((module_and_name(function), version))), {"version": version}, {}
-            )
+            content = repr((module_and_name(function), version))
+            return CodeDigest(sha256(content), {"version": version}, {})
         walk = _Walk(self, function)
         content = json.dumps([walk.root, walk.parts, walk.libraries], sort_keys=True)
         return CodeDigest(sha256(content), walk.parts, walk.libraries)
@@ -264,9 +263,8 @@ class _Walk:
             return False
         if isinstance(one, FunctionType):
             return vars(sys.modules[module]) is one.__globals__
-        return (
-            not self._modules.is_source(module) or find_attribute(module, one.__qualname__) is one
-        )
+        is_source = self._modules.is_source(module)
+        return not is_source or find_attribute(module, one.__qualname__) is one
 
     def _reference(self, one: Any) -> str:
         """Return the name of a function, class or module, which counts on its own."""

@@ -218,9 +218,8 @@ class Modules:
         if name and module_spec(f"{owner}.{name}"):
             found.add(f"{owner}.{name}")
         elif module and module.is_lazy:
-            below = [
-                path.removesuffix(".py") for path, _ in package_files(owner, frozenset({".py"}))
-            ]
+            paths = (path for path, _ in package_files(owner, frozenset({".py"})))
+            below = [path.removesuffix(".py") for path in paths]
             found |= {path.replace("/", ".").removesuffix(".__init__") for path in below}
         return {*filter(self.is_source, found)}
 

@@ -107,9 +107,8 @@ def hydra_context(experiment: Experiment) -> Iterator[None]:
 def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
     """Return the configuration of some overrides."""
     try:
-        return hydra.compose(
-            config_name(experiment), overrides=clear_before_set(experiment, overrides)
-        )
+        given = clear_before_set(experiment, overrides)
+        return hydra.compose(config_name(experiment), overrides=given)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
         raise ConfigurationError(f"{error_message(error)} (of {' '.join(overrides)})") from error
 
@@ -171,9 +170,7 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     joint = [_zipped(settings, given) for settings in together]
     zipped = [key for one in joint for key in one.keys]
     if twice := [key for key in zipped if zipped.count(key) > 1]:
-        raise ConfigurationError(
-            f"grid.zip has {twice[0]!r} more than once, but values must differ"
-        )
+        raise ConfigurationError(f"grid.zip has {twice[0]!r} twice, but values must differ")
     for key in zipped:  # together, one may have a value several times
         if isinstance(listed := given.get(key), list):
             given[key] = [one for at, one in enumerate(listed) if one not in listed[:at]]
@@ -248,9 +245,8 @@ def _in_given_order(setting: Setting, given: Any) -> list[Any]:
 def _find_setting(experiment: Experiment, name: str) -> Setting:
     """Return the setting of a key, or of the last word of one."""
     exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
-    found = (
-        [exact] if exact else [setting for setting in experiment.declared if setting.name == name]
-    )
+    every = experiment.declared
+    found = [exact] if exact else [one for one in every if one.name == name]
     if len(found) != 1:
         several = ", ".join(one.key for one in found)
         hint = f"several keys: {several}" if found else "not a setting"
@@ -470,9 +466,7 @@ def _swept_values(override: Override, most: int) -> list[str]:
     values = override.sweep_iterator(transformer=Transformer.encode)
     found = [str(one) for one in islice(values, most + 1)]
     if len(found) > most:
-        raise ConfigurationError(
-            f"{override.input_line} has too many values; there may be at most {most:,}"
-        )
+        raise ConfigurationError(f"{override.input_line} has more than {most:,} values")
     return found
 
 
@@ -503,9 +497,7 @@ def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices
 def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     first = jobs[0].choices
     if any(job.choices.joint != first.joint for job in jobs):
-        raise ConfigurationError(
-            f"grid.zip has settings that differ between jobs of one store; {SEPARATE}"
-        )
+        raise ConfigurationError(f"grid.zip differs between jobs of one store; {SEPARATE}")
     union: dict[Setting, Point] = {}  # of settings that differ
     for setting in experiment.declared:
         values = {value for job in jobs for value in job.choices[setting]}
@@ -556,9 +548,8 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
             }
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
             groups.append(joint(name, following, dict(sorted(labels.items(), key=_label_sort_key))))
-    points = {
-        point for job in jobs for point in product(*(job.choices[setting] for setting in union))
-    }
+    products = (product(*(job.choices[one] for one in union)) for job in jobs)
+    points = {point for some in products for point in some}
     sizes = [len(union[setting]) for setting in single] + [len(group.points) for group in groups]
     if math.prod(sizes) == len(points):
         return groups

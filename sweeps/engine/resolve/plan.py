@@ -423,9 +423,8 @@ class Plan:
     def digests(self) -> dict[str, CodeDigest]:
         """Return the digest of each stage's function."""
         stages = {name: bound.stage for name, bound in self.bound.items()}
-        found = {
-            name: self.source_code.digest(one.function, one.version) for name, one in stages.items()
-        }
+        digest = self.source_code.digest
+        found = {name: digest(one.function, one.version) for name, one in stages.items()}
         save_parsed_modules()
         return found
 

@@ -197,9 +197,8 @@ def address(
     if files["ca_file"] is None and not (host in {"localhost", "::1"} or host.startswith("127.")):
         say(f"the traffic with {address} is neither encrypted nor authenticated")
     with ExitStack() as stack:
-        stack.enter_context(
-            _started_with({"distributed.comm.timeouts.connect": f"{ANSWER_SECONDS}s"}, {})
-        )
+        timeout = {"distributed.comm.timeouts.connect": f"{ANSWER_SECONDS}s"}
+        stack.enter_context(_started_with(timeout, {}))
         security = Security() if files["ca_file"] is None else _security(**files)
         try:
             _check_scheduler(address, security)
@@ -221,9 +220,8 @@ def address(
                 reason = (
                     wrong if isinstance(wrong, REQUIREMENT_ERRORS) else f"cannot be asked: {wrong}"
                 )
-                raise ConfigurationError(
-                    f"cluster.address is {address}, but its worker {worker} {reason}"
-                )
+                wrong = f"its worker {worker} {reason}"
+                raise ConfigurationError(f"cluster.address is {address}, but {wrong}")
         yield DaskExecutor(client, None, shared)
 
 
@@ -249,9 +247,8 @@ def slurm(
             _submit(cluster, jobs)
         except RuntimeError as error:  # Slurm's own words, if they are its
             reason = " ".join(str(error).rpartition("stderr:")[2].split())
-            raise ConfigurationError(
-                f"cluster.kind is slurm, but no job starts: {reason}"
-            ) from error
+            wrong = f"cluster.kind is slurm, but no job starts: {reason}"
+            raise ConfigurationError(wrong) from error
         run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
         look = _SlurmQueue(cluster, run, Path(folder), say).look
         stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_INTERVAL, look=look))

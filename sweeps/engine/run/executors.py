@@ -60,35 +60,27 @@ def open_executor(
     """
     if choice.kind == "slurm":
         import_jobqueue()
-    return _open(choice, tasks, packages, modules, packs, say)
 
+    @contextmanager
+    def opened() -> Iterator[Executor]:
+        if choice.kind == "inline":
+            yield InlineExecutor()
+            return
+        names = SETTINGS_OF_KIND[choice.kind]
+        settings: dict[str, Any] = {name: getattr(choice, name) for name in names}
+        with ExitStack() as stack:
+            if choice.kind == "local":  # it imports while this process imports dask
+                settings["method"] = start_fork_server(preloaded_modules(modules))
+            from sweeps.engine.run import dask_cluster  # which imports dask
 
-@contextmanager
-def _open(
-    choice: ClusterChoice,
-    tasks: int,
-    packages: Sequence[str],
-    modules: Sequence[str],
-    packs: Objects | None,
-    say: Callable[[str], None],
-) -> Iterator[Executor]:
-    if choice.kind == "inline":
-        yield InlineExecutor()
-        return
-    settings: dict[str, Any] = {
-        name: getattr(choice, name) for name in SETTINGS_OF_KIND[choice.kind]
-    }
-    with ExitStack() as stack:
-        if choice.kind == "local":  # it imports while this process imports dask
-            settings["method"] = start_fork_server(preloaded_modules(modules))
-        from sweeps.engine.run import dask_cluster  # which imports dask
+            shared = Requirements()
+            if choice.kind != "local":
+                code = {name: package_digest(name) for name in (*ENGINE, *packages)}
+                shared = Requirements(code, packs, f"{uuid.uuid4().hex}.mark")
+                if packs:
+                    packs.put(shared.marker, b"")
+                    stack.callback(packs.delete, [shared.marker])
+            start = getattr(dask_cluster, choice.kind)
+            yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
 
-        shared = Requirements()
-        if choice.kind != "local":
-            code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-            shared = Requirements(code, packs, f"{uuid.uuid4().hex}.mark")
-            if packs:
-                packs.put(shared.marker, b"")
-                stack.callback(packs.delete, [shared.marker])
-        start = getattr(dask_cluster, choice.kind)
-        yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
+    return opened()

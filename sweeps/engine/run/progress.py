@@ -82,10 +82,7 @@ class _ProgressView:
     def step(self, schedule: Schedule) -> None:
         now, self.schedule = time.monotonic(), schedule
         stages = [*schedule.progress.items()]
-        done, work = (
-            (one.seconds for one in schedule.progress.values()),
-            schedule.remaining_seconds(),
-        )
+        work, done = schedule.remaining_seconds(), (one.seconds for _, one in stages)
         if now >= self.due:
             self.write()
             self.due = time.monotonic() + SAVE_INTERVAL

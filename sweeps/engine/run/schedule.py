@@ -146,9 +146,8 @@ class CallQueue:
         while self and cells < MAX_TASK_CELLS:
             block = self._ready[0] if not self._split else None
             if block and not block.objects.shape[1]:
-                yield from self._take_calls(
-                    block, costs, size - seconds, MAX_TASK_CELLS - cells, cells == 0
-                )
+                left = size - seconds, MAX_TASK_CELLS - cells
+                yield from self._take_calls(block, costs, *left, cells == 0)
                 break
             objects = block.objects[block.position].tolist() if block else []
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
@@ -274,9 +273,8 @@ class Schedule:
         for number, (bound, cells) in enumerate(self._missing.items()):
             maker[self.results[bound][cells]] = number
         stages = [*self._missing]
-        self._needs = {
-            bound: [stages[n] for n in self._makers(bound, maker) if n >= 0] for bound in stages
-        }
+        made_by = {one: self._makers(one, maker) for one in stages}
+        self._needs = {one: [stages[n] for n in of if n >= 0] for one, of in made_by.items()}
         # Every stage with missing cells, their number, and the number of calls.
         self.missing_cells = [
             (one, len(cells), len(np.unique(plan.first_cells(one, cells)) if one.along else cells))
@@ -292,9 +290,8 @@ class Schedule:
         for source, *_ in self.plan.computed_inputs(bound):
             if source.stage.is_cached:
                 results = self.results[source]
-                found |= {
-                    *(np.flatnonzero(np.bincount(maker[results[results >= 0]] + 1)) - 1).tolist()
-                }
+                counts = np.bincount(maker[results[results >= 0]] + 1)
+                found |= {*(np.flatnonzero(counts) - 1).tolist()}
             else:
                 found |= self._makers(source, maker)
         return found
@@ -492,9 +489,8 @@ class Schedule:
                 found, places = plan.factorise(bound, source, firsts)
                 arguments[name] = ValueArgument(found, places.astype(np.int32))
             elif not source.stage.is_cached:
-                made, places = np.unique(
-                    plan.input_cells(bound)[source].first[firsts], return_inverse=True
-                )
+                first = plan.input_cells(bound)[source].first[firsts]
+                made, places = np.unique(first, return_inverse=True)
                 keys = (self._current_keys if self.failed else plan.keys)(source)[made]
                 own = {"keys": keys, "begins": np.arange(len(made) + 1), "positions": 0 * made}
                 batch = self._bind_arguments(source, made, np.zeros((), dtype=np.int64), **own)
@@ -580,9 +576,8 @@ class Schedule:
     def remaining_seconds(self) -> dict[str, float]:
         """Return the seconds that missing cells take, by stage; the median for untimed stages."""
         needed = {name: one for name, one in self.progress.items() if one.total}
-        whole = {
-            name: self.costs[name] * needed[name].total for name in needed if name in self.costs
-        }
+        timed = [name for name in needed if name in self.costs]
+        whole = {name: self.costs[name] * needed[name].total for name in timed}
         usual = median(whole.values()) if whole else 0.0
         return {name: whole.get(name, usual) * one.left / one.total for name, one in needed.items()}
 

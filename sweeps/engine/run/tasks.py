@@ -60,9 +60,8 @@ class StageSpec:
         function, (module, name) = stage.function, module_and_name(stage.function)
         there = find_attribute(module, name) if module != MAIN else None
         given = None if getattr(there, "function", there) is function else function
-        even = tuple(
-            o.name for o in stage.outputs if stage.store_group(o) and stage.has_fixed_shape(o)
-        )
+        stored = (one for one in stage.outputs if stage.store_group(one))
+        even = tuple(one.name for one in stored if stage.has_fixed_shape(one))
         return cls(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
 
     @property
@@ -442,9 +441,7 @@ def check_result(
         if first.is_number and _is_number(found):  # at once: many functions are quick
             return {first.name: np.array(found, FLOAT)}
         declared, about = split_variables(first, found)
-        arrays = {
-            output.name: _check_output(stage, output, values, ()) for output, values in declared
-        }
+        arrays = {one.name: _check_output(stage, one, values, ()) for one, values in declared}
         return arrays | ({about: np.empty(0, "u1")} if about else {})
     names = [output.name for output in outputs]
     if not isinstance(found, Mapping) and len(names) == 1:
@@ -454,9 +451,7 @@ def check_result(
         raise TypeError(
             f"{stage} returned {', '.join(map(str, given))}, but must return {', '.join(names)}"
         )
-    return {
-        output.name: _check_output(stage, output, found[output.name], along) for output in outputs
-    }
+    return {one.name: _check_output(stage, one, found[one.name], along) for one in outputs}
 
 
 def _is_number(given: Any) -> bool:
@@ -507,9 +502,8 @@ def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any])
         and array.dtype.kind not in CASTABLE_KINDS.get(dtype.kind, dtype.kind)
         and array.size
     ):
-        odd = next(
-            (value for value in array.flat if value is None), f"values of dtype {array.dtype}"
-        )
+        kind = f"values of dtype {array.dtype}"
+        odd = next((value for value in array.flat if value is None), kind)
         raise _output_error(stage, output, str(odd))
     with np.errstate(all="ignore"):
         cast = array.astype(dtype)

@@ -134,9 +134,8 @@ class Array:
     def for_worker(self, region: Region) -> Array:
         """Return the part that another process needs to write the chunk of a region."""
         assert self.remote_read is not None
-        return replace(
-            self, read=self.remote_read(region), attrs={}, source_bytes=None, remote_read=None
-        )
+        read = self.remote_read(region)
+        return replace(self, read=read, attrs={}, source_bytes=None, remote_read=None)
 
     def load(self) -> NDArray[Any]:
         """Return all values as they are stored; they stay in memory."""

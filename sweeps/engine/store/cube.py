@@ -95,9 +95,8 @@ class RegionReader:
             if output.pad is not None:
                 flat[number] = output.pad
             corner = map(int.__sub__, _begins(output, arrays), self.own_starts)
-            place: Any = [
-                slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
-            ]
+            ends = zip(corner, array.shape, strict=True)
+            place: Any = [slice(at, at + size) for at, size in ends]
             flat[(number, *place)] = array
         inside: Any = (..., *self.own_region)
         return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
@@ -196,9 +195,8 @@ class Cube:
         for one in found:
             if values.get(one.name) is not None:
                 attrs = {"units": one.unit, "long_name": one.label, **one.attrs}
-                coordinates[one.name] = Array.from_values(
-                    one.dims, values[one.name], attrs, coordinate=True
-                )
+                array = Array.from_values(one.dims, values[one.name], attrs, coordinate=True)
+                coordinates[one.name] = array
             elif one.name in one.dims:
                 raise DeclarationError(
                     f"{output.name} returned other labels of the dimension {one.name!r} for other "
@@ -434,9 +432,8 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
     for setting, values in zip(axis.settings, columns, strict=True):
         taken = setting.name in (*found, *[name] * (not axis.unlabelled))
         label = setting.key.replace(".", "_") if taken else setting.name
-        found[label] = Array.from_values(
-            (name,), value_array(values), setting.attrs, coordinate=True
-        )
+        array = value_array(values)
+        found[label] = Array.from_values((name,), array, setting.attrs, coordinate=True)
     if axis.unlabelled:
         return found
     labels = axis.labels or [

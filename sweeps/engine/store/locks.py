@@ -171,9 +171,8 @@ def cache_lock(folder: PathOrUrl, *, exclusive: bool = False) -> Iterator[None]:
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             with nullcontext() if exclusive else suppress(OSError):
-                fcntl.flock(
-                    descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB if exclusive else fcntl.LOCK_SH
-                )
+                mode = fcntl.LOCK_EX | fcntl.LOCK_NB if exclusive else fcntl.LOCK_SH
+                fcntl.flock(descriptor, mode)
             yield
         finally:
             os.close(descriptor)

@@ -226,17 +226,13 @@ def _compute(
         return [], None
     watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
     for bound, number, calls in missing:
-        LOG.debug(
-            "%s: %d cells are in no pack, and computed by %d calls", bound.name, number, calls
-        )
+        LOG.debug("%s: %d cells are computed by %d calls", bound.name, number, calls)
     watch.step(schedule)
     if not missing:
         return [], None
     if choice.kind == "local":
         check_guard()
-        safe = all(
-            bound.name in schedule.costs and bound.name in crash_free for bound, *_ in missing
-        )
+        safe = all(one.name in schedule.costs and one.name in crash_free for one, *_ in missing)
         if safe and sum(schedule.remaining_seconds().values()) < INLINE_SECONDS:
             choice = ClusterChoice("inline")
     entered = open_executor(

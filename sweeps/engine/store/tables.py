@@ -53,17 +53,14 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                 made = table.make(*given, plan.choices)
                 if not isinstance(made, xr.Dataset | None):
                     kind = type(made).__name__
-                    raise TypeError(
-                        f"its function returned a {kind}, but must return a data set or None"
-                    )
+                    wrong = f"its function returned a {kind}"
+                    raise TypeError(f"{wrong}, but must return a data set or None")
                 if made is None and not _returns(table.make):
                     sentence = "its function has no return, but must return a data set or None"
                     raise TypeError(locate(table.make, sentence))
                 if made is not None:
                     if table.displays:
-                        displays = [
-                            display.as_attribute(plan.choices) for display in table.displays
-                        ]
+                        displays = [one.as_attribute(plan.choices) for one in table.displays]
                         made = made.assign_attrs({ATTRIBUTE: displays})
                     groups[table.group] = from_dataset(made)
         except (DamagedResults, DeclarationError):  # of cells, not of the table

@@ -68,7 +68,6 @@ def write_store(
     check_store_path(path)
     groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
     with world_readable():
-        recover(path)
         objects, old = Objects(path, make=True), read_manifest(path) or Manifest()
         arrays = {
             f"{name}/{inner}": array.with_fill()
@@ -80,9 +79,8 @@ def write_store(
         nodes = _make_nodes(groups, described, attributes, shared)
         chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
         sizes = objects.sizes()
-        unchanged = {
-            one.name: sizes.get(one.name) for one in chunks if one.is_unchanged(old, sizes)
-        }
+        same = [one.name for one in chunks if one.is_unchanged(old, sizes)]
+        unchanged = {name: sizes.get(name) for name in same}
         new = [chunk for chunk in chunks if chunk.name not in unchanged]
         coming = [chunk.name for chunk in new]
         intent = replace(old, coming=coming)
