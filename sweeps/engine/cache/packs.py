@@ -46,9 +46,8 @@ CACHED_HEADS = 16  # of packs, that a process remembers
 CELLS_AT_ONCE = 4096  # cells that are read together
 
 # Errors of this process, machine or network: they do not mean that a file is damaged.
-RESOURCE_ERRORS = frozenset(
-    {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE}
-)
+LACKING = errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE
+RESOURCE_ERRORS = frozenset(LACKING)
 
 Buffer = Any
 """Bytes-like object."""
@@ -98,9 +97,8 @@ class Locations:
         return replace(self, paths=paths, pack=pack.astype(np.int32))
 
 
-NO_LOCATIONS = Locations(
-    (), np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 2), np.uint64)
-)
+_NONE = np.empty(0, np.int32)
+NO_LOCATIONS = Locations((), _NONE, _NONE, np.empty((0, 2), np.uint64))
 
 
 def seal(document: Any) -> bytes:

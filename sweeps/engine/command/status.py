@@ -28,10 +28,8 @@ def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
         )
     try:
         state = json.loads(content)
-        stages = {
-            name: (Progress(*counts), float(work))
-            for name, (*counts, work) in state["stages"].items()
-        }
+        read = state["stages"].items()
+        stages = {name: (Progress(*counts), float(work)) for name, (*counts, work) in read}
         begun, at = float(state["begun"]), float(state["at"])
         process, ended = int(state["process"]), str(state["ended"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:

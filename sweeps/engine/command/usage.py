@@ -140,9 +140,8 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
             for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrapped(about, 2 * INDENT)
     if not lines:
-        raise ConfigurationError(
-            f"--settings has {' '.join(words)!r}, but must have words of a key or a description"
-        )
+        wrong = f"--settings has {' '.join(words)!r}"
+        raise ConfigurationError(f"{wrong}, but must have words of a key or a description")
     return "\n".join(lines)
 
 

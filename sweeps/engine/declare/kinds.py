@@ -100,9 +100,8 @@ class Number(Kind):
         )
 
     def _as_list(self, key: str, given: Any) -> list[Any]:
-        return (
-            _read_steps(key, given) if isinstance(given, Mapping) else super()._as_list(key, given)
-        )
+        read = _read_steps if isinstance(given, Mapping) else super()._as_list
+        return read(key, given)
 
     def _refusal(self, key: str, value: Any) -> str:
         text = value if isinstance(value, str) else ""

@@ -150,9 +150,7 @@ class Settings:
                     wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
                     raise DeclarationError(locate(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
                 class_options = {"single": single, "fixed": fixed}.items()
-                inherited: Any = {
-                    of: one for of, one in class_options if getattr(value, of) is None
-                }
+                inherited: Any = {of: to for of, to in class_options if getattr(value, of) is None}
                 setting = replace(value, key=f"{key}.{name}".lstrip("."), **inherited)
                 if value.fallback in found:  # of the same group, whose key is set only now
                     setting = replace(setting, default=found[value.fallback])
@@ -306,9 +304,8 @@ class Choices:
         joint = [one for one in self.joint if not set(one.keys).isdisjoint(keys)]
         axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
         together = {key for one in joint for key in one.keys}
-        axes += [
-            [{key: value} for value in self.values[key]] for key in keys if key not in together
-        ]
+        others = [key for key in keys if key not in together]
+        axes += [[{key: value} for value in self.values[key]] for key in others]
         for point in product(*axes):
             found = ChainMap(*point)
             yield tuple(found[key] for key in keys)

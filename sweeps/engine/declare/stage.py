@@ -72,9 +72,7 @@ class Output:
     dtype: str = "f4"
     label: str = ""
     unit: str = "1"
-    pad: complex | str | None = (
-        None  # padding up to the largest cell's array; None: all have one shape
-    )
+    pad: complex | str | None = None  # up to the largest cell's array; None: all have one shape
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
     # RESULT; COORDINATE of its group; INNER: of other stages only; STATE of cells that a group
     # gathers; MEASURED by the machine, such as a run time: computed again, it differs; SHARE, from
@@ -154,7 +152,7 @@ class At:
     """A stage that is read at other settings' values, such as training at one range for all.
 
     Settings that run together with such a setting are as they are there. What is gathered
-    `in_blocks` is read when it is indexed (`sweeps.engine.run.tasks.Gathered`), not whole before.
+    `in_blocks` is read when it is indexed (a `GatheredArray`), not whole before.
     """
 
     stage: str
@@ -435,9 +433,8 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
                     "say which by reads"
                 )
             if setting.key not in experiment.by_key:
-                raise DeclarationError(
-                    f"stage {declared.name}: setting {setting.key} is not in the experiment"
-                )
+                what = f"stage {declared.name}: setting {setting.key}"
+                raise DeclarationError(f"{what} is not in the experiment")
             return setting
         if source in experiment.by_name:
             return visit(source)
@@ -488,11 +485,9 @@ def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundSt
     """Return the message that no input of a stage depends on some axes that it takes whole."""
     listed = ", ".join(sorted(keys))
     upstream = (one for source in inputs for one in (source, *source.inputs) if one.random)
-    random_name = next((one.name for one in upstream), "")
-    hint = (
-        f"; if {random_name}, which takes rng, is to draw anew for each, name the settings of its"
-    )
-    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(random_name)
+    drawn = next((one.name for one in upstream), "")
+    hint = f"; if {drawn}, which takes rng, is to draw anew for each, name the settings of its"
+    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawn)
     return f"stage {name} does not need {listed}{stream}"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,10 +27,8 @@ def encode_attrs(attributes: Mapping[str, Any]) -> dict[str, str | int | float |
     NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
     TypeError if JSON cannot hold a value.
     """
-    texts = {
-        name: json.dumps(value, ensure_ascii=False, default=_from_numpy)
-        for name, value in attributes.items()
-    }
+    write = partial(json.dumps, ensure_ascii=False, default=_from_numpy)
+    texts = {name: write(value) for name, value in attributes.items()}
     given = {name: json.loads(text) for name, text in texts.items()}
     return {name: value if _is_native(value) else texts[name] for name, value in given.items()}
 

@@ -146,12 +146,8 @@ def _kind(listed: list[Any]) -> Kind:
     """Return the kind of values that are all of one type; else numbers."""
     if listed and all(isinstance(one, np.datetime64) for one in listed):
         return Date(np.datetime_data(listed[0].dtype)[0])
-    kinds: dict[type, Kind] = {
-        bool: Switch(),
-        int: Count(low=LOWEST, high=HIGHEST),
-        str: Text(),
-        datetime: Date(),
-    }
+    numbers = Count(low=LOWEST, high=HIGHEST)
+    kinds: dict[type, Kind] = {bool: Switch(), int: numbers, str: Text(), datetime: Date()}
     fitting = (kind for of, kind in kinds.items() if all(isinstance(one, of) for one in listed))
     return next(fitting, Number())
 

@@ -217,10 +217,8 @@ def unknown_key(
 def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
     keys = [setting.key for setting in settings]
-    listed = [
-        _in_given_order(setting, given.get(setting.key, setting.default_input))
-        for setting in settings
-    ]
+    pairs = ((setting, given.get(setting.key, setting.default_input)) for setting in settings)
+    listed = [_in_given_order(*pair) for pair in pairs]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
         raise ConfigurationError(
@@ -229,9 +227,8 @@ def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
         )
     points = sorted(zip(*listed, strict=True), key=lambda point: [sort_key(one) for one in point])
     if len(set(points)) < len(points):
-        raise ConfigurationError(
-            f"grid.zip has {', '.join(keys)}, which have the same values together twice"
-        )
+        wrong = f"grid.zip has {', '.join(keys)}"
+        raise ConfigurationError(f"{wrong}, which have the same values together twice")
     return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
@@ -444,11 +441,8 @@ def _expand_jobs(
             continue
         values = _swept_values(override, MAX_VALUES)
         refers = any(f"{{{name}}}" in other for other in lines)
-        if (
-            name in axes
-            and not refers
-            and not any(value.startswith(("[", "{")) for value in values)
-        ):
+        listed = any(value.startswith(("[", "{")) for value in values)
+        if name in axes and not refers and not listed:
             options[key] = [f"{key}=[{','.join(values)}]"]
         else:
             options[key] = [f"{key}={value}" for value in values]
@@ -513,9 +507,8 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
         union[setting] = tuple(sorted(values, key=sort_key))
     values_of = {setting.key: values for setting, values in union.items()}
     joint = _joint_axes(jobs, union) if union else []
-    return replace(
-        first, values={**first.values, **values_of}, joint=(*first.joint, *joint), read_keys=set()
-    )
+    merged = {**first.values, **values_of}
+    return replace(first, values=merged, joint=(*first.joint, *joint), read_keys=set())
 
 
 def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
@@ -542,10 +535,8 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
         following = [setting for setting in single if _is_decided_by(jobs, key, setting)]
         if len(following) > 1:
             single = [setting for setting in single if setting not in following]
-            labels = {
-                tuple(job.choices.one(setting) for setting in following): job.overrides[key]
-                for job in jobs
-            }
+            found = [tuple(job.choices.one(setting) for setting in following) for job in jobs]
+            labels = {of: job.overrides[key] for of, job in zip(found, jobs, strict=True)}
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
             groups.append(joint(name, following, dict(sorted(labels.items(), key=_label_sort_key))))
     products = (product(*(job.choices[one] for one in union)) for job in jobs)

@@ -218,9 +218,8 @@ class Plan:
         """Return by input the cells that the cells of a stage take."""
         if bound not in self._input_cells:
             sources = dict.fromkeys(bound.inputs)
-            self._input_cells[bound] = {
-                source: self._find_input_cells(bound, source) for source in sources
-            }
+            find = partial(self._find_input_cells, bound)
+            self._input_cells[bound] = {source: find(source) for source in sources}
         return self._input_cells[bound]
 
     def computed_inputs(self, bound: BoundStage) -> list[InputCells]:

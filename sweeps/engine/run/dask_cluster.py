@@ -152,7 +152,7 @@ def local(
 ) -> Iterator[DaskExecutor]:
     """Start worker processes on this machine, which end with this process in any case.
 
-    `method` is the start method of `multiprocessing`; see `forking.start_method`.
+    `method` is the start method of `multiprocessing`; see `forking.start_fork_server`.
     """
     count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
@@ -212,14 +212,12 @@ def address(
         try:
             client.wait_for_workers(1, timeout=ARRIVAL_SECONDS)
         except TimeoutError as error:
-            raise ConfigurationError(
-                f"cluster.address is {address}, but its scheduler has no workers"
-            ) from error
+            wrong = f"cluster.address is {address}, but its scheduler has no workers"
+            raise ConfigurationError(wrong) from error
         for worker, wrong in client.run(shared.check, on_error="return").items():
             if wrong is not None:
-                reason = (
-                    wrong if isinstance(wrong, REQUIREMENT_ERRORS) else f"cannot be asked: {wrong}"
-                )
+                known = isinstance(wrong, REQUIREMENT_ERRORS)
+                reason = wrong if known else f"cannot be asked: {wrong}"
                 wrong = f"its worker {worker} {reason}"
                 raise ConfigurationError(f"cluster.address is {address}, but {wrong}")
         yield DaskExecutor(client, None, shared)
@@ -353,9 +351,8 @@ class _SlurmQueue:
             logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
             last = logs[-1].read_text(errors="replace").split("\n") if logs else []
             why = next((line.strip() for line in reversed(last) if line.strip()), "no message")
-            await self._run.abandon(
-                f"cluster.kind is slurm, but its jobs end before they have a worker ({why})"
-            )
+            wrong = f"its jobs end before they have a worker ({why})"
+            await self._run.abandon(f"cluster.kind is slurm, but {wrong}")
         reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._reported
         for reason in sorted(reasons):
             self._reported.add(reason)

@@ -172,11 +172,8 @@ def summary(stages: Mapping[str, Progress], seconds: float) -> str:
     """Return how many cells were computed, reused and failed, and which stages took longest."""
     every = Progress.sum(stages.values())
     longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
-    parts = [
-        f"{name} {one.seconds:.1f} s"
-        for name, one in longest[:MAX_STAGES]
-        if one.seconds >= MIN_SECONDS
-    ]
+    slow = (item for item in longest[:MAX_STAGES] if item[1].seconds >= MIN_SECONDS)
+    parts = [f"{name} {one.seconds:.1f} s" for name, one in slow]
     return (
         f"{every.done:,} cells computed, {every.reused:,} reused, {every.failed:,} failed in "
         f"{seconds:.1f} s; work {every.seconds:.1f} s" + (f" ({', '.join(parts)})" if parts else "")

@@ -267,9 +267,7 @@ class Schedule:
                 wanted[taken.source][taken.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
-        maker = np.full(
-            len(self.locations), -1, np.int16
-        )  # which of these stages computes a result
+        maker = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
         for number, (bound, cells) in enumerate(self._missing.items()):
             maker[self.results[bound][cells]] = number
         stages = [*self._missing]
@@ -482,9 +480,8 @@ class Schedule:
                 rows = np.moveaxis(grid, along.index(source.key), 0)
                 at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
                 values = tuple(plan.value(bound, source.key, cell) for cell in at.tolist())
-                arguments[name] = ValueArgument(
-                    (source.in_si(values),), np.zeros(count, dtype=np.int32)
-                )
+                zeros = np.zeros(count, dtype=np.int32)
+                arguments[name] = ValueArgument((source.in_si(values),), zeros)
             elif isinstance(source, Setting) or source.stage.is_plain:
                 found, places = plan.factorise(bound, source, firsts)
                 arguments[name] = ValueArgument(found, places.astype(np.int32))

@@ -448,9 +448,8 @@ def check_result(
         found = {names[0]: found}
     given = list(found) if isinstance(found, Mapping) else [type(found).__name__]
     if set(given) != set(names):
-        raise TypeError(
-            f"{stage} returned {', '.join(map(str, given))}, but must return {', '.join(names)}"
-        )
+        wrong = f"{stage} returned {', '.join(map(str, given))}"
+        raise TypeError(f"{wrong}, but must return {', '.join(names)}")
     return {one.name: _check_output(stage, one, found[one.name], along) for one in outputs}
 
 
@@ -497,11 +496,8 @@ def _unmasked(given: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
 def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return an array in another dtype; digits of floats may go, and nothing else."""
     texts = dtype.kind in "SU" and all(isinstance(value, str | bytes) for value in array.flat)
-    if (
-        not texts
-        and array.dtype.kind not in CASTABLE_KINDS.get(dtype.kind, dtype.kind)
-        and array.size
-    ):
+    castable = CASTABLE_KINDS.get(dtype.kind, dtype.kind)
+    if not texts and array.dtype.kind not in castable and array.size:
         kind = f"values of dtype {array.dtype}"
         odd = next((value for value in array.flat if value is None), kind)
         raise _output_error(stage, output, str(odd))

@@ -103,10 +103,8 @@ class Array:
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the stored attributes, with the dtype that xarray converts integers to."""
-        kind, of_bool = np.dtype(self.dtype).kind, {"dtype": "bool"}
-        return encode_attrs(self.attrs) | (
-            of_bool if kind == "b" else DATE_ATTRIBUTES if kind == "M" else {}
-        )
+        extra: dict[str, Any] = {"b": {"dtype": "bool"}, "M": DATE_ATTRIBUTES}
+        return encode_attrs(self.attrs) | extra.get(np.dtype(self.dtype).kind, {})
 
     @property
     def empty(self) -> Any:
@@ -156,9 +154,8 @@ class Group:
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the attributes, including the list of coordinates that are not dimensions."""
-        others = [
-            name for name, one in self.arrays.items() if one.coordinate and one.dims != (name,)
-        ]
+        coordinates = {name: one for name, one in self.arrays.items() if one.coordinate}
+        others = [name for name, one in coordinates.items() if one.dims != (name,)]
         named = {"coordinates": " ".join(sorted(others))} if others else {}
         return encode_attrs(self.attrs) | named
 

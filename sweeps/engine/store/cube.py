@@ -77,7 +77,7 @@ class RegionReader:
     failed: Cells
 
     def read(self, region: Region) -> NDArray[Any]:
-        """Return the values of the region; raise `Damaged` if a cell cannot be read back."""
+        """Return the values of the region; raise `DamagedResults` if a cell is damaged."""
         output, own = self.output, self.own_lengths
         dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
@@ -141,11 +141,8 @@ def _dimensions(plan: Plan, *bounds: BoundStage) -> list[int]:
     """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
-    return [
-        n
-        for n, axis in axes
-        if axis.is_swept or any(setting.single == DIMENSION for setting in axis.settings)
-    ]
+    fixed = {n for n, axis in axes if any(one.single == DIMENSION for one in axis.settings)}
+    return [n for n, axis in axes if axis.is_swept or n in fixed]
 
 
 @dataclass
@@ -163,7 +160,7 @@ class Cube:
         return self.schedule.plan
 
     def groups(self) -> dict[str, Group]:
-        """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
+        """Return groups of the store by path; raise `DamagedResults` if a cell is damaged."""
         members: dict[str, list[StoredVariable]] = defaultdict(list)
         known: dict[str, dict[str, Array]] = defaultdict(dict)
         for bound in self.plan.targets:
@@ -226,9 +223,7 @@ class Cube:
             if axes[number_of(key)].name in variable.output.dims
         }
         bounds = {
-            number_of(key): variable.bound
-            for variable in reversed(variables)
-            for key in variable.bound.needs
+            number_of(key): one.bound for one in reversed(variables) for key in one.bound.needs
         }
         for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]

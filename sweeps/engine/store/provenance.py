@@ -91,16 +91,12 @@ def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[
     settings, parts, now = _result_settings(plan.experiment), _code_parts(plan), versions(plan)
     before = read_choices(settings, flatten(settings, old.get("configuration", {})))
     keys = {one.key for one in settings if before[one] != plan.choices[one]}
-    code, old_parts, old_versions = (old.get(name, {}) for name in ("code", "parts", "versions"))
+    code, old_parts, were = (old.get(name, {}) for name in ("code", "parts", "versions"))
     other: set[str] = set()
     for name, bound in plan.bound.items():
         libraries = [*plan.digests[name].libraries, *(["numpy"] if bound.random else [])]
-        changed = {
-            one: f"{one} {old_versions[one]} -> {now[one]}"
-            for one in libraries
-            if one in old_versions
-        }
-        found = [text for one, text in sorted(changed.items()) if old_versions[one] != now[one]]
+        changed = {one: f"{one} {were[one]} -> {now[one]}" for one in libraries if one in were}
+        found = [text for one, text in sorted(changed.items()) if were[one] != now[one]]
         if name not in code:
             found = ["the store has none of it"]
         elif code[name] != plan.code[name]:
@@ -166,10 +162,9 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             f"store is {path!r}, which holds other data; it must be a new path, or a store of "
             f"{experiment.name}"
         )
-    before = read_choices(
-        _result_settings(experiment), flatten(_result_settings(experiment), old["configuration"])
-    )
-    for setting in _result_settings(experiment):
+    settings = _result_settings(experiment)
+    before = read_choices(settings, flatten(settings, old["configuration"]))
+    for setting in settings:
         stored, asked = before[setting], plan.choices[setting]
         lacking = sorted(set(stored).difference(asked), key=stored.index)
         if not lacking:

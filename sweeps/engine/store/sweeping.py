@@ -181,9 +181,8 @@ def _compute_and_write(
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
-                failures, workers = _compute(
-                    schedule, options, index, watch, thread, stack, crash_free
-                )
+                how = (thread, stack, crash_free)
+                failures, workers = _compute(schedule, options, index, watch, *how)
                 if options.cluster.kind in LOCAL_KINDS:  # which end meanwhile
                     thread.submit(stack.close)
                     workers = None
@@ -212,7 +211,7 @@ def _compute(
 ) -> tuple[Failures, Executor | None]:
     """Compute missing cells on workers, which `stack` ends; return failures and workers, if any.
 
-    Little work of stages that were `tried` before is done here instead of in local workers.
+    Little work of stages that are `crash_free` is done here instead of in local workers.
     Returns and raises as `execute` does.
     """
     plan, choice = schedule.plan, options.cluster

@@ -57,13 +57,14 @@ def write_store(
 ) -> None:
     """Write a store, or the changes of an existing one.
 
-    Hold its lock meanwhile (`locked`), whose `check` is called before readers see a change. Memory
-    holds a few chunks. If anything fails before that, the store is unchanged. Readers of the old
-    store must open it again. Files are left to the operating system to flush: `verify` finds those
-    that a power cut has lost. `groups` are by path, as
-    'classification/acn'; parents need not be given. `attributes` are those of the root, of which
-    all groups repeat those named `everywhere`. Chunks that other processes can make are written by
-    `writers`.
+    The caller holds the lock of the store (`store_lock`), and has called `recover`. `check`, of the
+    lock, is called before readers see a change; if anything fails before that, the store is
+    unchanged. Readers must open the store again. The operating system flushes files: `verify` finds
+    those that a power cut has lost. Memory holds a few chunks.
+
+    `groups` are by path, such as 'classification/acn', without parents. `attributes` are those of
+    the root; all groups repeat those named in `shared`. `writers` write chunks that other processes
+    can make.
     """
     check_store_path(path)
     groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
