@@ -102,7 +102,7 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
             (said,) = capsys.readouterr().err.splitlines()
             assert said.startswith(f"springs: store is '{store}'") and reason in said
     assert start("-m", f"store={bucket}/s.zarr,{bucket}/other/s.zarr") == 2
-    assert "whose report would be written in the place of that of" in capsys.readouterr().err
+    assert "whose report would replace that of" in capsys.readouterr().err
     assert opened(f"{bucket}/s.zarr", "springs").sizes["mass"] == 2
 
 

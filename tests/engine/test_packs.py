@@ -85,7 +85,7 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
     ids=["objects", "fields", "text"],
 )
 def test_what_cannot_be_kept_is_refused(tmp_path, values):
-    with pytest.raises(TypeError, match="cannot be kept"):
+    with pytest.raises(TypeError, match="cannot be cached"):
         write_pack(Objects(tmp_path), "stage", [1], [{"a": values}])
     assert list(tmp_path.iterdir()) == []
 

@@ -130,8 +130,8 @@ class CellIndex:
         Returns the number of cells and of bytes that are gone.
         """
         newest_first = np.cumsum([pack.size for pack in reversed(self.packs)])
-        kept = int(np.searchsorted(newest_first, limit, side="right"))
-        old = self.packs[: len(self.packs) - kept]
+        count = int(np.searchsorted(newest_first, limit, side="right"))
+        old = self.packs[: len(self.packs) - count]
         self.cells.delete(pack.path for pack in old)
         self.cells.delete_unfinished()
         self.cells.remove_empty_folders()

@@ -62,8 +62,8 @@ Kind = tuple[tuple[str, str, int], ...]
 class Locations:
     """Locations of cells on disk: arrays of one shape, indexed together.
 
-    Paths of packs; which of them has each cell, negative if none; its row there; and its key, on a
-    further axis of two.
+    Paths of packs; the number of each cell's pack, negative if none; its row in it; and its key, on
+    another axis of two.
     """
 
     paths: Sequence[str]
@@ -135,7 +135,7 @@ class Pack:
 class Head(NamedTuple):
     """Head of a pack, checked: of each cell its key, number of its layout, and begin and end.
 
-    A layout has the name, dtype, shape and place in the record of every array of a cell.
+    A layout has the name, dtype, shape and offset of every array of a record.
     """
 
     pack: Pack
@@ -268,7 +268,7 @@ def _plain_dtype(code: str | np.dtype[Any]) -> np.dtype[Any]:
     """Return a dtype; TypeError unless the bytes of an array are its values: no pointers."""
     dtype = np.dtype(code)
     if dtype.hasobject or dtype.names or dtype.subdtype:
-        raise TypeError(f"arrays of dtype {dtype} cannot be kept")
+        raise TypeError(f"arrays of dtype {dtype} cannot be cached")
     return dtype
 
 
@@ -331,9 +331,9 @@ def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
         with ignore_damage():
             head = _head(cells, locations.paths[number])
             kinds, first = np.unique(head.numbers[locations.row[indices]], return_index=True)
-            for kind, place in zip(kinds.tolist(), indices[first].tolist(), strict=True):
+            for kind, index in zip(kinds.tolist(), indices[first].tolist(), strict=True):
                 layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
-                found[layout] = min(found.get(layout, place), place)
+                found[layout] = min(found.get(layout, index), index)
     return sorted(found, key=found.__getitem__)
 
 

@@ -135,10 +135,10 @@ class Command:
             return
         if "--cache" in given:
             done = [word for word in given if word == "clear" or word.startswith(PRUNE)]
-            _, place = self._store_and_cache(
+            _, path = self._store_and_cache(
                 [word for word in given if word not in done], "--cache", "clear", f"{PRUNE}20GB"
             )
-            self._cache(place, _prune_limit(done))
+            self._cache(path, _prune_limit(done))
             return
         if "--status" in given:
             for part in format_status(*self._store_and_cache(given, "--status")):
@@ -207,11 +207,11 @@ class Command:
     def _why(self, words: Sequence[str]) -> None:
         """Print how the keys of each stage differ from those of a store."""
         [job] = read_jobs(self.experiment, words, several=False)
-        choices, place = self.experiment.check(job.choices), path_or_url("store", job.store)
+        choices, path = self.experiment.check(job.choices), path_or_url("store", job.store)
         with environment(choices.variables):
-            plan, old = Plan(self.experiment, choices), read_attributes(place)
+            plan, old = Plan(self.experiment, choices), read_attributes(path)
             if old is None:
-                raise ConfigurationError(f"store is {str(place)!r}, which does not exist")
+                raise ConfigurationError(f"store is {str(path)!r}, which does not exist")
             found = [f"{name}: {', '.join(parts)}" for name, parts in differences(plan, old)]
             for line in found or ["nothing differs: the store has all of the sweep"]:
                 show(line)
@@ -298,13 +298,13 @@ class Command:
         for one in (one for one in scripts if one.value.startswith("sweeps.report.")):
             show(f"next    {one.name} {shell_quoted(path)}")
 
-    def _cache(self, place: PathOrUrl, limit: float | None) -> None:
+    def _cache(self, path: PathOrUrl, limit: float | None) -> None:
         """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
 
         Raises ConfigurationError if a sweep uses it.
         """
-        check_cache_path(place)
-        packs = open_packs(place, make=False)
+        check_cache_path(path)
+        packs = open_packs(path, make=False)
         index = CellIndex(packs, lambda sentence: say(self.name, sentence))
         cells, size = index.size()
         if limit is not None:
@@ -313,9 +313,9 @@ class Command:
                     cells, size = index.prune(limit)
             except BlockingIOError:
                 reason = "which a sweep uses; wait until it ends"
-                raise ConfigurationError(f"cache is {str(place)!r}, {reason}") from None
+                raise ConfigurationError(f"cache is {str(path)!r}, {reason}") from None
         done = "kept" if limit is None else "removed"
-        show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
+        show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {path}")
 
 
 def _prune_limit(words: Sequence[str]) -> float | None:

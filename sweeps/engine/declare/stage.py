@@ -192,7 +192,7 @@ class Stage:
     gather: tuple[Setting, ...] = ()
     stream: Stream | None = None  # of `rng`; None: keyed by all that it depends on
     group: Group = NOWHERE  # of the store; by default its results only serve other stages
-    # Number of results that are kept: all (EVERY), arrays on disk; some, any objects, in memory;
+    # Number of results that are kept: all (UNLIMITED), arrays on disk; some objects, in memory;
     # or none (0), because it is called while planning: a quick function of settings, whose
     # result, a number, text or tuple of them, counts as a value, whatever its inputs.
     keep: float = UNLIMITED

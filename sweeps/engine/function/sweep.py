@@ -68,7 +68,7 @@ def sweep(
     Parameters
     ----------
     function : callable
-        Its arguments are those named in `values`, further ones with a default, and `rng`, a
+        Its arguments are those named in `values`, others with a default, and `rng`, a
         generator of random numbers of its own for each combination. A lambda, a method, a
         `functools.partial`, a decorated function and one of a notebook are as good as any.
     values : mapping of str to iterable, or Dataset

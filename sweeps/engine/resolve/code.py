@@ -1,6 +1,6 @@
 """Digest of a function: hashes, by name, of its code and of the values that it holds.
 
-1. If a `version` is given, that alone.
+1. If a `version` is given, only that.
 2. Of a function of a stage's file, a script or a notebook, or made at run time: its instructions,
    its defaults, its closure, and each global that it names, as they are when the sweep begins.
    Functions and classes of such files count by this rule, what comes from other modules, or is

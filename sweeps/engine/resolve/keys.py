@@ -105,7 +105,7 @@ def key_text(key: Keys) -> str:
 def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
     """Return the generator of one cell's noise, independent of every other cell's.
 
-    `cell` names it by text, numbers, flags, times or None: the values, not their places in a grid,
+    `cell` names it by text, numbers, flags, times or None (values, not positions in a grid),
     so that a cell draws the same noise in any grid. The sweep's `seed` is at least 0.
     """
     name = json.dumps(cell, sort_keys=True, default=str).encode()

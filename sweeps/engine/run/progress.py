@@ -77,7 +77,7 @@ class _ProgressView:
         if self.failures <= NAMED_FAILURES:
             self.say(f"failed: {failure.name}: {failure.reason}", "red")
         elif self.failures == NAMED_FAILURES + 1:
-            self.say("further failures are counted at the end", "red")
+            self.say("more failures are counted at the end", "red")
 
     def step(self, schedule: Schedule) -> None:
         now, self.schedule = time.monotonic(), schedule

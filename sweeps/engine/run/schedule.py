@@ -128,12 +128,12 @@ class CallQueue:
         found: list[Cells] = []
         for source, first, _ in self._plan.computed_inputs(bound):
             if not source.stage.is_cached:
-                taken, places = np.unique(first[cells], return_inverse=True)
+                taken, codes = np.unique(first[cells], return_inverse=True)
                 known = len(self._objects)
                 keys = concatenate(self._objects, self._plan.keys(source)[taken])
                 of_first, number = unique_keys(keys)
                 self._objects = keys[of_first]
-                found += [*self._object_numbers(source, first[cells]), number[known:][places]]
+                found += [*self._object_numbers(source, first[cells]), number[known:][codes]]
         return found
 
     def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Call]:
@@ -380,8 +380,8 @@ class Schedule:
         """Return which cells lack an input, or all cells of a gathered one."""
         lost = np.zeros(len(cells), dtype=bool)
         for source, first, offsets in taken:
-            starts, places = np.unique(first[cells], return_inverse=True)
-            lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[places]
+            starts, codes = np.unique(first[cells], return_inverse=True)
+            lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[codes]
         return lost
 
     def _is_lost(self, bound: BoundStage) -> Flags:
@@ -449,7 +449,7 @@ class Schedule:
             grid = np.add.outer(grid, stride * np.unique(plan.positions(bound, number, calls[0])))
         order = np.argsort(grid.ravel())
         moved = cells - np.repeat(firsts, np.diff(begins))
-        places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
+        positions = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
         results = self.results[bound][cells]
         batch = self._bind_arguments(
             bound,
@@ -457,7 +457,7 @@ class Schedule:
             grid,
             keys=self.locations.keys[results],
             begins=begins,
-            positions=places,
+            positions=positions,
             folder=plan.identity[bound.name],
         )
         return PlannedBatch(bound, cells, results, batch)
@@ -483,15 +483,15 @@ class Schedule:
                 zeros = np.zeros(count, dtype=np.int32)
                 arguments[name] = ValueArgument((source.in_si(values),), zeros)
             elif isinstance(source, Setting) or source.stage.is_plain:
-                found, places = plan.factorise(bound, source, firsts)
-                arguments[name] = ValueArgument(found, places.astype(np.int32))
+                found, codes = plan.factorise(bound, source, firsts)
+                arguments[name] = ValueArgument(found, codes.astype(np.int32))
             elif not source.stage.is_cached:
                 first = plan.input_cells(bound)[source].first[firsts]
-                made, places = np.unique(first, return_inverse=True)
+                made, codes = np.unique(first, return_inverse=True)
                 keys = (self._current_keys if self.failed else plan.keys)(source)[made]
                 own = {"keys": keys, "begins": np.arange(len(made) + 1), "positions": 0 * made}
                 batch = self._bind_arguments(source, made, np.zeros((), dtype=np.int64), **own)
-                arguments[name] = ObjectArgument(batch, places.astype(np.int32))
+                arguments[name] = ObjectArgument(batch, codes.astype(np.int32))
             else:
                 locations, present = self._locate_input(bound, source, firsts, grid)
                 read = bound.stage.reads.get(name)

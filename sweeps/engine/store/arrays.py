@@ -208,7 +208,7 @@ def iter_chunks(array: Array) -> Iterator[tuple[str, Region]]:
         for size, chunk in zip(array.shape, array.chunks, strict=True)
     ]
     for chunk in itertools.product(*map(enumerate, parts)):
-        yield ".".join(str(place) for place, _ in chunk), tuple(r for _, r in chunk)
+        yield ".".join(str(number) for number, _ in chunk), tuple(r for _, r in chunk)
 
 
 def chunk_name(path: str, space: str, index: str) -> str:

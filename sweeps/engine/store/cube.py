@@ -96,8 +96,8 @@ class RegionReader:
                 flat[number] = output.pad
             corner = map(int.__sub__, _begins(output, arrays), self.own_starts)
             ends = zip(corner, array.shape, strict=True)
-            place: Any = [slice(at, at + size) for at, size in ends]
-            flat[(number, *place)] = array
+            corner_region: Any = [slice(at, at + size) for at, size in ends]
+            flat[(number, *corner_region)] = array
         inside: Any = (..., *self.own_region)
         return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
 
@@ -112,7 +112,7 @@ def stored_variables(
 ) -> list[StoredVariable]:
     """Return the variables of a stage's stored outputs."""
     of = bound.stage.group
-    order = {name: place for place, name in enumerate(of.dims)}
+    order = {name: number for number, name in enumerate(of.dims)}
 
     def rank(number: int) -> int:
         axis = plan.axes[number]
@@ -132,8 +132,8 @@ def stored_variables(
             if not {setting.name for setting in plan.axes[number].settings} <= left_out
         ]
         ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
-        places = tuple(np.argsort(ranks, kind="stable").tolist())
-        variables.append(StoredVariable(bound, output, group, tuple(axes), places))
+        sources = tuple(np.argsort(ranks, kind="stable").tolist())
+        variables.append(StoredVariable(bound, output, group, tuple(axes), sources))
     return variables
 
 

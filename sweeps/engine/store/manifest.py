@@ -87,7 +87,7 @@ def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
 
     Nothing is read. An object that is not in the manifest counts as damage, because zarr would read
     it as a chunk. If `groups` are given, only their objects and all metadata are verified. Raises
-    OSError where the place fails, and ConfigurationError without a manifest.
+    OSError where the path fails, and ConfigurationError without a manifest.
     """
     manifest, found = require_manifest(path), Objects(path).sizes()
     inside, known = tuple(f"{group}/" for group in groups or ()), manifest.known

@@ -72,7 +72,7 @@ class RunOptions:
 
     @property
     def packs(self) -> Objects:
-        """Where results are kept."""
+        """The packs of the cache."""
         return open_packs(self.cache)
 
 

@@ -81,11 +81,11 @@ def _returns(function: Callable[..., Any]) -> bool:
     return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
 
 
-def format_tables(place: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
+def format_tables(path: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
     """Yield tables of a store as texts, long ones without their middle."""
     for name in groups:
         with suppress(KeyError, FileNotFoundError):  # a table that has nothing, or failed
-            table = xr.open_zarr(zarr_store(place), group=name, consolidated=False)
+            table = xr.open_zarr(zarr_store(path), group=name, consolidated=False)
             table = table.drop_vars([one for one in table.coords if not table[one].dims])
             units = {one: table[one].attrs.get("units", "1") for one in table.variables}
             heads = {one: f"{one} [{unit}]" for one, unit in units.items() if unit != "1"}

@@ -32,13 +32,13 @@ def check_store_path(path: PathOrUrl) -> None:
 
     A store inside another one is refused, too.
     """
-    place = _resolve_checked("store", path, inside=True)
+    resolved = _resolve_checked("store", path, inside=True)
     try:
-        found = set(Objects(place).sizes())
+        found = set(Objects(resolved).sizes())
     except OSError as error:
-        raise _invalid("store", place, f"which cannot be read: {error.strerror}") from error
+        raise _invalid("store", resolved, f"which cannot be read: {error.strerror}") from error
     if found:
-        manifest = read_manifest(place)
+        manifest = read_manifest(resolved)
         if manifest is None:
             reason = "which exists but is not a store of a sweep; give a new path or such a store"
             raise _invalid("store", path, reason)
@@ -53,8 +53,8 @@ def check_cache_path(path: PathOrUrl) -> None:
 
     Permissions of a bucket are not checked.
     """
-    place = _resolve_checked("cache", path, inside=False)
-    for folder in (place, join(place, CELLS_FOLDER)):
+    resolved = _resolve_checked("cache", path, inside=False)
+    for folder in (resolved, join(resolved, CELLS_FOLDER)):
         if isinstance(folder, Path) and not is_private(folder):
             reason = f"but others own {str(folder)!r} or may write there; a cache must be private"
             raise _invalid("cache", path, f"{reason}: chmod go-w, or give another folder")
@@ -68,27 +68,27 @@ def check_disjoint(
     `check_store_path` and `check_cache_path` refuse stores that exist. `beside` returns the paths
     that the report of a store writes to, which may also be an existing store.
     """
-    places = {resolve_path(path): path for path in stores}
+    stores_by_path = {resolve_path(path): path for path in stores}
     reports: dict[Path, PathOrUrl] = {}
-    for path in places.values():
+    for path in stores_by_path.values():
         for written in beside(path_beside(path)):
-            if resolve_path(written) in places or is_store(written):
+            if resolve_path(written) in stores_by_path or is_store(written):
                 reason = f"whose report would be written into the store {str(written)!r}"
                 raise _invalid("store", path, f"{reason}; give another path")
             if (other := reports.setdefault(written, path)) != path:
-                reason = f"whose report would be written in the place of that of {str(other)!r}"
+                reason = f"whose report would replace that of {str(other)!r}"
                 raise _invalid("store", path, f"{reason}; give another name")
-    for key, path in (("cache", cache), *(("store", path) for path in places.values())):
-        place = resolve_path(path)
-        outside = [place, *ancestors(place)][key == "store" :]
-        if store := next((places[one] for one in outside if one in places), None):
+    for key, path in (("cache", cache), *(("store", path) for path in stores_by_path.values())):
+        resolved = resolve_path(path)
+        outside = [resolved, *ancestors(resolved)][key == "store" :]
+        if store := next((stores_by_path[one] for one in outside if one in stores_by_path), None):
             raise _invalid(key, path, f"but must not be in the store {str(store)!r}")
 
 
-def is_store(place: PathOrUrl) -> bool:
+def is_store(path: PathOrUrl) -> bool:
     """Return whether a path is a zarr store or part of one."""
     with suppress(OSError):  # unreadable
-        return any(Objects(place).get(name) is not None for name in ZARR_FILES)
+        return any(Objects(path).get(name) is not None for name in ZARR_FILES)
     return False
 
 
@@ -102,34 +102,38 @@ def _resolve_checked(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
     With `inside`, the path itself may be a store.
     """
     path = path_or_url(key, given)
-    place = _resolve_folder(key, given, path, inside=inside) if isinstance(path, Path) else path
-    if store := next(filter(is_store, [place, *ancestors(place)][inside:]), None):
+    resolved = _resolve_folder(key, given, path, inside=inside) if isinstance(path, Path) else path
+    if store := next(filter(is_store, [resolved, *ancestors(resolved)][inside:]), None):
         raise _invalid(key, given, f"but must not be in the store {str(store)!r}")
-    return place
+    return resolved
 
 
 def _resolve_folder(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> Path:
     """Return the real path; refuse an impossible name or an unwritable folder."""
     try:
-        place = Path(os.path.realpath(path))
+        resolved = Path(os.path.realpath(path))
         with suppress(FileNotFoundError, NotADirectoryError):
-            os.lstat(place.with_name(LONGEST_NAME.format(place.name)) if place.name else place)
+            os.lstat(
+                resolved.with_name(LONGEST_NAME.format(resolved.name))
+                if resolved.name
+                else resolved
+            )
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise _invalid(key, given, f"which cannot be used: {reason}") from error
     for link in (path, *path.parents):
         if link.is_symlink() and not link.exists():
             raise _invalid(key, given, f"but {str(link)!r} is a dangling symlink")
-    if not str(given) or not place.name:
+    if not str(given) or not resolved.name:
         raise _invalid(key, given, "but must be the name of a folder")
-    nearest = next(part for part in (place, *place.parents) if part.exists())
+    nearest = next(part for part in (resolved, *resolved.parents) if part.exists())
     if not nearest.is_dir():
         raise _invalid(key, given, f"but {str(nearest)!r} is not a folder")
-    if inside and nearest == place:
-        nearest = place.parent
+    if inside and nearest == resolved:
+        nearest = resolved.parent
     try:
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError as error:
         reason = f"but nothing can be written in {str(nearest)!r}: {error.strerror}"
         raise _invalid(key, given, reason) from error
-    return place
+    return resolved
