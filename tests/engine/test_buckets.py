@@ -94,7 +94,7 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
     for store, reason in {
         f"{bucket}/s.zarr/inner.zarr": f"must not be in the store '{bucket}/s.zarr'",
         "s3://nobucket/s.zarr": "which cannot be read",
-        "s3://bucket": "credentials belong to the environment",
+        "s3://bucket": "put credentials into the environment",
         f"{bucket}/s.zarr,store={bucket}/other/s.zarr": "",
     }.items():
         if reason:
