@@ -170,7 +170,7 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     joint = [_zipped(settings, given) for settings in together]
     zipped = [key for one in joint for key in one.keys]
     if twice := [key for key in zipped if zipped.count(key) > 1]:
-        raise ConfigurationError(f"grid.zip has {twice[0]!r} twice, but values must differ")
+        raise ConfigurationError(f"grid.zip has {twice[0]!r} more than once, but keys must differ")
     for key in zipped:  # together, one may have a value several times
         if isinstance(listed := given.get(key), list):
             given[key] = [one for at, one in enumerate(listed) if one not in listed[:at]]
