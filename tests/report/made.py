@@ -74,5 +74,5 @@ def categories(counts, views=124, **axes):
         },
         {name: (name, values) for name, values in axes.items()},
     )
-    display = category_display({"classifier": "acn", "channel": "range"}, "acn").written(None)
+    display = category_display({"classifier": "acn", "channel": "range"}, "acn").as_attribute(None)
     return made.assign_attrs(encode_attrs({ATTRIBUTE: [display]}) | {"receiver": "full_profile"})
