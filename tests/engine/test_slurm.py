@@ -46,7 +46,7 @@ def queue(daemons, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", IMPORTS)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(dask_cluster, "LOST_SECONDS", 0.1)
-    monkeypatch.setattr(dask_cluster, "JOB_CHECK_INTERVAL", 0.3)
+    monkeypatch.setattr(dask_cluster, "JOB_INTERVAL", 0.3)
     eventually(lambda: "idle" in slurm.asked("sinfo", "-h", "-o", "%T"))
     yield
     eventually(lambda: jobs() == [])

@@ -87,7 +87,7 @@ def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
     tmp_path, monkeypatch
 ):
     """Stopped for longer than the scheduler waits for it, which are 5 minutes in use."""
-    monkeypatch.setitem(dask_cluster.SETTINGS, "distributed.scheduler.worker-ttl", "1s")
+    monkeypatch.setitem(dask_cluster.DASK_SETTINGS, "distributed.scheduler.worker-ttl", "1s")
     monkeypatch.setattr(dask_cluster, "CHECK_INTERVAL", 0.1)
 
     def cut_off():
