@@ -24,7 +24,7 @@ from distributed import Client, Worker
 from benchmarks import toy
 from benchmarks.processes import peak_memory, watch
 from benchmarks.reports import Column, Report
-from sweeps.engine.run import workers as engine
+from sweeps.engine.run import dask_cluster as engine
 
 COUNTS = (10, 100, 1000)
 HOSTS = 4  # processes that the workers share
@@ -32,7 +32,7 @@ AT_ONCE = 25  # workers of a process that connect at the same time
 CALLS = 60  # of each worker
 # Of the many workers of a process: what each of them measures of itself would take all of its time,
 # and so would looking for folders that others have left.
-LIGHT = engine.SETTINGS | {
+LIGHT = engine.DASK_SETTINGS | {
     "distributed.admin.system-monitor.interval": "60s",
     "distributed.admin.tick.cycle": "60s",
     "distributed.admin.tick.interval": "60s",

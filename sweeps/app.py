@@ -14,11 +14,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, stopping
+from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, signals_deferred
 
 if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
-    from sweeps.engine.declare.places import PathOrUrl
+    from sweeps.engine.declare.paths import PathOrUrl
     from sweeps.engine.declare.settings import Choices
     from sweeps.engine.store.sweeping import Finished
 
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     from sweeps.engine.declare.errors import DeclarationError
 
     with ExitStack() as signals:
-        signals.enter_context(stopping())
+        signals.enter_context(signals_deferred())
         try:
             if all(word in MULTIRUN for word in given if word.startswith("-")):
                 _say("reading the configuration")

@@ -96,7 +96,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
                     if hasattr(module, name):
                         choices = getattr(module, name)(choices)
             # A store records the engine that rendered, not the choice "auto".
-            return choices.having(Render.engine, views.drawing_engines(choices))
+            return choices.replace(Render.engine, views.drawing_engines(choices))
 
     def attributes(choices: Choices) -> dict[str, Any]:
         digests = {str(ship): views.hull.function(ship).digest for ship in choices[Grid.ship]}
@@ -171,7 +171,7 @@ def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
     names = choices[Classifier.name]
 
     def without(name: str) -> Choices:
-        return choices.having(Classifier.name, tuple(other for other in names if other != name))
+        return choices.replace(Classifier.name, tuple(other for other in names if other != name))
 
     return [name for name in names if all(group.when(without(name)) for group in asked)]
 

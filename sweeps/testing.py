@@ -12,18 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.packs import cells_of, each_cell
+from sweeps.engine.cache.packs import iter_cells, open_packs
 from sweeps.engine.declare.settings import Choices
-from sweeps.engine.declare.stage import MEASURED, Bound, Experiment
+from sweeps.engine.declare.stage import MEASURED, BoundStage, Experiment
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.run.process import one_thread
-from sweeps.engine.run.schedule import MOST_CELLS, Schedule, Watch
-from sweeps.engine.run.tasks import forget_all, run_batches
+from sweeps.engine.run.schedule import MAX_TASK_CELLS, Schedule, Watch
+from sweeps.engine.run.tasks import drop_objects, run_batches
 from sweeps.engine.store.sweeping import execute
 
 
-def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CELLS) -> Counter[str]:
+def check_pure(
+    experiment: Experiment, choices: Choices, *, most: int = MAX_TASK_CELLS
+) -> Counter[str]:
     """Return how many cells of each stage are the same when computed again, alone.
 
     A result must depend on the arguments of its stage alone: on no clock, no generator of its own,
@@ -45,9 +47,9 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
         Naming every cell that failed or differs, and the first number of it that does.
     """
     with TemporaryDirectory() as folder, one_thread():  # as in workers
-        index = CellIndex(cells_of(Path(folder)), _ignore)
+        index = CellIndex(open_packs(Path(folder)), _ignore)
         schedule = Schedule(Plan(experiment, choices))
-        schedule.resolve(index)
+        schedule.look_up(index)
         experiment.prepare(choices, _ignore)
         failures = execute(schedule, InlineExecutor(), index, Watch(_ignore))
         found = [f"{name} failed: {why}" for name, why in failures]
@@ -58,7 +60,7 @@ def check_pure(experiment: Experiment, choices: Choices, *, most: int = MOST_CEL
             for cell in cells[:: max(1, -(-len(cells) // most))]:
                 compared[bound.name] += 1
                 if how := _difference(schedule, index, bound, cell):
-                    name = schedule.plan.described(bound, cell)
+                    name = schedule.plan.cell_name(bound, cell)
                     found.append(f"{name} differs when computed again, alone: {how}")
     if found:
         raise AssertionError("\n".join(found))
@@ -69,18 +71,18 @@ def _ignore(sentence: str) -> None:
     pass
 
 
-def _difference(schedule: Schedule, index: CellIndex, bound: Bound, cell: int) -> str:
+def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: int) -> str:
     """Return how a cell that was computed differs from the same computed alone, if it does."""
     locations = schedule.locations[schedule.results[bound][[cell]]]
-    [first] = each_cell(index.cells, locations)
-    planned = schedule.planned(bound, [np.array([cell])])
-    forget_all()
+    [first] = iter_cells(index.cells, locations)
+    planned = schedule.make_batch(bound, [np.array([cell])])
+    drop_objects()
     [outcome] = run_batches((planned.batch,), [0], index.cells).outcomes
-    forget_all()
+    drop_objects()
     if outcome.pack is None:
-        return f"it raises {outcome.failed[0].why}"
+        return f"it raises {outcome.failed[0].reason}"
     pack = np.array([index.add(outcome.pack)], np.int32)
-    [again] = each_cell(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
+    [again] = iter_cells(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
     if first is None or again is None:
         return "it cannot be read back from the disk"
     for name in (one.name for one in bound.stage.outputs if one.role != MEASURED):

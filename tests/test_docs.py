@@ -22,7 +22,7 @@ import ncti.ships
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.settings import Run
-from sweeps.engine.declare.storable import nested, plain
+from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.store.provenance import check_extends, provenance
 from sweeps.experiment import EXPERIMENT
@@ -144,7 +144,7 @@ def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeyp
         if place.store in stores:
             check_extends(EXPERIMENT, str(place.store), stores[place.store], plan)
         if not plan.choices.one(Run.dry_run):
-            stores[place.store] = nested(plain(provenance(plan)))
+            stores[place.store] = decode_attrs(encode_attrs(provenance(plan)))
 
 
 def shell_of(page):

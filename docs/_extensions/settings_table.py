@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sweeps.engine.declare.kinds import spelt
+from sweeps.engine.declare.kinds import format_value
 from sweeps.experiment import EXPERIMENT
 
 PAGE = Path(__file__).resolve().parents[1] / "settings.md"
@@ -19,7 +19,7 @@ def page() -> str:
         axis = f"one value: {one.fixed}" if one.fixed else ""
         null = "null or " if one.fallback is not None else ""
         allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
-        rows.append((f"`{one.key}`", spelt(one.written), allowed, about))
+        rows.append((f"`{one.key}`", format_value(one.default_input), allowed, about))
     lines = (f"| {' | '.join(row)} |" for row in rows)
     return "\n".join(("# Settings", "", *lines, ""))
 

@@ -258,7 +258,7 @@ def check(choices: Choices) -> Choices:
     if narrowest < widest:
         refuse(Render.pixel, widest, f"at most {narrowest:.3g} m, the width of an IFOV")
     asked, absent = choices[Render.engine], missing_engines()
-    return choices.having(Render.engine, tuple(e for e in asked if e not in absent) or asked)
+    return choices.replace(Render.engine, tuple(e for e in asked if e not in absent) or asked)
 
 
 def missing_engines() -> list[str]:

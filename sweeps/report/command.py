@@ -18,10 +18,10 @@ def main() -> None:
     with 2 if the store cannot be read.
     """
     arguments = _parser().parse_args()
-    from sweeps.engine.run.process import forgiving
+    from sweeps.engine.run.process import tolerant_output
     from sweeps.report.screen import complain
 
-    with forgiving() as lost:
+    with tolerant_output() as lost:
         status = _reported(arguments)
         if why := lost():
             complain(f"tables cannot be printed: {why}")
@@ -70,7 +70,7 @@ def answer(store: Any) -> list[str]:
 
 def _place(given: str) -> Any:
     """Return a store's URL, or its absolute path; refuse other URLs."""
-    from sweeps.engine.declare.places import path_or_url
+    from sweeps.engine.declare.paths import path_or_url
 
     place = path_or_url("store", given)
     return place.absolute() if isinstance(place, Path) else place

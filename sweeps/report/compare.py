@@ -13,7 +13,7 @@ from ncti.evaluate import paired_difference
 from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, path_beside
+from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
 from sweeps.report.stores import attributes, groups, opened, read
 from sweeps.report.words import MAIN, printable

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import PART, Frame
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder

@@ -11,8 +11,8 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, read_display
-from sweeps.engine.declare.places import PathOrUrl, path_or_url
+from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
+from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.report.beside import with_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
 from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of, words_of
@@ -200,7 +200,7 @@ def displays_of(table: xr.Dataset, name: str) -> list[Display]:
     """Return the displays of a group: those it was stored with, or one of all its variables."""
     written = attributes(table).get(ATTRIBUTE)
     if written:
-        return [read_display(display) for display in written]
+        return [parse_display(display) for display in written]
     return [Display(name, str(table.attrs.get("title", name.replace("_", " ").capitalize())))]
 
 

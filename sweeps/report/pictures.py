@@ -20,8 +20,8 @@ from rich.console import Console
 from rich.progress import track
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
-from sweeps.engine.store.manifest import manifest_of
+from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.store.manifest import require_manifest
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
@@ -235,7 +235,7 @@ def pictures_of(path: PathOrUrl, store: Any, pictures: Pictures) -> dict[str, tu
 
     A picture that fails is empty, and does not prevent the page.
     """
-    manifest, drawn = manifest_of(path), {}
+    manifest, drawn = require_manifest(path), {}
     content = [*sorted(manifest.files.items()), *sorted(manifest.chunks.items())]
     for group in (name for name in DRAWN if name in groups(store)):
         # Flights are corrected again for their picture, as the attributes of the store say.

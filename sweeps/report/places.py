@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sweeps.engine.declare.places import PathOrUrl, path_beside
+from sweeps.engine.declare.paths import PathOrUrl, path_beside
 
 SUFFIX = ".zarr"
 

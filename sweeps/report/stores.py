@@ -13,8 +13,8 @@ import zarr
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, path_or_url, real_place
-from sweeps.engine.declare.storable import nested
+from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
+from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.tables import with_scalars
@@ -32,7 +32,7 @@ OF_ARRAYS = (
 
 def opened(path: PathOrUrl) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
-    place = real_place(path_or_url("store", path))
+    place = resolve_path(path_or_url("store", path))
     return _opened(place, Objects(place).get(METADATA))
 
 
@@ -44,7 +44,7 @@ def _opened(place: PathOrUrl, metadata: bytes | None) -> Any:
 
 def attributes(store: Any) -> dict[str, Any]:
     """Return the attributes of a store, or of a group, with mappings and lists as such."""
-    return nested(store.attrs)
+    return decode_attrs(store.attrs)
 
 
 def groups(store: Any, under: str = "") -> list[str]:

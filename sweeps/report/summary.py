@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.answer import answer_table
 from sweeps.report.compare import compare, compared_name, sentences
 from sweeps.report.contest import main_frame

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
 from sweeps.report.own import write_own

@@ -279,7 +279,7 @@ def check(choices: Choices) -> Choices:
     """
     given = choices[Grid.aspect]
     drawn = random_test_aspects(choices, given)
-    choices = choices.having(Grid.aspect, tuple(sorted({*given, *drawn})))
+    choices = choices.replace(Grid.aspect, tuple(sorted({*given, *drawn})))
     ships_given, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
     require_among(choices, Classifier.unknown, Grid.ship)
     require_among(choices, Classifier.training_aspect, Grid.aspect)

@@ -256,7 +256,7 @@ def _nothing(bins: int) -> Arrays:
     """Return the empty results of a ship that is not flown past."""
     lengths = {"source": len(comparison.SOURCES), "down_range": bins}
     return {
-        output.name: np.full([lengths.get(dim, 0) for dim in output.dims], output.empty)
+        output.name: np.full([lengths.get(dim, 0) for dim in output.dims], output.fill_value)
         for output in corrected.outputs
     }
 
@@ -370,7 +370,9 @@ def _flight_figures(names: tuple[str, ...]) -> tuple[Figure, ...]:
 
 
 DRAW = "replicate"
-OF_FLIGHTS = tuple(output.name for output in corrected.outputs if output.stored and not output.dims)
+OF_FLIGHTS = tuple(
+    output.name for output in corrected.outputs if output.is_stored and not output.dims
+)
 OF_PROFILES = tuple(LANDMARKS)
 LISTED = {
     "profile_correlation": ".3f",

@@ -22,7 +22,7 @@ from ncti.render.loops import LINES, of_engine
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import Kind, Number, Value
 from sweeps.engine.declare.settings import (
-    NO_RESULT,
+    AFFECTS_NO_RESULT,
     Choices,
     Setting,
     Settings,
@@ -88,7 +88,7 @@ class Errors(Kind):
                 pairs.update((parameter, error) for error in listed if error)
         return (NO_ERROR, *sorted(pairs))
 
-    def written(self, values: tuple[Value, ...]) -> dict[str, list[float]]:
+    def as_input(self, values: tuple[Value, ...]) -> dict[str, list[float]]:
         """Return what a user writes to get some values."""
         return {
             parameter: [error for name, error in values if name == parameter]
@@ -254,7 +254,7 @@ class Irar(Course, Receivers, Passive, key="irar"):
     pictures = switch(
         False,
         label="pictures of every stage of the corrections, written beside the tables",
-        fixed=NO_RESULT,
+        fixed=AFFECTS_NO_RESULT,
     )
 
 

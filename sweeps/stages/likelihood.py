@@ -427,10 +427,10 @@ def check_first(choices: Choices) -> Choices:
             Classifier.generated, number, f"0 where other ships are learned than known: {others}"
         )
     made = classifier.generated_ships(sorted(learned), number)
-    choices = choices.having(Grid.ship, tuple(sorted({*choices[Grid.ship], *made})))
+    choices = choices.replace(Grid.ship, tuple(sorted({*choices[Grid.ship], *made})))
     for setting in (Classifier.unknown, Classifier.alternative):
         whole = tuple(sorted({*(choices.one(setting) or ()), *made}))
-        choices = choices.having(setting, (whole,))
+        choices = choices.replace(setting, (whole,))
     return choices
 
 

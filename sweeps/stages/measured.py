@@ -226,7 +226,7 @@ def check(choices: Choices) -> Choices:
     require(choices, Correlation.training, EXPECTED, "where sensor is irar")
     require(choices, Classifier.left_out, False, "where sensor is irar")
     if set(choices.one(views.Sweep.sensor)) == {IRAR}:
-        return choices.having(Classifier.name, names)
+        return choices.replace(Classifier.name, names)
     return choices
 
 

@@ -11,7 +11,7 @@ from ncti.ships import ShipError, Transform, names
 from ncti.ships.loading import LONGEST_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
 from ncti.ships.transform import AXES, FARTHEST, LARGEST_SCALE, SMALLEST_SCALE
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import Text, Value, Word, ascending, shown
+from sweeps.engine.declare.kinds import Text, Value, Word, ascending, quote_value
 from sweeps.engine.declare.settings import (
     Setting,
     Settings,
@@ -105,7 +105,7 @@ class Ships(Text):
         """Return labels in ascending order, each a `ShipName`; see `Kind.values` of the engine."""
         listed = [given] if isinstance(given, str | Mapping) else given
         if not isinstance(listed, Sequence) or not all(map(self._is_ship, listed)):
-            raise ConfigurationError(f"{key} is {shown(given)}, but must be {self.allowed}")
+            raise ConfigurationError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
         words = [value for value in listed if isinstance(value, str)]
         if words or not listed:
             ascending(key, words)
@@ -114,8 +114,8 @@ class Ships(Text):
             ship = ship_name(value) if isinstance(value, str) else self._read_file(key, value)
             if ship in ships:
                 raise ConfigurationError(
-                    f"{key} has {shown(value)}, but {str(ship)!r} is the name of another ship of "
-                    "the grid"
+                    f"{key} has {quote_value(value)}, but {str(ship)!r} is the name of another "
+                    "ship of the grid"
                 )
             ships.add(ship)
         return tuple(sorted(ships))
@@ -132,19 +132,19 @@ class Ships(Text):
         try:
             transform = Transform(**entries)
         except ShipError as error:
-            raise ConfigurationError(f"{key} is {shown(dict(given))}: {error}") from error
+            raise ConfigurationError(f"{key} is {quote_value(dict(given))}: {error}") from error
         ship = ship_name(path)
         if label is None:
             return ShipName(str(ship), ship.source, transform)
         if not (label.strip() and label.isprintable() and len(label) <= LONGEST_LABEL):
             raise ConfigurationError(
-                f"{key}.name is {shown(label)}, but must be 1 to {LONGEST_LABEL} printable "
+                f"{key}.name is {quote_value(label)}, but must be 1 to {LONGEST_LABEL} printable "
                 "characters"
             )
         if _is_path(label):
             raise ConfigurationError(
-                f"{key}.name is {shown(label)}, but must not end as a file of a ship does, in "
-                f"{', '.join(SUFFIXES)}"
+                f"{key}.name is {quote_value(label)}, but must not end as a file of a ship does, "
+                f"in {', '.join(SUFFIXES)}"
             )
         return ShipName(label, ship.source, transform)
 

@@ -27,9 +27,9 @@ from ncti.render.loops import LINES, of_engine
 from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import SetOf, spelt
+from sweeps.engine.declare.kinds import SetOf, format_value
 from sweeps.engine.declare.settings import (
-    CACHE,
+    CACHE_VARIABLE,
     Choices,
     Setting,
     Settings,
@@ -334,7 +334,7 @@ def restored(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
 
 def cache_folder() -> Path:
     """Return the folder of finished results: that of the environment, or the user's."""
-    given = os.environ.get(CACHE)
+    given = os.environ.get(CACHE_VARIABLE)
     return Path(given) if given else user_cache_path("ncti-sweep")
 
 
@@ -419,7 +419,7 @@ def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float
 
 def refuse(setting: Setting, value: Any, allowed: str) -> NoReturn:
     """Raise `ConfigurationError`: a setting has a value that is not among those allowed."""
-    written = value if isinstance(value, str) else spelt(value)
+    written = value if isinstance(value, str) else format_value(value)
     raise ConfigurationError(f"{setting.key} has {written}, but must be {allowed}")
 
 
@@ -427,7 +427,7 @@ def require(choices: Choices, setting: Setting, allowed: Any, reason: str) -> No
     """Refuse (`ConfigurationError`) every other value of a setting."""
     for value in choices[setting]:
         if value != allowed:
-            refuse(setting, _quoted(value), f"{spelt(allowed)} {reason}")
+            refuse(setting, _quoted(value), f"{format_value(allowed)} {reason}")
 
 
 def require_among(choices: Choices, setting: Setting, whole: Setting, reason: str = "") -> None:
@@ -435,7 +435,7 @@ def require_among(choices: Choices, setting: Setting, whole: Setting, reason: st
     given = choices[setting]
     for value in (given[0] or ()) if isinstance(setting.kind, SetOf) else given:
         if value not in choices[whole]:
-            known = ", ".join(map(spelt, choices[whole]))
+            known = ", ".join(map(format_value, choices[whole]))
             refuse(setting, _quoted(value), f"one of {known}, the values of {whole.key}{reason}")
 
 

@@ -7,9 +7,9 @@ import buckets
 import pytest
 from executors import eventually, running_server, silent
 
-from sweeps.engine.run import workers
+from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +39,13 @@ def local(no_server_of_other_tests, at_a_terminal):
     # The environment of the user does not decide, whatever it holds.
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("OMP_NUM_THREADS", "7")
-        with executor(ClusterChoice(workers=2), say=silent) as run:
+        with open_executor(ClusterChoice(workers=2), say=silent) as run:
             yield run
 
 
 @pytest.fixture
 def impatient(monkeypatch):
-    monkeypatch.setattr(workers, "ANSWER", 0.5)
+    monkeypatch.setattr(dask_cluster, "ANSWER_SECONDS", 0.5)
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_info
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.process import ONE_THREAD
 
 QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
@@ -166,6 +166,6 @@ def meanwhile(function):
 def fails_with(choice, sentence):
     with (
         pytest.raises(ConfigurationError, match=f"^{sentence}$"),
-        executor(choice, say=silent),
+        open_executor(choice, say=silent),
     ):
         pass

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from running import ROOT
 
-METHODS = ("get", "part", "put", "_delete", "listed")
+METHODS = ("get", "read_range", "put", "_delete", "list_objects")
 EVENTS = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate"}
 
 

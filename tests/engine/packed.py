@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Locations, Pack, Packing, cells_of, read_cells
+from sweeps.engine.cache.packs import Locations, Pack, PackWriter, open_packs, read_cells
 from sweeps.engine.declare.stage import Output
 
 SMALL = [Output(f"output {number}", ("row",), "f8") for number in range(2)]
@@ -18,7 +18,7 @@ def keys(*names) -> np.ndarray:
 
 
 def write_pack(cells: Objects, stage: str, names, arrays, seconds=0.0) -> Pack:
-    packing = Packing()
+    packing = PackWriter()
     for one in arrays:
         packing.add(one)
     return packing.write(cells, stage, keys(*names), seconds)
@@ -60,4 +60,4 @@ def whole(cells: Objects, index, names) -> bool:
 
 def pack_files(cache):
     """Files of the packs of a cache in a folder."""
-    return sorted(cell for cell in cells_of(cache).place.rglob("*.pack"))
+    return sorted(cell for cell in open_packs(cache).path.rglob("*.pack"))

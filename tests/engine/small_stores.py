@@ -27,7 +27,7 @@ def array(values, fill=None, chunks=CHUNKS, read=None, **attrs):
 
 def coordinate(dims, values, **attrs):
     """A coordinate of values."""
-    return Array.of(dims, values, attrs, coordinate=True)
+    return Array.from_values(dims, values, attrs, coordinate=True)
 
 
 def below(place, name):

@@ -12,7 +12,7 @@ from toys import CALLS, SPRINGS, Told, go
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.store.locks import locked
+from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import read_attributes
 
@@ -63,13 +63,13 @@ def test_damage_is_found_and_mended(place, tmp_path):
     assert any("2 files of the store are damaged" in sentence for sentence in told.sentences)
     assert contents(store) == before
     there.put("mine.txt", b"")
-    with pytest.raises(ConfigurationError, match="in which no sweep wrote 'mine"):
+    with pytest.raises(ConfigurationError, match="which contains 'mine"):
         go(store, cache)
 
 
 def test_of_two_sweeps_into_a_store_one_is_refused(place, tmp_path):
     store = below(place, "s.zarr")
-    with locked(store), pytest.raises(ConfigurationError, match="being written by process"):
+    with store_lock(store), pytest.raises(ConfigurationError, match="being written by process"):
         go(store, tmp_path / "cache")
     assert go(store, tmp_path / "cache").written
 
@@ -94,7 +94,7 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
     for store, reason in {
         f"{bucket}/s.zarr/inner.zarr": f"must not be in the store '{bucket}/s.zarr'",
         "s3://nobucket/s.zarr": "which cannot be read",
-        "s3://bucket": "credentials belong to the environment",
+        "s3://bucket": "put credentials into the environment",
         f"{bucket}/s.zarr,store={bucket}/other/s.zarr": "",
     }.items():
         if reason:
@@ -102,7 +102,7 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
             (said,) = capsys.readouterr().err.splitlines()
             assert said.startswith(f"springs: store is '{store}'") and reason in said
     assert start("-m", f"store={bucket}/s.zarr,{bucket}/other/s.zarr") == 2
-    assert "whose report would be written in the place of that of" in capsys.readouterr().err
+    assert "whose report would replace that of" in capsys.readouterr().err
     assert opened(f"{bucket}/s.zarr", "springs").sizes["mass"] == 2
 
 

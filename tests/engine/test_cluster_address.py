@@ -10,7 +10,7 @@ import pytest
 from distributed.security import Security
 from executors import fails_with, written
 
-from sweeps.engine.run import workers
+from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
@@ -65,9 +65,9 @@ def test_files_that_are_no_certificates_are_refused(tmp_path):
 
 
 def test_a_scheduler_without_workers_is_refused(monkeypatch):
-    monkeypatch.setattr(workers, "ARRIVAL", 0.5)
+    monkeypatch.setattr(dask_cluster, "ARRIVAL_SECONDS", 0.5)
     how = {"processes": False, "protocol": "tcp://", "dashboard_address": None}
-    how |= {"n_workers": 0, "scheduler_kwargs": workers.SCHEDULER}
+    how |= {"n_workers": 0, "scheduler_kwargs": dask_cluster.SCHEDULER}
     with distributed.LocalCluster(**how) as cluster:
         address = cluster.scheduler_address
         choice = ClusterChoice(kind="address", address=address)

@@ -13,8 +13,13 @@ from running import ROOT, python
 
 from sweeps.engine.declare.stage import Stage
 from sweeps.engine.resolve import code, modules
-from sweeps.engine.resolve.code import Code, place_of
-from sweeps.engine.resolve.modules import SOURCES, distributions, place, versions
+from sweeps.engine.resolve.code import Code, module_and_name
+from sweeps.engine.resolve.modules import (
+    CACHE_FILE,
+    dist_versions,
+    distributions,
+    module_spec,
+)
 
 ROOTS = frozenset({"fleet", "yard"})
 
@@ -40,7 +45,13 @@ def digest_in(monkeypatch):
             if name.split(".")[0] in {"fleet", "yard", "loose"}:
                 del sys.modules[name]
         importlib.invalidate_caches()
-        for cached in (place, modules.files, modules.read, versions, distributions):
+        for cached in (
+            module_spec,
+            modules.package_files,
+            modules.read_module,
+            dist_versions,
+            distributions,
+        ):
             cached.cache_clear()
 
     def digest(folder, module="fleet.measure", function="length", roots=ROOTS):
@@ -51,7 +62,7 @@ def digest_in(monkeypatch):
             assert str(folder) in imported.__file__
             given = getattr(imported, function)
             declared = [one for one in vars(imported).values() if isinstance(one, Stage)]
-            homes = {place_of(one.function)[0] for one in declared} | {module}
+            homes = {module_and_name(one.function)[0] for one in declared} | {module}
             return Code(roots, frozenset(homes)).digest(getattr(given, "function", given))
 
     yield digest
@@ -77,8 +88,8 @@ def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, diges
         "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest)"
     )
     printed = {
-        python("-c", script, PYTHONPATH=f"{place}:{ROOT}", PYTHONHASHSEED=seed).stdout.strip()
-        for seed, place in (("1", folder), ("2", copy))
+        python("-c", script, PYTHONPATH=f"{path}:{ROOT}", PYTHONHASHSEED=seed).stdout.strip()
+        for seed, path in (("1", folder), ("2", copy))
     }
     assert printed == {digest_in(folder).digest}
 
@@ -88,7 +99,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
     script = (
         "import fleet.measure; from sweeps.engine.resolve import code, modules;"
         "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest);"
-        "modules.keep_sources()"
+        "modules.save_parsed_modules()"
     )
 
     def digest() -> str:
@@ -96,7 +107,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
         return python("-c", script, **where).stdout.strip()
 
     plain = digest()
-    [file] = (tmp_path / "home").rglob(SOURCES)
+    [file] = (tmp_path / "home").rglob(CACHE_FILE)
     whole = file.read_text()
     assert not file.parent.stat().st_mode & 0o077
     assert digest() == plain and file.read_text() == whole
@@ -115,7 +126,9 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
 def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
     before = digest_in(write(tmp_path, PROJECT))
     monkeypatch.setattr(
-        code, "versions", lambda top: versions(top) | ({"scikit-image": "0"} if "sk" in top else {})
+        code,
+        "dist_versions",
+        lambda top: dist_versions(top) | ({"scikit-image": "0"} if "sk" in top else {}),
     )
     after = digest_in(tmp_path)
     assert after.libraries == {**before.libraries, "scikit-image": "0"}
@@ -159,7 +172,7 @@ def test_a_library_counts_once_it_is_there(tmp_path, digest_in):
 
 def test_a_script_counts_like_a_module(tmp_path):
     script = (
-        "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code, place_of\n"
+        "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code\n"
         "def length(): return loose\n"
         "found = Code(frozenset()).digest(length)\n"
         "print(json.dumps([found.digest, [*found.parts]]))\n"

@@ -15,7 +15,7 @@ from small_stores import files
 from toys import CALLS, SPRINGS, go
 
 from sweeps.engine.command.line import Command
-from sweeps.engine.declare.kinds import spelt
+from sweeps.engine.declare.kinds import format_value
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_settings_are_listed_without_a_broken_word_and_found_by_one(capsys):
     assert max(map(len, lines)) < 80
     words = " ".join(" ".join(lines).split())
     for one in SPRINGS.declared:
-        assert f"{one.key}={spelt(one.written)}" in words
+        assert f"{one.key}={format_value(one.default_input)}" in words
         assert f" {one.label} " in words and one.kind.allowed in words
     assert main(["--settings", "mass"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == "spring.mass=[1, 2] [kg]"

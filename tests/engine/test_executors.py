@@ -16,19 +16,22 @@ from toys import go
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.run import workers
+from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.store.arrays import METADATA, Array
 from sweeps.engine.store.manifest import Manifest
-from sweeps.engine.store.writing import put_chunks
+from sweeps.engine.store.writing import write_chunks
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
 
 @pytest.fixture
 def inline():
-    with threadpool_limits(2), executor(ClusterChoice(kind="inline"), say=executors.silent) as run:
+    with (
+        threadpool_limits(2),
+        open_executor(ClusterChoice(kind="inline"), say=executors.silent) as run,
+    ):
         yield run
 
 
@@ -41,14 +44,14 @@ def running(request, tmp_path_factory):
     variables = {} if buckets.ABSENT else request.getfixturevalue("served")
     folder = tmp_path_factory.mktemp("scheduler")
     with executors.cluster_at(folder, **variables) as (choice, _):
-        with executor(choice, say=executors.silent) as run:
-            executors.eventually(lambda: run.workers == 2)
+        with open_executor(choice, say=executors.silent) as run:
+            executors.eventually(lambda: run.worker_count == 2)
         yield choice
 
 
 @pytest.fixture(scope="module")
 def remote(running):
-    with executor(running, say=executors.silent) as run:
+    with open_executor(running, say=executors.silent) as run:
         yield run
 
 
@@ -78,7 +81,7 @@ def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(a
             spans.append(result[1])
     assert any_executor.finished() == []
     processes = {process for process, *_ in spans}
-    assert len(processes) <= any_executor.workers
+    assert len(processes) <= any_executor.worker_count
     for process in processes:
         here = sorted((one for one in spans if one[0] == process), key=lambda one: one[2])
         assert len({thread for _, thread, *_ in here}) == 1
@@ -105,12 +108,12 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
 ):
     """Each chunk of cells whole, by one of them; coordinates, states and metadata are its own."""
     sent, own = Counter(), []
-    submit, put = workers.DaskExecutor.submit, Objects.put
+    submit, put = dask_cluster.DaskExecutor.submit, Objects.put
 
     def submitted(run, number, function, *arguments):
-        if function is put_chunks:
+        if function is write_chunks:
             objects, chunks = arguments
-            assert isinstance(objects.place, str) or objects.place.is_absolute()
+            assert isinstance(objects.path, str) or objects.path.is_absolute()
             sent.update(name for name, *_ in chunks)
         submit(run, number, function, *arguments)
 
@@ -119,7 +122,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
         put(objects, name, content)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(workers.DaskExecutor, "submit", submitted)
+    monkeypatch.setattr(dask_cluster.DaskExecutor, "submit", submitted)
     monkeypatch.setattr(Objects, "put", putting)
     cache, store = tmp_path / "cache", Path("s.zarr") if place == tmp_path else f"{place}/s.zarr"
     for masses in ([1, 2], [1, 2, 3]):
@@ -137,13 +140,13 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
 
 
 def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
-    array = Array.of(("x",), np.arange(3))
+    array = Array.from_values(("x",), np.arange(3))
     chunks = [(name, array, (slice(0, 3),)) for name in ("g/x/c.0", "g/x/c.1")]
     store = Objects(tmp_path / "s.zarr")
-    assert put_chunks(store, chunks) == {} and not store.place.exists()
-    Manifest(coming=["g/x/c.1"]).put(Objects(store.place, make=True))
-    assert put_chunks(Objects(store.place), chunks).keys() == {"g/x/c.1"}
-    assert sorted(files(store.place)) == ["g/x/c.1", "manifest"]
+    assert write_chunks(store, chunks) == {} and not store.path.exists()
+    Manifest(coming=["g/x/c.1"]).put(Objects(store.path, make=True))
+    assert write_chunks(Objects(store.path), chunks).keys() == {"g/x/c.1"}
+    assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
 
 @pytest.mark.usefixtures("impatient")
@@ -162,7 +165,7 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
     (tmp_path / "of_this_process.py").write_text("")
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, packages=("toys", "of_this_process"), say=executors.silent),
+        open_executor(running, packages=("toys", "of_this_process"), say=executors.silent),
     ):
         pass
     assert re.fullmatch(
@@ -183,11 +186,11 @@ def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):
     packs = Elsewhere(tmp_path / "cache")
     with (
         pytest.raises(ConfigurationError) as refused,
-        executor(running, packs=packs, say=executors.silent),
+        open_executor(running, packs=packs, say=executors.silent),
     ):
         pass
     assert re.fullmatch(
         rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ does not see "
-        rf"the cache '{packs.place}' of this command; it must be where all of them see it",
+        rf"the cache '{packs.path}' of this command; it must be where all of them see it",
         str(refused.value),
     )

@@ -9,7 +9,7 @@ from small_stores import contents, files, opened
 from toys import CALLS, Few, Told, go, of, run
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Packing
+from sweeps.engine.cache.packs import PackWriter
 from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.declare.stage import Group, Output, Status, in_memory, stage
 from sweeps.engine.store.writing import read_attributes
@@ -192,7 +192,7 @@ def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept
 
 
 def test_a_full_cache_stops_a_sweep_that_is_resumed(tmp_path, monkeypatch):
-    write, written = Packing.write, []
+    write, written = PackWriter.write, []
 
     def full(packing, folder, *what):
         if written:
@@ -200,7 +200,7 @@ def test_a_full_cache_stops_a_sweep_that_is_resumed(tmp_path, monkeypatch):
         written.append(what)
         return write(packing, folder, *what)
 
-    monkeypatch.setattr(Packing, "write", full)
+    monkeypatch.setattr(PackWriter, "write", full)
     with pytest.raises(OSError, match="No space left on device"):
         go(tmp_path / "s.zarr", tmp_path / "cache")
     assert [one.name for one in tmp_path.iterdir()] == ["cache"]

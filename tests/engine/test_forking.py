@@ -8,8 +8,8 @@ from executors import IMPORTS as SEARCH
 from executors import result_of, running_server, silent
 
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
-from sweeps.engine.run.forking import start_method, worth_importing
+from sweeps.engine.run.executors import open_executor
+from sweeps.engine.run.forking import preloaded_modules, start_fork_server
 
 IMPORTS = ("wave",)  # which nothing else imports, nor `tabnanny`
 
@@ -20,18 +20,18 @@ def parent_and_modules():
 
 
 def test_workers_have_the_modules_of_stages_and_what_these_list():
-    assert worth_importing([__name__, "nowhere", __name__]) == [__name__, "wave", "nowhere"]
+    assert preloaded_modules([__name__, "nowhere", __name__]) == [__name__, "wave", "nowhere"]
     asked = ["tabnanny", "no_such_module", *IMPORTS]
-    with executor(ClusterChoice(workers=1), modules=asked, say=silent) as run:
+    with open_executor(ClusterChoice(workers=1), modules=asked, say=silent) as run:
         threads, modules = result_of(run, parent_and_modules)
     assert {"tabnanny", "wave"} <= modules
     assert threads == 1  # or it would not be safe to fork
 
 
 def test_the_next_workers_are_forked_from_the_same_process():
-    assert start_method([]) == "forkserver"
+    assert start_fork_server([]) == "forkserver"
     server = running_server()
-    assert start_method(["tabnanny"]) == "forkserver"
+    assert start_fork_server(["tabnanny"]) == "forkserver"
     assert running_server() == server
 
 
@@ -41,14 +41,14 @@ sys.ps1 = ">>> "  # as at a prompt
 sys.path.insert(0, ".")
 sys.dont_write_bytecode = True
 from executors import result_of, silent
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.cluster import ClusterChoice
 if __name__ == "__main__":
     for number in (1, 2):
         pathlib.Path("edited.py").write_text(f"def given(): return {number}")
         edited = importlib.import_module("edited")
         importlib.reload(edited)
-        with executor(ClusterChoice(workers=1), modules=["edited"], say=silent) as run:
+        with open_executor(ClusterChoice(workers=1), modules=["edited"], say=silent) as run:
             print(result_of(run, edited.given))
 """
 
@@ -64,8 +64,9 @@ def test_a_module_that_is_edited_at_a_prompt_is_run_as_it_is_now(tmp_path):
 
 def test_the_process_ends_with_the_one_that_started_it():
     source = (
-        "from executors import running_server; from sweeps.engine.run.forking import start_method; "
-        "start_method([]); print(running_server().pid)"
+        "from executors import running_server\n"
+        "from sweeps.engine.run.forking import start_fork_server\n"
+        "start_fork_server([]); print(running_server().pid)"
     )
     found = subprocess.run(
         [sys.executable, "-c", source], env={"PYTHONPATH": SEARCH}, capture_output=True, text=True

@@ -11,9 +11,9 @@ from packed import keys
 from small_stores import opened
 from toys import Few, run_few
 
-from sweeps.engine.cache.packs import Locations, Packing, cells_of
+from sweeps.engine.cache.packs import Locations, PackWriter, open_packs
 from sweeps.engine.declare.stage import At, Group, Output, stage
-from sweeps.engine.run.tasks import Damaged, Gathered, ShippedStage
+from sweeps.engine.run.tasks import DamagedResults, GatheredArray, StageSpec
 
 BOTH = Group("both")
 ROWS = 20_000  # of a cell
@@ -54,20 +54,20 @@ def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
 @pytest.fixture(scope="module")
 def gathered(tmp_path_factory):
     """Cells in two packs, some of them absent, and the array that they would be."""
-    packs = cells_of(tmp_path_factory.mktemp("cache"))
+    packs = open_packs(tmp_path_factory.mktemp("cache"))
     values = np.arange(12.0 * ROWS, dtype="f8").reshape(12, ROWS)
     pack, place = np.arange(12) % 2, np.arange(12) // 2
     names = [keys(*range(n, 12, 2)) for n in range(2)]
     paths = []
     for number in range(2):
-        packing = Packing()
+        packing = PackWriter()
         for array in values[number::2]:
             packing.add({"row": array})
         paths.append(packing.write(packs, "row", names[number]).path)
     every = np.array([names[n % 2][n // 2] for n in range(12)])
     pack[LACKING], values[LACKING] = -1, np.nan
     locations = Locations(paths, pack.astype("i4"), place.astype("i4"), every).reshape(*SHAPE)
-    return Gathered(ShippedStage.of(row), locations, packs), values.reshape(*SHAPE, ROWS)
+    return GatheredArray(StageSpec.of(row), locations, packs), values.reshape(*SHAPE, ROWS)
 
 
 @given(at=st.data())
@@ -97,6 +97,6 @@ def test_what_is_read_is_in_memory_alone(gathered):
 def test_damage_is_noticed_when_it_is_read(gathered):
     lazy, _ = gathered
     lost = replace(lazy.locations, keys=lazy.locations.keys + np.uint64(1))
-    with pytest.raises(Damaged) as error:
+    with pytest.raises(DamagedResults) as error:
         replace(lazy, locations=lost)[0, :1]
     assert error.value.args == (lost.keys[0, 0].tobytes(),)

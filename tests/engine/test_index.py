@@ -20,7 +20,7 @@ from running import ROOT
 
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Pack, Packing, cells_of, declared
+from sweeps.engine.cache.packs import Pack, PackWriter, array_kinds, open_packs
 
 
 @pytest.fixture
@@ -32,14 +32,14 @@ def said():
 @pytest.fixture
 def six(tmp_path) -> Objects:
     """Packs of cells 0 to 5, three of them."""
-    cells = cells_of(tmp_path)
+    cells = open_packs(tmp_path)
     for n in range(0, 6, 2):
         written(cells, n, n + 1)
     return cells
 
 
 def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, said):
-    cells = cells_of(place)
+    cells = open_packs(place)
     older, newer = written(cells, 1), written(cells, 1, 2)
     added = CellIndex(Objects(Path("none")), said.append)
     assert [added.add(older, keys(1)), added.add(newer, keys(1, 2))] == [0, 1]
@@ -48,7 +48,7 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, said):
         found = index.find(keys(3, 2, 1), SMALL)
         assert found.pack.tolist() == [-1, 1, 1] and found.row[1:].tolist() == [1, 0]
         assert index.packs == [older, newer] and found.paths == [older.path, newer.path]
-        index.forget(keys(1))
+        index.drop(keys(1))
         assert index.find(keys(1, 2), SMALL).pack.tolist() == [-1, 1]
 
 
@@ -63,7 +63,8 @@ def test_an_index_finds_what_a_dictionary_finds(data):
         expected = {}
         for number, pack in enumerate(data.draw(st.lists(some, max_size=4))):
             index.add(
-                Pack(f"{number}", kinds=declared(SMALL)), np.array(pack, np.uint64).reshape(-1, 2)
+                Pack(f"{number}", kinds=array_kinds(SMALL)),
+                np.array(pack, np.uint64).reshape(-1, 2),
             )
             expected |= {key: (number, row) for row, key in enumerate(pack)}
             if data.draw(st.booleans()):
@@ -76,7 +77,7 @@ def test_an_index_finds_what_a_dictionary_finds(data):
 
 
 def test_costs_are_means_of_the_latest_packs(tmp_path, said):
-    cells = cells_of(tmp_path)
+    cells = open_packs(tmp_path)
     for seconds in (1000.0, *10 * [3.0]):
         pack = write_pack(cells, "a", range(6), map(small, range(6)), seconds)
     assert CellIndex(cells, said.append).costs() == {"a": (0.5, pack.size / 6)}
@@ -87,8 +88,8 @@ import os, sys, threading, time
 from pathlib import Path
 import numpy as np
 from packed import write_pack
-from sweeps.engine.cache.packs import cells_of
-cells = cells_of(Path(sys.argv[1]))
+from sweeps.engine.cache.packs import open_packs
+cells = open_packs(Path(sys.argv[1]))
 write_pack(cells, "stage", ["done"], [{"a": np.float64(4)}])
 print("begins", flush=True)
 while True:
@@ -112,7 +113,7 @@ def test_packs_of_a_killed_run_are_whole_or_absent(six, said, tmp_path):
 
 
 def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, said):
-    left = six.place / "0.pack#1"
+    left = six.path / "0.pack#1"
     left.write_bytes(b"")
     index = CellIndex(six, said.append)
     assert index.prune(2**40) == (0, 0)
@@ -122,14 +123,14 @@ def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, said):
 
 def test_a_pack_that_says_something_else_has_no_cells(six, said):
     lost = written(six, "lost").path
-    (six.place / lost).write_bytes(b"something else")
-    (six.place / "notes.pack").write_text("of another version")
+    (six.path / lost).write_bytes(b"something else")
+    (six.path / "notes.pack").write_text("of another version")
     index = CellIndex(six, said.append)
     assert whole(six, index, range(6)) and not index.find(keys("lost"), SMALL).present
     cells, size = index.size()
     assert cells == 6 and index.costs().keys() == {"render"}
     assert index.prune(0) == (6, size) and not six.sizes()
-    assert said == ["results in the cache are damaged, or of another version (files: 2)"]
+    assert said == ["2 files of results in the cache are damaged, or of another version"]
 
 
 @settings(max_examples=20, deadline=None)
@@ -153,11 +154,11 @@ def test_the_oldest_packs_go_first(sizes, percent):
 
 def test_an_index_reads_the_packs_of_its_rooms_alone(place, said):
     """Those of other stages, or of other code, cost no time, and may be damaged."""
-    cells = cells_of(place)
-    packing = Packing()
+    cells = open_packs(place)
+    packing = PackWriter()
     packing.add(small(1))
-    mine = packing.write(cells, "stage", keys(1), room="a1")
-    packing.write(cells, "stage", keys(2), room="b2")
+    mine = packing.write(cells, "stage", keys(1), folder="a1")
+    packing.write(cells, "stage", keys(2), folder="b2")
     cells.put("b2/bad.pack", b"")
     index = CellIndex(cells, said.append, ["a1", "absent"])
     assert index.packs == [mine] and said == []
@@ -172,7 +173,7 @@ def test_an_index_reads_the_packs_of_its_rooms_alone(place, said):
 @pytest.mark.parametrize("mask", [0, 0o002, 0o022])
 def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, said, mask):
     umask(mask)
-    cells = cells_of(tmp_path / "home" / "cache")
+    cells = open_packs(tmp_path / "home" / "cache")
     written(cells, 1)
     made = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
     assert {stat.S_IMODE(one.stat().st_mode) for one in made if one.is_dir()} == {0o700}
@@ -185,7 +186,7 @@ def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, said, mask):
 def drive(cache, driver: int) -> list[str]:
     """Add packs as one of several drivers; sentences that were said."""
     said: list[str] = []
-    cells = cells_of(cache)
+    cells = open_packs(cache)
     for number in range(4):
         index = CellIndex(cells, said.append)
         for name in (driver, "shared"):
@@ -197,7 +198,7 @@ def drive(cache, driver: int) -> list[str]:
 def test_several_drivers_share_a_cache(place, said):
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         assert list(pool.map(drive, [place] * 4, range(4))) == [[]] * 4
-    cells = cells_of(place)
+    cells = open_packs(place)
     index = CellIndex(cells, said.append)
     names = [(driver, number) for driver in [*range(4), "shared"] for number in range(4)]
     assert whole(cells, index, names)

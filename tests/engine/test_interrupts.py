@@ -16,7 +16,7 @@ from sweeps.engine.run.interrupts import (
     Stopped,
     interruptible,
     raise_if_stopped,
-    stopping,
+    signals_deferred,
     unless_stopped,
 )
 from sweeps.engine.store import sweeping as run
@@ -43,7 +43,7 @@ def heard():
 
 
 def test_a_signal_waits_until_it_is_heeded():
-    with stopping():
+    with signals_deferred():
         arrive()
         arrive(signal.SIGTERM)  # later ones change nothing
         with pytest.raises(Stopped) as stopped:
@@ -55,7 +55,7 @@ def test_a_signal_waits_until_it_is_heeded():
             pytest.fail("begun after a signal")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     raise_if_stopped()
-    with stopping():
+    with signals_deferred():
         raise_if_stopped()  # that of the earlier context is forgotten
 
 
@@ -90,7 +90,7 @@ WHERE = {  # what happens meanwhile
         SPRINGS, tables=(Table("tables/best", ("answers",), swallowing),)
     ),
     "the store": lambda patch: patch.setattr(store, "encode", encoding(store.encode)),
-    "metadata": lambda patch: patch.setattr(store, "_finish", arriving(store._finish)),
+    "metadata": lambda patch: patch.setattr(store, "_commit", arriving(store._commit)),
 }
 
 

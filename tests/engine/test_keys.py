@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sweeps.engine.resolve.keys import digest, distinct, fold, hashed, joined, spelt_key
+from sweeps.engine.resolve.keys import concatenate, digest, fold, hash_texts, key_text, unique_keys
 
 HALVES = st.integers(0, 2).map(lambda n: n * (2**63 - 1))
 
@@ -12,21 +12,21 @@ HALVES = st.integers(0, 2).map(lambda n: n * (2**63 - 1))
 @given(st.lists(st.tuples(HALVES, HALVES), max_size=12))
 def test_distinct_keys_are_those_of_a_dictionary(keys):
     """Also where only one half of two keys is equal."""
-    first, number = distinct(np.array(keys, np.uint64).reshape(-1, 2))
+    first, number = unique_keys(np.array(keys, np.uint64).reshape(-1, 2))
     expected = {key: place for place, key in reversed([*enumerate(keys)])}
     assert first.tolist() == sorted(expected.values())
     assert [first[n] for n in number] == [expected[key] for key in keys]
 
 
 def test_a_hash_is_blake2_of_the_text():
-    (key,) = hashed(["pulse width"])
+    (key,) = hash_texts(["pulse width"])
     assert key.astype("<u8").tobytes().hex() == digest("pulse width")
-    assert len(spelt_key(key)) == 32 and len(hashed([])) == 0
+    assert len(key_text(key)) == 32 and len(hash_texts([])) == 0
 
 
 def test_what_is_mixed_in_counts_and_its_order():
     """Of 200,000 keys no half is equal to another: by chance once in 10^9 runs."""
-    words = hashed(map(str, range(447)))
+    words = hash_texts(map(str, range(447)))
     pairs = np.repeat(words, len(words), axis=0)
     keys = pairs.copy()
     fold(keys, np.tile(words, (len(words), 1)))
@@ -35,7 +35,7 @@ def test_what_is_mixed_in_counts_and_its_order():
 
 def test_mixing_changes_half_of_the_bits():
     """For any bit of what is mixed in: 64,000 flips, within five standard deviations of a half."""
-    keys = hashed(map(str, range(1000)))
+    keys = hash_texts(map(str, range(1000)))
     for bit in range(64):
         one, other = keys.copy(), keys.copy()
         fold(one, np.zeros(2, np.uint64))
@@ -46,5 +46,5 @@ def test_mixing_changes_half_of_the_bits():
 
 def test_arrays_that_are_joined_are_copied_only_if_several_are_filled():
     one, none = np.arange(3), np.arange(0)
-    assert joined(none, one, none) is one and joined(none, none) is none
-    assert joined(one, one).tolist() == [0, 1, 2, 0, 1, 2]
+    assert concatenate(none, one, none) is one and concatenate(none, none) is none
+    assert concatenate(one, one).tolist() == [0, 1, 2, 0, 1, 2]

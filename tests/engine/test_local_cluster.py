@@ -17,7 +17,7 @@ from toys import Few, run_few
 
 from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -93,8 +93,8 @@ def test_no_more_workers_than_tasks_and_nothing_left_behind():
     environment, sentences = dict(os.environ), []
     handler, blocked = signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     before = set(psutil.Process().children(recursive=True))
-    with executor(ClusterChoice(workers=2), tasks=1, say=sentences.append) as workers:
-        assert workers.workers == 1
+    with open_executor(ClusterChoice(workers=2), tasks=1, say=sentences.append) as workers:
+        assert workers.worker_count == 1
         assert result_of(workers, refuse_odd, 2) == 2
     assert sentences == ["starting 1 worker process"]
     assert set(psutil.Process().children(recursive=True)) <= before
@@ -159,11 +159,11 @@ def ended(process):
 def test_workers_end_with_a_driver_that_is_killed():
     code = """
 import os, sys, time
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.cluster import ClusterChoice
 
 if __name__ == "__main__":
-    with executor(ClusterChoice(workers=1), say=print) as run:
+    with open_executor(ClusterChoice(workers=1), say=print) as run:
         run.submit(0, os.getpid)
         print(run.finished()[0][1], flush=True)
         run.submit(1, time.sleep, 1000)

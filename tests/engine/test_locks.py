@@ -14,16 +14,16 @@ from small_stores import below
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store import locks
-from sweeps.engine.store.locks import is_locked, locked
+from sweeps.engine.store.locks import is_locked, store_lock
 
 HOLDER = """
 import sys, time
 from pathlib import Path
 from sweeps.engine.store import locks
 
-locks.RENEWED = 0.1
+locks.RENEW_INTERVAL = 0.1
 place = sys.argv[1] if ":" in sys.argv[1] else Path(sys.argv[1])
-with locks.locked(place):
+with locks.store_lock(place):
     print("held", flush=True)
     time.sleep(600)
 """
@@ -33,7 +33,7 @@ with locks.locked(place):
 def impatient(monkeypatch):
     """Leases of half a second."""
     monkeypatch.setattr(locks, "LEASE", 0.5)
-    monkeypatch.setattr(locks, "LOOK", 0.02)
+    monkeypatch.setattr(locks, "POLL_INTERVAL", 0.02)
 
 
 @pytest.fixture
@@ -56,17 +56,17 @@ def test_a_living_owner_keeps_the_lock_and_a_dead_one_loses_it(holder):
     process, path = holder
     host = os.uname().nodename
     sentence = rf"being written by process {process.pid} on {host} since .*; wait until it ends"
-    with pytest.raises(ConfigurationError, match=sentence), locked(path):
+    with pytest.raises(ConfigurationError, match=sentence), store_lock(path):
         pytest.fail("two writers")
     assert is_locked(path)
     if isinstance(path, Path):
         process.send_signal(signal.SIGSTOP)  # it is slow, and alive
-        with pytest.raises(ConfigurationError, match=sentence), locked(path):
+        with pytest.raises(ConfigurationError, match=sentence), store_lock(path):
             pytest.fail("two writers")
     process.send_signal(signal.SIGKILL)
     process.wait()
     for _ in range(2):
-        with locked(path) as check:
+        with store_lock(path) as check:
             check()
     assert not is_locked(path) and not beside(path)
 
@@ -85,7 +85,7 @@ def test_there_is_one_writer_at_a_time(place):
         nonlocal inside, most, refused, written
         for _ in range(50 if isinstance(place, Path) else 10):
             try:
-                with locked(path):
+                with store_lock(path):
                     inside += 1
                     most = max(most, inside)
                     time.sleep(0.001)
@@ -111,7 +111,7 @@ def test_of_many_that_find_a_dead_owner_one_takes_over(place):
     def take():
         start.wait()
         try:
-            with locked(path):
+            with store_lock(path):
                 took.append(True)
                 done.wait()
         except ConfigurationError:
@@ -131,19 +131,19 @@ def test_of_many_that_find_a_dead_owner_one_takes_over(place):
 
 
 def test_an_owner_in_a_bucket_that_renews_its_lease_keeps_it(bucket, monkeypatch):
-    monkeypatch.setattr(locks, "RENEWED", 0.1)
+    monkeypatch.setattr(locks, "RENEW_INTERVAL", 0.1)
     path = below(bucket, "s.zarr")
-    with locked(path) as check:
-        with pytest.raises(ConfigurationError, match="being written"), locked(path):
+    with store_lock(path) as check:
+        with pytest.raises(ConfigurationError, match="being written"), store_lock(path):
             pytest.fail("two writers")
         check()
 
 
 def test_an_owner_in_a_bucket_that_is_silent_loses_it_and_is_told(bucket):
     path = below(bucket, "s.zarr")
-    with locked(path) as check:
+    with store_lock(path) as check:
         check()
-        with locked(path) as other:
+        with store_lock(path) as other:
             for _ in range(2):
                 with pytest.raises(OSError, match="its lock was taken by another process"):
                     check()
@@ -161,7 +161,7 @@ def test_an_answer_that_is_lost_loses_no_lock(bucket, monkeypatch):
         done = put(self, name, content, version)
         return put(self, name, content, version) if version else done
 
-    with locked(path) as check:
+    with store_lock(path) as check:
         monkeypatch.setattr(Objects, "put_if", twice)
         check()
         check()

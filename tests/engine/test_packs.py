@@ -20,7 +20,7 @@ from sweeps.engine.cache import objects as places
 from sweeps.engine.cache import packs
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Pack, cells_of, described_pack, read_cells
+from sweeps.engine.cache.packs import Pack, open_packs, read_cells, read_pack
 from sweeps.engine.declare.stage import Output
 
 HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
@@ -64,7 +64,7 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
         cells, names = Objects(Path(name)), range(len(contents))
         pack = write_pack(cells, "stage", names, contents)
         assert pack.size == Path(name, pack.path).stat().st_size
-        there, written = described_pack(cells, pack.path, pack.size)
+        there, written = read_pack(cells, pack.path, pack.size)
         assert there == pack and np.array_equal(written, keys(*names))
         found = read_cells(cells, locations(pack.path, asked, asked))
     arrays = [array for cell in found for array in cell.values()]
@@ -85,13 +85,13 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
     ids=["objects", "fields", "text"],
 )
 def test_what_cannot_be_kept_is_refused(tmp_path, values):
-    with pytest.raises(TypeError, match="cannot be kept"):
+    with pytest.raises(TypeError, match="cannot be cached"):
         write_pack(Objects(tmp_path), "stage", [1], [{"a": values}])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_packs_of_either_kind_of_place_are_alike(place):
-    cells = cells_of(place)
+    cells = open_packs(place)
     one, other = written(cells, 1, 2), written(cells, 3)
     found = read_cells(cells, locations(one.path, [1, 0, 1], [2, 1, 2]))
     assert [same(cell, small(n)) for cell, n in zip(found, (2, 1, 2), strict=True)] == 3 * [True]
@@ -155,7 +155,7 @@ def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
         path = sealed_as(Path(name), new, content[size:]) if sealed else pack.path
         Path(name, path).write_bytes(new + content[where:])
         packs._head.cache_clear()
-        described_pack(cells, path, Path(name, path).stat().st_size)
+        read_pack(cells, path, Path(name, path).stat().st_size)
         for cell, before in zip(
             read_cells(cells, locations(path, range(3), range(3))), MIXED, strict=True
         ):
@@ -209,7 +209,7 @@ def test_a_cell_of_another_key_is_not_read(tmp_path):
 
 
 def stage_of(path: Path) -> str:
-    return described_pack(Objects(path.parent), path.name, path.stat().st_size)[0].stage
+    return read_pack(Objects(path.parent), path.name, path.stat().st_size)[0].stage
 
 
 def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, monkeypatch):
@@ -242,8 +242,8 @@ def of_line(cells: Objects, line, number=0, key=1) -> Pack:
     record = np.arange(2.0).tobytes()
     text = line if isinstance(line, bytes) else json.dumps(line).encode()
     tables = keys(key).tobytes() + np.array([number], "<u4").tobytes() + packs._digest(8, record)
-    path = sealed_as(cells.place, text + b"\n" + tables, record)
-    pack, found = described_pack(cells, path, len(text) + 1 + len(tables) + len(record))
+    path = sealed_as(cells.path, text + b"\n" + tables, record)
+    pack, found = read_pack(cells, path, len(text) + 1 + len(tables) + len(record))
     assert len(found) == pack.cells
     [cell] = read_cells(cells, locations(path, [0], [key]))
     return pack, cell
@@ -299,7 +299,7 @@ def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     other = f"{path[:48]}{size + longer:08x}.pack"
     (tmp_path / other).write_bytes(content)
     assert read_cells(cells, locations(other, [0], [1])) == [None]
-    pack, there = described_pack(cells, other, len(content))
+    pack, there = read_pack(cells, other, len(content))
     assert pack == Pack(other, len(content)) and len(there) == 0
 
 
@@ -323,7 +323,7 @@ def test_only_what_a_stage_declares_is_found(tmp_path, other):
         index.refresh()
         assert index.find(keys(1), SMALL).present.tolist() == [made is not other]
     [said] = said
-    assert said.startswith("1 results in the cache are not what their stage declares")
+    assert said.startswith("1 results in the cache differ from the declaration of their stage")
     outputs = [Output(name, one.ndim * ("x",), one.dtype.str) for name, one in other.items()]
     assert index.find(keys(1), outputs).present.all()
 
@@ -333,11 +333,11 @@ def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, mo
     go(tmp_path / "s.zarr", cache)
     before = {name: one for name, one in files(cache).items() if name.endswith(".pack")}
     with monkeypatch.context() as patch:
-        part, short = Objects.part, False
+        part, short = Objects.read_range, False
 
         def refused(cells, *asked):
             if short:
-                raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(cells.place))
+                raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(cells.path))
             return part(cells, *asked)
 
         def found(index, *asked, find=CellIndex.find):
@@ -346,7 +346,7 @@ def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, mo
             packs._head.cache_clear()
             return find(index, *asked)
 
-        patch.setattr(Objects, "part", refused)
+        patch.setattr(Objects, "read_range", refused)
         patch.setattr(CellIndex, "find", found)
         with pytest.raises(OSError, match="Too many open files"):
             go(tmp_path / "t.zarr", cache)
@@ -356,15 +356,17 @@ def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, mo
 
 
 def test_a_network_that_fails_is_not_damage(bucket, monkeypatch):
-    cells = cells_of(bucket)
+    cells = open_packs(bucket)
     pack = written(cells, 1)
     monkeypatch.setattr(places, "RETRIES", 1)
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     for read in (
         lambda there: read_cells(there, locations(pack.path, [0], [1])),
-        lambda there: described_pack(there, pack.path, pack.size),
+        lambda there: read_pack(there, pack.path, pack.size),
         lambda there: CellIndex(there, print),
     ):
         with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
-            read(cells_of(bucket))
-        assert failed.value.errno == places.UNREACHED and failed.value.filename == f"{bucket}/cells"
+            read(open_packs(bucket))
+        assert (
+            failed.value.errno == places.UNREACHABLE and failed.value.filename == f"{bucket}/cells"
+        )

@@ -18,7 +18,7 @@ from small_stores import COUNTS, array, below, contents, files, opened, small
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.store.arrays import Array, Group
-from sweeps.engine.store.locks import locked
+from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import read_attributes, recover, write_store, zarr_store
 
@@ -26,7 +26,7 @@ from sweeps.engine.store.writing import read_attributes, recover, write_store, z
 def grown(rows):
     """Groups with a number of rows, of which the first are always the same."""
     values = np.add.outer(np.arange(rows), np.zeros(6)).astype("f4")
-    x, note = array(values, chunks=(1, 6)), Array.of((), np.float64(rows))
+    x, note = array(values, chunks=(1, 6)), Array.from_values((), np.float64(rows))
     return {"one": Group({"x": x, "note": note}), "two/three": Group({"x": x})}
 
 
@@ -145,7 +145,7 @@ def test_a_store_is_whole_whenever_its_writer_ends(place, ending, old):
                     assert one.get("note", one.sizes["ship"]) == one.sizes["ship"]
         else:
             assert "zarr.json" not in files(path)
-        with locked(path):
+        with store_lock(path):
             recover(path)
             write_store(path, grown(new), {"rows": new})
         assert contents(path) == contents(direct)
@@ -179,14 +179,14 @@ import os, sys
 from pathlib import Path
 from small_stores import small
 
-from sweeps.engine.store.locks import locked
+from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.writing import write_store
 
 path = Path(sys.argv[1])
 for _ in sys.stdin:  # for each line a writer, until it is killed
     child = os.fork()
     if child == 0:
-        with locked(path):
+        with store_lock(path):
             while True:
                 for value in (1, 2):
                     write_store(path, small(value), {"value": value})
@@ -225,7 +225,7 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
             assert all((opened(path, name)["x"] == value).all() for name in small(0))
             seen.add(value)
     assert seen == {1, 2}
-    with locked(path):  # a killed holder does not block, and its remains go
+    with store_lock(path):  # a killed holder does not block, and its remains go
         recover(path)
         assert sorted(os.listdir(tmp_path)) == [".s.zarr.lock", "s.zarr"]
     assert os.listdir(tmp_path) == ["s.zarr"]
@@ -279,7 +279,7 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
             return values[rows][part]
 
         x = array(values[rows], chunks=(1, 3), read=region)
-        x.made_of = lambda part: repr(rows[part[0].start]).encode()
+        x.source_bytes = lambda part: repr(rows[part[0].start]).encode()
         return {"g": Group({"x": x})}, read
 
     everything = [0, 1, 2, 3]

@@ -12,13 +12,13 @@ from toys import CALLS, Few, of, run_few
 
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.stage import SHARE, Group, Output, stage
-from sweeps.engine.run.tasks import arrays_of
+from sweeps.engine.run.tasks import check_result
 
 
 def returned(dtype, value, dims=0, along=()):
     """The array of a result."""
     output = Output("x", tuple(map(str, range(dims))), dtype)
-    return arrays_of("one", [output], value, along)["x"]
+    return check_result("one", [output], value, along)["x"]
 
 
 LOST = [

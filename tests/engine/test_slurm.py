@@ -21,9 +21,9 @@ from small_stores import files
 from toys import SPRINGS, go
 
 from sweeps.engine.command.line import Command
-from sweeps.engine.run import workers
+from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.process import ONE_THREAD
 
 pytestmark = [
@@ -45,8 +45,8 @@ def queue(daemons, tmp_path, monkeypatch):
     monkeypatch.setenv("SLURM_CONF", str(daemons))
     monkeypatch.setenv("PYTHONPATH", IMPORTS)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(workers, "LOST", 0.1)
-    monkeypatch.setattr(workers, "JOBS_CHECKED", 0.3)
+    monkeypatch.setattr(dask_cluster, "LOST_SECONDS", 0.1)
+    monkeypatch.setattr(dask_cluster, "JOB_INTERVAL", 0.3)
     eventually(lambda: "idle" in slurm.asked("sinfo", "-h", "-o", "%T"))
     yield
     eventually(lambda: jobs() == [])
@@ -64,8 +64,8 @@ def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):
     asked = {"queue": "compute", "account": "radar", "walltime": "0-00:10:00", "memory": "500MiB"}
     sentences = []
     choice = ClusterChoice(kind="slurm", workers=2, interface="lo", **asked)
-    with executor(choice, tasks=1, say=sentences.append) as run:
-        assert run.workers == 1
+    with open_executor(choice, tasks=1, say=sentences.append) as run:
+        assert run.worker_count == 1
         result_of(run, refuse_odd, 2)
         assert set(result_of(run, blas_threads)) == {1}
         assert {f"{name}=1" for name in ONE_THREAD} <= result_of(run, started_with)
@@ -77,7 +77,7 @@ def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):
         (folder,) = tmp_path.glob(".sweep-*")
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
         assert f"{folder}/key.pem" in script and "--nworkers" not in script
-        assert {f"{name}={value}" for name, value in workers.ENVIRONMENT.items()} <= {*script}
+        assert {f"{name}={value}" for name, value in dask_cluster.ENVIRONMENT.items()} <= {*script}
         assert script[script.index("--nthreads") + 1] == "1"
         assert any(word.startswith("tls://127.0.0.1:") for word in script)
     assert sentences == ["submitting 1 job to Slurm"]
@@ -152,7 +152,7 @@ def test_jobs_that_end_before_they_have_a_worker_are_given_up(monkeypatch, capsy
 def test_a_job_that_waits_says_why():
     sentences = []
     choice = ClusterChoice(kind="slurm", workers=1, memory="1GiB", walltime="3-0:0:0")
-    with executor(choice, say=sentences.append):
+    with open_executor(choice, say=sentences.append):
         eventually(lambda: len(sentences) == 2)
     assert sentences[1].startswith("no job of Slurm has a worker yet (Partition")
 

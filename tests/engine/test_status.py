@@ -13,9 +13,9 @@ from small_stores import contents, opened
 from toys import SPRINGS, go
 
 from sweeps.engine.command.line import Command
-from sweeps.engine.command.status import described
+from sweeps.engine.command.status import format_status
 from sweeps.engine.run import progress
-from sweeps.engine.store.locks import used
+from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.writing import read_attributes
 
 GIVEN = ["store=s.zarr", "cache=cache", "cluster=inline"]
@@ -54,8 +54,8 @@ def rows(text):
 
 
 def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start, monkeypatch):
-    monkeypatch.setattr(progress, "WRITTEN", 0.0)
-    monkeypatch.setattr(progress, "EARLIEST", 0.2)
+    monkeypatch.setattr(progress, "SAVE_INTERVAL", 0.0)
+    monkeypatch.setattr(progress, "MIN_WORK", 0.2)
     seen = []
 
     def look():
@@ -64,7 +64,7 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
         os.kill(os.getpid(), signal.SIGINT)
 
     def estimated():
-        seen[:] = [described(Path("s.zarr"), Path("cache"))]
+        seen[:] = [format_status(Path("s.zarr"), Path("cache"))]
         return [*seen[0][1].columns[-1].cells][-1]
 
     with meanwhile(look):
@@ -144,7 +144,7 @@ def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
     whole = contents(tmp_path / "s.zarr")
     start(*GIVEN, "partial=true")  # has everything
     told = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
-    assert "s.zarr', which is not partial, and would lose what the cache has no longer" in told
+    assert "s.zarr', a complete store; partial=true would drop results" in told
     assert contents(tmp_path / "s.zarr") == whole
 
 
@@ -158,7 +158,7 @@ def test_a_cache_is_pruned_unless_a_sweep_uses_it(start):
     )
     packs = sorted(Path("cache").rglob("*.pack"), key=lambda pack: pack.name)
     newest = packs[-1].stat().st_size
-    with used(Path("cache", "cells").absolute()):
+    with cache_lock(Path("cache", "cells").absolute()):
         for word in ("clear", "prune=1GB"):
             told = start("--cache", word, "cache=cache", status=2)
             assert "cache is 'cache', which a sweep uses; wait until it ends" in told

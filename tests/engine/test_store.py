@@ -14,9 +14,9 @@ from small_stores import COUNTS, DIMS, SHAPE, array, coordinate, files, opened
 from sweeps.engine.cache.packs import seal
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store.arrays import Array, Group
-from sweeps.engine.store.folders import check_target
 from sweeps.engine.store.manifest import MANIFEST, verify
-from sweeps.engine.store.tables import group_of, with_scalars
+from sweeps.engine.store.tables import from_dataset, with_scalars
+from sweeps.engine.store.targets import check_store_path
 from sweeps.engine.store.writing import read_attributes, write_store
 
 DTYPES = [
@@ -52,7 +52,7 @@ def test_round_trip_of_every_dtype(tmp_path):
     arrays = {name: array(value) for name, value in values.items()}
     for name, dtype in (("wide", "U9"), ("objects", object), ("variable", np.dtypes.StringDType())):
         values[name] = values["fixed_width"].astype(dtype)
-        arrays[name] = Array.of(DIMS, values[name])
+        arrays[name] = Array.from_values(DIMS, values[name])
     write_store(path, {"g": Group(arrays)}, {})
 
     found = opened(path, "g")
@@ -114,7 +114,7 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
 
     # Names for which siblings are not written one after the other.
     late = ("tables/accuracy", "classification/late", "tables/more")
-    groups |= {name: group_of(table) for name in late}
+    groups |= {name: from_dataset(table) for name in late}
     write_store(path, groups, {"seed": 3, "list": [1, None]})
     assert read_attributes(path) == {"seed": 3, "list": [1, None]}
     assert verify(path) == []
@@ -198,7 +198,7 @@ def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
     assert noticed > 0.9 * len(content)
 
 
-@pytest.mark.parametrize("read", [verify, read_attributes, check_target])
+@pytest.mark.parametrize("read", [verify, read_attributes, check_store_path])
 def test_too_many_open_files_are_no_damage(tmp_path, read):
     path = tmp_path / "s.zarr"
     write_store(path, {"g": Group({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
@@ -224,7 +224,7 @@ def test_a_foreign_manifest_is_one_sentence(tmp_path, content):
     assert read_attributes(path) is None
     path.mkdir()
     (path / MANIFEST).write_bytes(content)
-    for function in (verify, read_attributes, check_target):
+    for function in (verify, read_attributes, check_store_path):
         with pytest.raises(ConfigurationError, match=r"^store is '.*s.zarr', whose [^\n]*$"):
             function(path)
     assert files(path) == {MANIFEST: content}

@@ -24,7 +24,7 @@ from toys import SPRINGS, Few, go, run_few
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.stage import Group, Output, stage
-from sweeps.engine.run import workers
+from sweeps.engine.run import dask_cluster
 from sweeps.engine.store import provenance
 from sweeps.engine.store import sweeping as run
 
@@ -74,7 +74,7 @@ def mortal(size):
 @pytest.mark.parametrize("deaths", [1, 3, 4], ids=["once", "three times", "all"])
 def test_workers_that_are_killed_are_replaced(deaths, tmp_path, monkeypatch):
     monkeypatch.setenv(MARKS, str(tmp_path))
-    monkeypatch.setattr(workers, "CHECKED", 0.1)
+    monkeypatch.setattr(dask_cluster, "CHECK_INTERVAL", 0.1)
     sizes = range(1, 5)
     for size in sizes[deaths:]:
         (tmp_path / f"spared {size}").touch()
@@ -87,8 +87,8 @@ def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
     tmp_path, monkeypatch
 ):
     """Stopped for longer than the scheduler waits for it, which are 5 minutes in use."""
-    monkeypatch.setitem(workers.SETTINGS, "distributed.scheduler.worker-ttl", "1s")
-    monkeypatch.setattr(workers, "CHECKED", 0.1)
+    monkeypatch.setitem(dask_cluster.DASK_SETTINGS, "distributed.scheduler.worker-ttl", "1s")
+    monkeypatch.setattr(dask_cluster, "CHECK_INTERVAL", 0.1)
 
     def cut_off():
         eventually(lambda: list((tmp_path / "s.cache").rglob("*.pack")))
@@ -111,7 +111,9 @@ def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
 
         def kill():
             eventually(lambda: list(cache.rglob("*.pack")))
-            monkeypatch.setattr(workers, "ANSWER", 1)  # of a scheduler that is there, 10 s
+            monkeypatch.setattr(
+                dask_cluster, "ANSWER_SECONDS", 1
+            )  # of a scheduler that is there, 10 s
             scheduler.kill()
 
         names = ("address", "ca_file", "cert", "private_key")

@@ -10,7 +10,7 @@ from toys import CALLS, Few, go, run_few, timed
 from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.store.writing import read_attributes
 
 STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
@@ -95,9 +95,9 @@ def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeyp
 
     def counted(choice, **how):
         started.append(choice.kind)
-        return executor(ClusterChoice("inline"), **how)
+        return open_executor(ClusterChoice("inline"), **how)
 
-    monkeypatch.setattr("sweeps.engine.store.sweeping.executor", counted)
+    monkeypatch.setattr("sweeps.engine.store.sweeping.open_executor", counted)
     for masses, store in (([1], "s"), ([1, 2], "s"), ([1, 2, 3], "new")):
         go(tmp_path / f"{store}.zarr", tmp_path / "cache", kind="local", spring__mass=masses)
     assert started == ["local", "inline", "local"]

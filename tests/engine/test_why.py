@@ -12,7 +12,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.declare.stage import Group, Output, Stage, stage
 from sweeps.engine.resolve.plan import Plan
-from sweeps.engine.store.provenance import check_extends, why
+from sweeps.engine.store.provenance import check_extends, differences
 from sweeps.engine.store.writing import read_attributes
 
 
@@ -25,17 +25,20 @@ def store(tmp_path, monkeypatch):
 
 def test_what_differs_is_named_by_stage(store):
     old, plan = read_attributes(store), Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
-    assert not dict(why(plan, old))
+    assert not dict(differences(plan, old))
     more = Plan(SPRINGS, read_choices(SPRINGS.declared, {"spring.mass": [1, 2, 3]}))
-    found = dict(why(more, old))
+    found = dict(differences(more, old))
     assert found["rate"] == ["spring.mass"] and found["solver"] == ["its input rate"]
     then = deepcopy(old)
     then["versions"]["numpy"] = "2.3"
-    assert dict(why(plan, then))["noisy"] == [f"numpy 2.3 -> {np.__version__}", "its input period"]
+    assert dict(differences(plan, then))["noisy"] == [
+        f"numpy 2.3 -> {np.__version__}",
+        "its input period",
+    ]
     then = deepcopy(old)
     then["code"]["period"] = then["parts"]["code of toys.period"] = "0"
-    assert dict(why(plan, then))["period"] == ["code of toys.period"]
-    assert dict(why(plan, {}))["period"] == ["the store has none of it"]
+    assert dict(differences(plan, then))["period"] == ["code of toys.period"]
+    assert dict(differences(plan, {}))["period"] == ["the store has none of it"]
     with pytest.raises(ConfigurationError, match=r"code of period \(code of toys.period\); give"):
         check_extends(SPRINGS, "s.zarr", then, plan)
 
@@ -60,7 +63,7 @@ def squared(by):
 def test_a_value_that_a_stage_holds_is_named(tmp_path):
     run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c")
     plan = Plan(of(squared(3)), read_choices(of(squared(3)).declared, {"few.size": [1, 2, 3]}))
-    [(name, found)] = why(plan, read_attributes(tmp_path / "s.zarr"))
+    [(name, found)] = differences(plan, read_attributes(tmp_path / "s.zarr"))
     assert name == "square" and found == ["by of test_why.squared.<locals>.square"]
 
 
@@ -87,11 +90,11 @@ def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, 
 
     first = told((1, 2))
     assert "square differs from the store in: the store has none of it" in first
-    assert "square: 2 cells are in no pack, and computed by 2 calls" in first
+    assert "square: 2 cells are computed by 2 calls" in first
     assert any(line.startswith("task of ['square']: calls of ") for line in first)
     assert any("chunks are written, 0 stay" in line for line in first)
     assert told((1, 2)) == ["store is reused: it has all of the sweep, and is undamaged"]
     more = told((1, 2, 3))
     assert "square differs from the store in: few.size" in more
-    assert "square: 1 cells are in no pack, and computed by 1 calls" in more
+    assert "square: 1 cells are computed by 1 calls" in more
     assert "store is written again: its cells, configuration differ" in more

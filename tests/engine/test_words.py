@@ -100,8 +100,11 @@ def test_each_word_has_its_own_cause(word):
 @pytest.mark.parametrize(
     ("word", "sentence"),
     [
-        ("--spring.mass=3", "--spring.mass=3 is no option; a setting has no dashes, spring.mass=3"),
-        ("--dry-run", "--dry-run is no option; a setting has no dashes, dry_run=VALUE"),
+        (
+            "--spring.mass=3",
+            "--spring.mass=3 is not an option; give it without dashes, spring.mass=3",
+        ),
+        ("--dry-run", "--dry-run is not an option; give it without dashes, dry_run=VALUE"),
     ],
 )
 def test_a_setting_is_no_option(word, sentence, capsys):

@@ -5,7 +5,7 @@ import xarray as xr
 
 from ncti import ships
 from sweeps.engine.declare.display import ATTRIBUTE
-from sweeps.engine.declare.storable import plain
+from sweeps.engine.declare.storable import encode_attrs
 from sweeps.stages.scores import category_display, score_displays
 
 UNITS = {"range": "km", "pulse_width": "ns", "aspect": "degree", "cnr": "dB", "ifov": "urad"}
@@ -60,8 +60,8 @@ def shown(tables, classifier="acn", **more):
     """Those tables with the displays of a classifier's scores."""
     labels = {"classifier": classifier, "channel": "range"}
     displays = score_displays(labels, scored="ship", source=classifier, chance=(25.0, 25.0))
-    written = [one.written(None) for one in (*displays, *more.values())]
-    return tables.assign_attrs(plain({ATTRIBUTE: written}))
+    written = [one.as_attribute(None) for one in (*displays, *more.values())]
+    return tables.assign_attrs(encode_attrs({ATTRIBUTE: written}))
 
 
 def categories(counts, views=124, **axes):
@@ -74,5 +74,5 @@ def categories(counts, views=124, **axes):
         },
         {name: (name, values) for name, values in axes.items()},
     )
-    display = category_display({"classifier": "acn", "channel": "range"}, "acn").written(None)
-    return made.assign_attrs(plain({ATTRIBUTE: [display]}) | {"receiver": "full_profile"})
+    display = category_display({"classifier": "acn", "channel": "range"}, "acn").as_attribute(None)
+    return made.assign_attrs(encode_attrs({ATTRIBUTE: [display]}) | {"receiver": "full_profile"})

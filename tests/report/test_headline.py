@@ -9,7 +9,7 @@ from made import SHIPS, scores, shown
 from pages import stored
 
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure
-from sweeps.engine.declare.storable import plain
+from sweeps.engine.declare.storable import encode_attrs
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
 
@@ -93,7 +93,7 @@ def test_of_other_percentages_the_best_row_is_named(tmp_path):
     )
     figure = Figure("share", "percent_correct", percent=True, format=".0f")
     display = Display("trees", "Trees", (figure,), rows=("tree",), columns="split", chance=25.0)
-    table = table.assign_attrs(plain({ATTRIBUTE: [display.written(None)]}))
+    table = table.assign_attrs(encode_attrs({ATTRIBUTE: [display.as_attribute(None)]}))
     said = sentence(tmp_path, {"swept": []}, tables__trees=table)
     assert said == "Percent correct is 60 %, tree ash, split aspect-random; chance 25 %."
 

@@ -25,7 +25,7 @@ from sweeps.stages.irar import FLOWN, MOST_WRONG, RECORDED, Irar, flight_of
 def test_errors_are_read_back_from_what_is_written(given):
     values = Irar.errors.values({name: [n / 10 for n in listed] for name, listed in given.items()})
     assert len(values) == 1 + sum(n != 0 for listed in given.values() for n in listed)
-    assert Irar.errors.values(Irar.errors.kind.written(values)) == values
+    assert Irar.errors.values(Irar.errors.kind.as_input(values)) == values
     found = Irar.errors.kind.coordinates(values)
     assert list(found) == ["error", "error_parameter", "error_value"]
     arrays = [array for array, _ in found.values()]

@@ -14,7 +14,7 @@ from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.run.tasks import forget_all
+from sweeps.engine.run.tasks import drop_objects
 from sweeps.engine.store.sweeping import Finished, RunOptions, sweep
 from sweeps.experiment import EXPERIMENT
 
@@ -39,7 +39,7 @@ def chosen(*overrides: str) -> Choices:
 
 def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> Finished:
     """Run one sweep, and the tables of its store, without the report."""
-    forget_all()  # as a new process would
+    drop_objects()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)
     place = RunOptions(store, sharing_ships(cache), ClusterChoice(kind="inline"))
     return sweep(Plan(experiment, choices), place, Watch(lambda sentence: None))
@@ -47,7 +47,7 @@ def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> F
 
 def ran(*arguments: str, modules=()) -> int:
     """Exit status of the whole command in this process, inline."""
-    forget_all()
+    drop_objects()
     try:
         inline = [] if arguments[0].startswith("--") else ["cluster=inline"]
         main([*arguments, *inline], *modules)

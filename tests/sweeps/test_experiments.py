@@ -16,6 +16,7 @@ from rich.console import Console
 
 from ncti.render import available_engines
 from ncti.render.choice import engines
+from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT, conf_folder
 from sweeps.report.summary import report
 from sweeps.stages.classifier import Classifier
@@ -64,7 +65,8 @@ def test_every_experiment_composes_whole(name):
 
 
 def test_what_the_command_line_sweeps_comes_before_the_axes_of_an_experiment():
-    swept = EXPERIMENT.attributes(chosen("+experiment=smoke", "ladar.cnr=[23,26]"))["swept"]
+    plan = Plan(EXPERIMENT, chosen("+experiment=smoke", "ladar.cnr=[23,26]"))
+    swept = [setting.name for setting in plan.asked]
     assert swept[0] == "cnr" and "pulse_width" in swept
 
 

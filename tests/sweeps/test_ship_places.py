@@ -38,9 +38,9 @@ def plan_of(*overrides):
 def to_make(*overrides):
     """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
     schedule = Schedule(plan_of(*overrides))
-    schedule.resolve(CellIndex(Objects(Path("none")), print))
+    schedule.look_up(CellIndex(Objects(Path("none")), print))
     extents = {"extent", "seen_extent", "placed_extent"}
-    return sum(cells for bound, cells, _ in schedule.missing_cells() if bound.name in extents)
+    return sum(cells for bound, cells, _ in schedule.missing_cells if bound.name in extents)
 
 
 def keys(stage, *overrides):

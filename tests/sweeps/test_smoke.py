@@ -9,7 +9,7 @@ from commands import groups_of
 
 from ncti.features import profile_vector
 from ncti.ladar import noise_floor
-from sweeps.engine.declare.storable import nested
+from sweeps.engine.declare.storable import decode_attrs
 from sweeps.report.page.provenance import flat
 from sweeps.report.page.provenance import swept as page_swept
 from sweeps.report.stores import attributes as attributes_of
@@ -37,7 +37,7 @@ def test_every_variable_has_units_and_a_name(groups):
 
 
 def test_root_says_what_made_it(smoke_store):
-    attributes = nested(xr.open_datatree(smoke_store, engine="zarr").attrs)
+    attributes = decode_attrs(xr.open_datatree(smoke_store, engine="zarr").attrs)
     assert attributes["seed"] == 0
     assert attributes["configuration"]["grid"]["aspect"] == ASPECTS
     assert attributes["configuration"]["render"]["engine"] in ("osmesa", "egl", "embree")
@@ -50,7 +50,7 @@ def test_root_says_what_made_it(smoke_store):
 
 def test_only_axes_that_a_stage_reads_are_swept(smoke_store):
     """A range of aspects is one value of two numbers, of a sensor that this sweep lacks."""
-    attributes = nested(xr.open_datatree(smoke_store, engine="zarr").attrs)
+    attributes = decode_attrs(xr.open_datatree(smoke_store, engine="zarr").attrs)
     assert attributes["configuration"]["dataset"]["aspect"] == [0, 360]
     grid = {f"grid.{name}" for name in ("ship", "aspect", "pulse_width", "frame_count")}
     assert grid <= set(attributes["axes"])

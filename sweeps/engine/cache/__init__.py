@@ -1,5 +1,5 @@
 """The cache: results by key, packed a batch to an object of a folder or a bucket.
 
-In come records of arrays with their keys; out go the same arrays, or the word that they are missing
-or damaged. It knows no stage's function. The rooms from `run` on may import it.
+Input: arrays with their keys. Output: the same arrays, or None where they are missing or damaged.
+It knows no stage's function. `run` and the packages behind it may import it.
 """

@@ -26,17 +26,17 @@ from obstore.exceptions import (
 )
 from obstore.store import LocalStore, MemoryStore, ObjectStore, from_url
 
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 
 if TYPE_CHECKING:
     from obstore import ObjectMeta
 
-OPEN = 0o755  # mode of folders: others may read them
-CLOSED = 0o700  # of those that they may not even read
-UNREACHED = errno.ECONNABORTED  # of a server that cannot be asked, or fails
+PUBLIC_MODE = 0o755  # mode of folders: others may read them
+PRIVATE_MODE = 0o700  # of those that they may not even read
+UNREACHABLE = errno.ECONNABORTED  # of a server that cannot be asked, or fails
 RETRIES = 6  # of a request, with growing pauses: some seconds
 
-AT_ONCE = 16  # requests under way
+REQUESTS = 16  # requests under way
 
 Version = dict[str, str]
 """Version of an object of a bucket, as its server numbers them."""
@@ -47,20 +47,20 @@ Result = TypeVar("Result")
 _NUMBER = re.compile(r"\(os error (\d+)\)")
 
 
-def opened(
-    place: PathOrUrl, *, make: bool = False, mode: int = OPEN, clean: bool = True
+def open_store(
+    path: PathOrUrl, *, make: bool = False, mode: int = PUBLIC_MODE, clean: bool = True
 ) -> ObjectStore:
-    """Return a place as obstore's; a folder that is not there is empty, or made if `make`.
+    """Return the obstore of a path; a missing folder is empty, or made if `make`.
 
     A folder that becomes empty is removed if `clean`: nobody else may be about to write there.
     """
-    if isinstance(place, str):
-        return from_url(place, retry_config={"max_retries": RETRIES})
+    if isinstance(path, str):
+        return from_url(path, retry_config={"max_retries": RETRIES})
     if make:
-        make_folder(place, mode)
-    elif not place.is_dir():
+        make_folder(path, mode)
+    elif not path.is_dir():
         return MemoryStore()
-    return LocalStore(place, automatic_cleanup=clean)
+    return LocalStore(path, automatic_cleanup=clean)
 
 
 def make_folder(path: Path, mode: int) -> None:
@@ -74,36 +74,36 @@ def make_folder(path: Path, mode: int) -> None:
 
 
 @contextmanager
-def translated_errors(place: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
-    """Translate errors of obstore within this context into OSError with a message of one line.
+def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
+    """Translate obstore errors into OSErrors with a message of one line.
 
     Its number is the operating system's where that is known, else EIO, or UNREACHED of a bucket. A
     server's message is cut after its status, since it may repeat a key. FileNotFoundError is raised
-    of an absent object, or ENXIO of a `whole` place that is absent.
+    if the object is absent, and ENXIO if the `whole` path is.
     """
     try:
         yield
     except (AlreadyExistsError, PreconditionError):
-        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(place)) from None
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
     except FileNotFoundError:
         if whole:
             message = "there is no such bucket or folder"
-            raise OSError(errno.ENXIO, message, str(place)) from None
+            raise OSError(errno.ENXIO, message, str(path)) from None
         raise
     except BaseError as error:
         line = str(error).partition("\n")[0]
         if number := _NUMBER.search(line):
             code = int(number[1])
-            raise OSError(code, os.strerror(code), str(place)) from None
+            raise OSError(code, os.strerror(code), str(path)) from None
         denied = isinstance(error, PermissionDeniedError | UnauthenticatedError)
         words = re.sub(r"\?[^\s)]*|//[^/\s]*@", "", line.partition("<")[0]).strip(" :")
-        failed = errno.EIO if isinstance(place, Path) else UNREACHED
-        raise OSError(errno.EACCES if denied else failed, words, str(place)) from None
+        failed = errno.EIO if isinstance(path, Path) else UNREACHABLE
+        raise OSError(errno.EACCES if denied else failed, words, str(path)) from None
 
 
 @contextmanager
-def readable() -> Iterator[None]:
-    """Let others read what is written meanwhile, as far as the umask does, and never change it."""
+def world_readable() -> Iterator[None]:
+    """Create files that others may read, unless the umask forbids it, and never write."""
     before = os.umask(0o022)
     os.umask(before | 0o022)
     try:
@@ -114,108 +114,108 @@ def readable() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Objects:
-    """Objects of a place, by name. It is sent away as its place alone, of which a process has one.
+    """Objects of a folder or bucket, by name; pickled as its path, cached in each process.
 
-    Every method raises OSError if the place fails; only an object that is not there is absent.
+    Every method raises OSError if the path fails; an object is absent only if it is not there.
     """
 
-    place: PathOrUrl
+    path: PathOrUrl
     make: bool = False  # the folder when it is written
-    mode: int = OPEN  # of the folder then
+    mode: int = PUBLIC_MODE  # of the folder then
     clean: bool = True  # whether folders that become empty go
 
     @cached_property
     def store(self) -> ObjectStore:
-        """The place as obstore's."""
-        with translated_errors(self.place):
-            return opened(self.place, make=self.make, mode=self.mode, clean=self.clean)
+        """The obstore of the path."""
+        with translated_errors(self.path):
+            return open_store(self.path, make=self.make, mode=self.mode, clean=self.clean)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _received, (self.place, self.make, self.mode, self.clean)
+        return _cached_objects, (self.path, self.make, self.mode, self.clean)
 
     def get(self, name: str) -> bytes | None:
         """Return an object; None if it is absent."""
         try:
-            with translated_errors(self.place):
+            with translated_errors(self.path):
                 return bytes(self.store.get(name).bytes())
         except FileNotFoundError:
             return None
 
     def put(self, name: str, content: bytes | Iterator[bytes]) -> None:
-        """Write an object: readers see it whole, or as it was before."""
-        with translated_errors(self.place, whole=True):
+        """Write an object atomically."""
+        with translated_errors(self.path, whole=True):
             self.store.put(name, content, use_multipart=False)
 
-    def part(self, name: str, begin: int, end: int) -> memoryview:
-        """Return bytes of an object, as many as there are; FileNotFoundError if it is absent."""
-        if isinstance(self.place, Path):  # a sixth of obstore's time, which asks another thread
-            with open(f"{self.place}/{name}", "rb", buffering=0) as file:
+    def read_range(self, name: str, begin: int, end: int) -> memoryview:
+        """Return a range of bytes, cut at the end; FileNotFoundError if the object is absent."""
+        if isinstance(self.path, Path):  # a sixth of obstore's time, which asks another thread
+            with open(f"{self.path}/{name}", "rb", buffering=0) as file:
                 size = os.fstat(file.fileno()).st_size
                 return memoryview(os.pread(file.fileno(), max(min(end, size) - begin, 0), begin))
-        with translated_errors(self.place):
+        with translated_errors(self.path):
             found = self.store.get_range(name, start=begin, end=end) if begin < end else b""
         return memoryview(found)
 
-    def versioned(self, name: str) -> tuple[bytes, Version] | None:
+    def get_versioned(self, name: str) -> tuple[bytes, Version] | None:
         """Return an object of a bucket, and its version; None if it is absent."""
         try:
-            with translated_errors(self.place):
+            with translated_errors(self.path):
                 found = self.store.get(name)
                 return bytes(found.bytes()), _version(found.meta)
         except FileNotFoundError:
             return None
 
     def put_if(self, name: str, content: bytes, version: Version | None) -> Version | None:
-        """Write an object of a bucket if it is still of a version, or absent if that is None.
+        """Write an object of a bucket if its version is unchanged; None means absent.
 
-        Returns its new version, or None if it is of another: of several at once, one succeeds.
+        Returns the new version, or None if the version differs: one of several writers succeeds.
         """
         mode: Any = version or "create"
         try:
-            with translated_errors(self.place, whole=True):
+            with translated_errors(self.path, whole=True):
                 return _version(self.store.put(name, content, mode=mode, use_multipart=False))
         except FileExistsError:
             return None
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects, which may be absent."""
-        self.each(self._delete, names)
+        self.map(self._delete, names)
 
     def _delete(self, name: str) -> None:
-        with suppress(FileNotFoundError), translated_errors(self.place):
+        with suppress(FileNotFoundError), translated_errors(self.path):
             self.store.delete(name)
 
-    def each(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
-        """Return what a function makes of each thing, several at once as they wait for answers."""
-        with ThreadPoolExecutor(AT_ONCE) as pool:
+    def map(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
+        """Return a function of each item, called for several at once in threads."""
+        with ThreadPoolExecutor(REQUESTS) as pool:
             return list(pool.map(function, given))
 
-    def listed(self, under: str = "") -> dict[str, ObjectMeta]:
+    def list_objects(self, under: str = "") -> dict[str, ObjectMeta]:
         """Return size and time of all objects, or of those under a prefix, by name."""
-        with translated_errors(self.place, whole=True):
+        with translated_errors(self.path, whole=True):
             return {one["path"]: one for part in self.store.list(under or None) for one in part}
 
     def sizes(self, under: str = "") -> dict[str, int]:
         """Return the bytes of all objects, or of those under a prefix, by name."""
-        return {name: one["size"] for name, one in self.listed(under).items()}
+        return {name: one["size"] for name, one in self.list_objects(under).items()}
 
-    def tidy(self) -> None:
-        """Delete the unfinished files of writers that were killed, in a folder."""
-        for file in self.place.rglob("*#[0-9]*") if isinstance(self.place, Path) else ():
+    def delete_unfinished(self) -> None:
+        """Delete the unfinished files of killed writers in a folder."""
+        for file in self.path.rglob("*#[0-9]*") if isinstance(self.path, Path) else ():
             file.unlink(missing_ok=True)
 
-    def leave(self) -> None:
-        """Remove a folder, or those in it, if nothing is there."""
-        for folder, *_ in os.walk(self.place, topdown=False):  # nothing of a URL
+    def remove_empty_folders(self) -> None:
+        """Remove a folder and the folders in it, where they are empty."""
+        for folder, *_ in os.walk(self.path, topdown=False):  # nothing of a URL
             with suppress(OSError):
                 os.rmdir(folder)
 
 
-def _version(told: Mapping[str, Any]) -> Version:
+def _version(meta: Mapping[str, Any]) -> Version:
     """Return the version of an object: a tag, a number, or both."""
-    return {name: told[name] for name in ("e_tag", "version") if told.get(name)}
+    return {name: meta[name] for name in ("e_tag", "version") if meta.get(name)}
 
 
 @lru_cache(maxsize=8)
-def _received(*fields: Any) -> Objects:
+def _cached_objects(*fields: Any) -> Objects:
     return Objects(*fields)

@@ -27,31 +27,30 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.cache.objects import CLOSED, UNREACHED, Objects
-from sweeps.engine.declare.places import PathOrUrl, child
+from sweeps.engine.cache.objects import PRIVATE_MODE, UNREACHABLE, Objects
+from sweeps.engine.declare.paths import PathOrUrl, join
 from sweeps.engine.declare.stage import Output
 from sweeps.engine.declare.undeclared import Layout, Undeclared
 from sweeps.engine.resolve.keys import Keys
 
-ROOM = "cells"
-ALIGNED = 16  # bytes: arrays begin at multiples of this in a record
-MISSING = -1  # instead of the number of a pack
+CELLS_FOLDER = "cells"
+ALIGNMENT = 16  # bytes: arrays begin at multiples of this in a record
+NO_PACK = -1  # instead of the number of a pack
 PACK = ".pack"
-NAME = re.compile(r"(?:\w+/)?[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
-KEY, NUMBER = np.dtype(("<u8", 2)), np.dtype("<u4")
-LARGEST = 2**30  # bytes of a head, of more cells than a sweep may have
-CHECK = 8  # bytes of the digest of a record
-APART, TOGETHER = 2**18, 2**22  # bytes between cells that are not worth reading; read at once
-HEADS = 16  # of packs, that a process remembers
-AT_ONCE = 4096  # cells that are read together
+PACK_PATH = re.compile(r"(?:\w+/)?[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
+KEY_DTYPE, LAYOUT_DTYPE = np.dtype(("<u8", 2)), np.dtype("<u4")
+MAX_HEAD_BYTES = 2**30  # bytes of a head, of more cells than a sweep may have
+DIGEST_BYTES = 8  # bytes of the digest of a record
+MAX_GAP, READ_BYTES = 2**18, 2**22  # bytes: largest gap that is read, largest range
+CACHED_HEADS = 16  # of packs, that a process remembers
+CELLS_AT_ONCE = 4096  # cells that are read together
 
-# Errors of this process, machine or network, not of a file: what they hide is not damaged.
-SHORTAGES = frozenset(
-    {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHED}
-)
+# Errors of this process, machine or network: they do not mean that a file is damaged.
+LACKING = errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE
+RESOURCE_ERRORS = frozenset(LACKING)
 
 Buffer = Any
-"""Bytes, or what shows bytes."""
+"""Bytes-like object."""
 Cells = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 Numbers = NDArray[np.int32]
@@ -61,10 +60,10 @@ Kind = tuple[tuple[str, str, int], ...]
 
 @dataclass(frozen=True, eq=False)
 class Locations:
-    """Where cells are on disk: arrays of one shape, of which an index takes some.
+    """Locations of cells on disk: arrays of one shape, indexed together.
 
-    Paths of packs; which of them has each cell, negative if none; its row there; and its key, on a
-    further axis of two.
+    Paths of packs; the number of each cell's pack, negative if none; its row in it; and its key, on
+    another axis of two.
     """
 
     paths: Sequence[str]
@@ -89,18 +88,17 @@ class Locations:
         pack, row = self.pack.reshape(shape), self.row.reshape(shape)
         return Locations(self.paths, pack, row, self.keys.reshape(*pack.shape, 2))
 
-    def alone(self) -> Locations:
-        """Return the same with no further paths, to be sent away."""
-        used, pack = np.unique(self.pack, return_inverse=True)
-        absent = int((used < 0).sum())
-        pack = np.maximum(pack.reshape(self.pack.shape) - absent, MISSING)
-        paths = [self.paths[number] for number in used[absent:].tolist()]
+    def compact(self) -> Locations:
+        """Return the locations without unused paths, for pickling."""
+        numbers, pack = np.unique(self.pack, return_inverse=True)
+        absent = int((numbers < 0).sum())
+        pack = np.maximum(pack.reshape(self.pack.shape) - absent, NO_PACK)
+        paths = [self.paths[number] for number in numbers[absent:].tolist()]
         return replace(self, paths=paths, pack=pack.astype(np.int32))
 
 
-NO_LOCATIONS = Locations(
-    (), np.empty(0, np.int32), np.empty(0, np.int32), np.empty((0, 2), np.uint64)
-)
+_NONE = np.empty(0, np.int32)
+NO_LOCATIONS = Locations((), _NONE, _NONE, np.empty((0, 2), np.uint64))
 
 
 def seal(document: Any) -> bytes:
@@ -117,9 +115,9 @@ def unseal(line: bytes) -> Any:
     return json.loads(text)
 
 
-def cells_of(cache: PathOrUrl, *, make: bool = True) -> Objects:
-    """Return the packs of a cache, a folder that is closed to others when it is made."""
-    return Objects(child(cache, ROOM), make=make, mode=CLOSED, clean=False)
+def open_packs(cache: PathOrUrl, *, make: bool = True) -> Objects:
+    """Return the packs of a cache; a new folder is private."""
+    return Objects(join(cache, CELLS_FOLDER), make=make, mode=PRIVATE_MODE, clean=False)
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,7 @@ class Pack:
 class Head(NamedTuple):
     """Head of a pack, checked: of each cell its key, number of its layout, and begin and end.
 
-    A layout has the name, dtype, shape and place in the record of every array of a cell.
+    A layout has the name, dtype, shape and offset of every array of a record.
     """
 
     pack: Pack
@@ -149,29 +147,30 @@ class Head(NamedTuple):
     checks: bytes
 
     @classmethod
-    def of(cls, path: str, content: bytes) -> Head:
+    def parse(cls, path: str, content: bytes) -> Head:
         """Return the head of a pack from its bytes; raise an exception of any kind if it is bad."""
-        if _digest(16, content).hex() != _named(path)[0]:
+        if _digest(16, content).hex() != _parse_path(path)[0]:
             raise ValueError("it was changed")
         begin = content.index(b"\n") + 1
         stage, seconds, described = json.loads(content[:begin])
-        cells, over = divmod(len(content) - begin, KEY.itemsize + NUMBER.itemsize + CHECK)
+        size_of_cell = KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
+        cells, over = divmod(len(content) - begin, size_of_cell)
         if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
             raise ValueError("it is not a pack")
         layouts, sizes = [], []
         for one in described:
             layout, size = [], 0
             for name, code, shape in one:
-                dtype, sides = _plain(code), tuple(map(operator.index, shape))
+                dtype, sides = _plain_dtype(code), tuple(map(operator.index, shape))
                 if not isinstance(code, str) or min(sides, default=0) < 0:
                     raise ValueError("a dtype or shape is none")
                 layout.append((name, dtype, sides, size))
                 length = math.prod(sides) * dtype.itemsize
-                size += length + -length % ALIGNED
+                size += length + -length % ALIGNMENT
             layouts.append(layout)
             sizes.append(size)
-        keys = np.frombuffer(content, KEY.base, 2 * cells, begin).reshape(cells, 2)
-        numbers = np.frombuffer(content, NUMBER, cells, begin + keys.nbytes)
+        keys = np.frombuffer(content, KEY_DTYPE.base, 2 * cells, begin).reshape(cells, 2)
+        numbers = np.frombuffer(content, LAYOUT_DTYPE, cells, begin + keys.nbytes)
         taken = np.array(sizes, np.int64)[numbers]
         ends = len(content) + np.cumsum(taken)
         if (ends < 0).any():  # beyond the largest number
@@ -182,16 +181,17 @@ class Head(NamedTuple):
         return cls(Pack(path, size, cells, stage, seconds, _kinds(described)), *of_cells)
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
-        """Return the arrays of a cell, in memory of its own, of its record; None if it differs."""
-        if _digest(CHECK, record) != self.checks[CHECK * row : CHECK * (row + 1)]:
+        """Return the arrays of a record, copied; None if its digest differs."""
+        begin = DIGEST_BYTES * row
+        if _digest(DIGEST_BYTES, record) != self.checks[begin : begin + DIGEST_BYTES]:
             return None
-        own, layout = bytearray(record), self.layouts[self.numbers[row]]
-        return {name: np.ndarray(shape, dtype, own, at) for name, dtype, shape, at in layout}
+        content, layout = bytearray(record), self.layouts[self.numbers[row]]
+        return {name: np.ndarray(shape, dtype, content, at) for name, dtype, shape, at in layout}
 
 
 @dataclass
-class Packing:
-    """A pack that is being made: the records of its cells so far."""
+class PackWriter:
+    """Writer of a pack: collects the records of its cells."""
 
     layouts: dict[Any, int] = field(default_factory=dict)
     numbers: list[int] = field(default_factory=list)
@@ -204,30 +204,30 @@ class Packing:
         for name, values in outputs.items():
             array = values if type(values) is np.ndarray else np.asarray(values)
             layout.append((name, array.dtype.str, array.shape))
-            record += array.tobytes() + bytes(-array.nbytes % ALIGNED)
+            record += array.tobytes() + bytes(-array.nbytes % ALIGNMENT)
         number = self.layouts.get(one := tuple(layout))
         if number is None:
             for array in outputs.values():
                 _code(np.asarray(array).dtype)
             number = self.layouts[one] = len(self.layouts)
         self.numbers.append(number)
-        self.checks.append(_digest(CHECK, record))
+        self.checks.append(_digest(DIGEST_BYTES, record))
         self.parts.append(record)
 
     def write(
-        self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0, room: str = ""
+        self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0, folder: str = ""
     ) -> Pack:
         """Write the cells, whose keys are (cell, 2), as a new pack; OSError if that fails.
 
-        Others see all of it or none. `room` is the folder of the packs of a stage and its code.
+        The write is atomic. `folder` has the packs of one stage and code.
         """
         line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
-        numbers = np.array(self.numbers, NUMBER).tobytes()
-        head = b"".join((line, b"\n", keys.astype(KEY.base).tobytes(), numbers, *self.checks))
+        numbers = np.array(self.numbers, LAYOUT_DTYPE).tobytes()
+        head = b"".join((line, b"\n", keys.astype(KEY_DTYPE.base).tobytes(), numbers, *self.checks))
         # A name begins with the time, so that the newest of equal cells is known.
-        path = f"{room}/{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack".lstrip("/")
+        path = f"{folder}/{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack".lstrip("/")
         size, parts = sum(map(len, self.parts)), self.parts
-        step = TOGETHER * len(parts) // (size + 1) + 1  # neither many writes nor all at once
+        step = READ_BYTES * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
         cells.put(path, chain((head,), blocks))
         return Pack(path, len(head) + size, len(keys), stage, seconds, _kinds(self.layouts))
@@ -238,67 +238,63 @@ def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
     return frozenset(tuple((name, code, len(at)) for name, code, at in one) for one in layouts)
 
 
-def declared(outputs: Iterable[Output]) -> frozenset[Kind] | None:
+def array_kinds(outputs: Iterable[Output]) -> frozenset[Kind] | None:
     """Return the kind of the cells of a stage with some outputs; None if these are undeclared."""
     if any(isinstance(one, Undeclared) for one in outputs):
         return None
     return _kinds([[(one.name, _code(np.dtype(one.dtype)), one.dims) for one in outputs]])
 
 
-def _named(path: str) -> tuple[str, int]:
+def _parse_path(path: str) -> tuple[str, int]:
     """Return digest and size of the head of a pack from its path; ValueError if it has none."""
-    name = NAME.fullmatch(path)
-    if name is None or int(name[2], 16) > LARGEST:
+    name = PACK_PATH.fullmatch(path)
+    if name is None or int(name[2], 16) > MAX_HEAD_BYTES:
         raise ValueError("it is not a pack")
     return name[1], int(name[2], 16)
 
 
-def _digest(size: int, *parts: Buffer) -> bytes:
-    """Return the digest of some bytes, one after the other."""
-    found = hashlib.blake2b(digest_size=size)
-    for part in parts:
-        found.update(part)
-    return found.digest()
+def _digest(size: int, data: Buffer) -> bytes:
+    return hashlib.blake2b(data, digest_size=size).digest()
 
 
 @cache
 def _code(dtype: np.dtype[Any]) -> str:
-    """Return the code of a dtype, as `_plain` reads it."""
-    return _plain(dtype).str
+    """Return the code of a dtype, as `_plain_dtype` reads it."""
+    return _plain_dtype(dtype).str
 
 
 @lru_cache(maxsize=256)
-def _plain(code: str | np.dtype[Any]) -> np.dtype[Any]:
+def _plain_dtype(code: str | np.dtype[Any]) -> np.dtype[Any]:
     """Return a dtype; TypeError unless the bytes of an array are its values: no pointers."""
     dtype = np.dtype(code)
     if dtype.hasobject or dtype.names or dtype.subdtype:
-        raise TypeError(f"arrays of dtype {dtype} cannot be kept")
+        raise TypeError(f"arrays of dtype {dtype} cannot be cached")
     return dtype
 
 
 @contextmanager
-def undamaged() -> Iterator[None]:
-    """Suppress errors of absent or damaged files, but not of a process that lacks something."""
+def ignore_damage() -> Iterator[None]:
+    """Suppress errors of absent or damaged files, but not a lack of resources."""
     try:
         yield
     except Exception as error:
-        raise_shortage(error)
+        raise_resource_error(error)
 
 
-def raise_shortage(error: BaseException) -> None:
-    """Raise an error of the process or the machine, which says nothing about a file."""
-    if isinstance(error, MemoryError) or getattr(error, "errno", None) in SHORTAGES:
+def raise_resource_error(error: BaseException) -> None:
+    """Raise an error again if it is a lack of resources, and not of a file."""
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) in RESOURCE_ERRORS:
         raise error
 
 
-@lru_cache(maxsize=HEADS)
+@lru_cache(maxsize=CACHED_HEADS)
 def _head(cells: Objects, path: str) -> Head:
     """Return the head of a pack; raise an exception of any kind if it is bad."""
-    return Head.of(path, bytes(cells.part(path, 0, _named(path)[1])))
+    return Head.parse(path, bytes(cells.read_range(path, 0, _parse_path(path)[1])))
 
 
 def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
-    """Return outputs of some cells, (cell,); ask each pack once for all of its own.
+    """Return the outputs of cells, (cell,), in one pass over each pack.
 
     None for a cell that is absent, is another than that of its key, or differs from its digest;
     no content of a pack makes it raise. Arrays are writable and share no element.
@@ -312,58 +308,58 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
     order = np.lexsort((locations.row, locations.pack))
     order = order[locations.pack[order] >= 0]
     begins = np.flatnonzero(np.diff(locations.pack[order], prepend=-1))
-    for places in np.split(order, begins[1:]) if order.size else ():
-        wanted, path = locations.row[places], locations.paths[locations.pack[places[0]]]
-        with undamaged():
+    for indices in np.split(order, begins[1:]) if order.size else ():
+        wanted, path = locations.row[indices], locations.paths[locations.pack[indices[0]]]
+        with ignore_damage():
             head = _head(cells, path)
             inside = np.flatnonzero(wanted < len(head.keys))
-            right = inside[
-                (head.keys[wanted[inside]] == locations.keys[places[inside]]).all(axis=1)
-            ]
+            same = head.keys[wanted[inside]] == locations.keys[indices[inside]]
+            right = inside[same.all(axis=1)]
             begins, ends = head.begins[wanted[right]], head.ends[wanted[right]]
-            apart = (begins[1:] - ends[:-1] > APART) | np.diff(begins // TOGETHER).astype(bool)
-            for run in np.split(right, np.flatnonzero(apart) + 1):
-                _read_run(cells, path, head, wanted[run], places[run], found)
+            gaps, blocks = begins[1:] - ends[:-1], np.diff(begins // READ_BYTES)
+            splits = np.flatnonzero((gaps > MAX_GAP) | (blocks != 0))
+            for run in np.split(right, splits + 1):
+                _read_run(cells, path, head, wanted[run], indices[run], found)
     return found
 
 
-def layouts(cells: Objects, locations: Locations) -> list[Layout]:
+def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
     """Return the distinct layouts of some cells, (cell,), of undamaged packs; the first first."""
     found: dict[Any, int] = {}
     for number in np.unique(locations.pack).tolist():
-        places = np.flatnonzero(locations.pack == number)
-        with undamaged():
+        indices = np.flatnonzero(locations.pack == number)
+        with ignore_damage():
             head = _head(cells, locations.paths[number])
-            kinds, first = np.unique(head.numbers[locations.row[places]], return_index=True)
-            for kind, place in zip(kinds.tolist(), places[first].tolist(), strict=True):
+            kinds, first = np.unique(head.numbers[locations.row[indices]], return_index=True)
+            for kind, index in zip(kinds.tolist(), indices[first].tolist(), strict=True):
                 layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
-                found[layout] = min(found.get(layout, place), place)
+                found[layout] = min(found.get(layout, index), index)
     return sorted(found, key=found.__getitem__)
 
 
-def each_cell(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
-    """Yield what `read_cells` returns, of which some is in memory at once."""
-    for first in range(0, len(locations), AT_ONCE):
-        yield from read_cells(cells, locations[first : first + AT_ONCE])
+def iter_cells(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
+    """Yield the outputs of cells, as `read_cells` does, holding `CELLS_AT_ONCE` in memory."""
+    for first in range(0, len(locations), CELLS_AT_ONCE):
+        yield from read_cells(cells, locations[first : first + CELLS_AT_ONCE])
 
 
 def _read_run(
-    cells: Objects, path: str, head: Head, rows: Numbers, places: Cells, found: list[Arrays | None]
+    cells: Objects, path: str, head: Head, rows: Numbers, indices: Cells, found: list[Arrays | None]
 ) -> None:
-    """Read neighbours in a pack, by their ascending rows, to their places."""
+    """Read one range of a pack into `found`, for ascending rows."""
     if not len(rows):
         return
     first = int(head.begins[rows[0]])
-    content = cells.part(path, first, int(head.ends[rows[-1]]))
+    content = cells.read_range(path, first, int(head.ends[rows[-1]]))
     begins, ends = (head.begins[rows] - first).tolist(), (head.ends[rows] - first).tolist()
-    for place, row, begin, end in zip(places.tolist(), rows.tolist(), begins, ends, strict=True):
-        found[place] = head.arrays(row, content[begin:end])
+    for index, row, begin, end in zip(indices.tolist(), rows.tolist(), begins, ends, strict=True):
+        found[index] = head.arrays(row, content[begin:end])
 
 
-def described_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
-    """Return what a pack says of itself, and its keys; no cells, if that cannot be read."""
-    with undamaged():
-        head = _head.__wrapped__(cells, path) if _named(path)[1] <= size else None
+def read_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
+    """Return the description and keys of a pack; no cells if its head cannot be read."""
+    with ignore_damage():
+        head = _head.__wrapped__(cells, path) if _parse_path(path)[1] <= size else None
         if head is None or head.pack.size != size:
             raise ValueError("it is longer or shorter than it was")
         return head.pack, head.keys.copy()

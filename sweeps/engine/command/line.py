@@ -22,45 +22,45 @@ from omegaconf.errors import OmegaConfBaseException
 from platformdirs import user_cache_path
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import UNREACHED
-from sweeps.engine.cache.packs import SHORTAGES, cells_of
-from sweeps.engine.command.status import described
-from sweeps.engine.command.usage import listing, usage
+from sweeps.engine.cache.objects import UNREACHABLE
+from sweeps.engine.cache.packs import RESOURCE_ERRORS, open_packs
+from sweeps.engine.command.status import format_status
+from sweeps.engine.command.usage import list_settings, usage
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
-from sweeps.engine.declare.failures import FailureLog, reason
+from sweeps.engine.declare.failures import FailureLog, one_line
 from sweeps.engine.declare.kinds import Value
-from sweeps.engine.declare.places import PathOrUrl, path_beside, path_or_url
+from sweeps.engine.declare.paths import PathOrUrl, path_beside, path_or_url
 from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.overrides import (
-    STORE,
+    DEFAULT_STORE,
     Job,
-    fused,
-    in_one_line,
-    job_of,
-    pasted,
-    primary,
+    clear_before_set,
+    config_name,
+    error_message,
+    fuse_jobs,
+    make_job,
     read_jobs,
     register,
-    replaceable,
+    shell_quoted,
 )
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, stopping
-from sweeps.engine.run.process import environment, forgiving, say, show
-from sweeps.engine.run.progress import NAMED_FAILURES, counted, summary, watching
-from sweeps.engine.store.folders import check_apart, check_cache, check_target
-from sweeps.engine.store.locks import used
-from sweeps.engine.store.provenance import why
-from sweeps.engine.store.sweeping import Finished, RunOptions, existing, preview, sweep
+from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
+from sweeps.engine.run.process import environment, say, show, tolerant_output
+from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
+from sweeps.engine.store.locks import cache_lock
+from sweeps.engine.store.provenance import differences
+from sweeps.engine.store.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
+from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes
 
-ALL_DONE, SOME_FAILED, WRONG = 0, 1, 2
-RESUMED = "the same command resumes the sweep"
+ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
+RESUME_HINT = "the same command resumes the sweep"
 PRUNE = "prune="  # to a size, beside --cache
-HELP, SEVERAL = {"-h", "--help"}, {"-m", "--multirun"}
+HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
-MOST_CELLS = 10_000_000  # whose keys fit into memory
+MAX_CELLS = 10_000_000  # whose keys fit into memory
 
 Report = Callable[[PathOrUrl, Choices, Finished], None]
 Sweep = tuple[Plan, RunOptions]
@@ -92,40 +92,40 @@ class Command:
         """
         given = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
-        with forgiving() as lost:
-            said, status = self._ended(given)
-            if said:
-                say(self.name, said)
+        with tolerant_output() as lost:
+            message, status = self._run_reporting(given)
+            if message:
+                say(self.name, message)
             if why := lost():
                 say(self.name, f"the output cannot be written: {why}")
             return status or (SOME_FAILED if why else ALL_DONE)
 
-    def _ended(self, given: Sequence[str]) -> tuple[str, int]:
+    def _run_reporting(self, given: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
-            with stopping():
+            with signals_deferred():
                 self._main(given)
                 raise_if_stopped()
                 return "", ALL_DONE
         except SystemExit as ended:  # of a parser, after its help or a wrong option
             return "", ended.code if isinstance(ended.code, int) else ALL_DONE
         except Stopped as stopped:
-            return f"{stopped.words}; {RESUMED}", stopped.status
+            return f"{stopped.words}; {RESUME_HINT}", stopped.status
         except (ConfigurationError, DeclarationError) as error:
-            return str(error), WRONG
+            return str(error), INVALID
         except (HydraException, OmegaConfBaseException) as error:
-            return in_one_line(error), WRONG
+            return error_message(error), INVALID
         except SweepIncomplete as error:
             return str(error), SOME_FAILED
         except MemoryError as error:
-            return f"out of memory ({error}); {RESUMED}", SOME_FAILED
+            return f"out of memory ({error}); {RESUME_HINT}", SOME_FAILED
         except OSError as error:
             where = f" {error.filename!r}" if error.filename else ""
-            verb = "read" if error.errno in SHORTAGES else "write"
-            verb = "reach" if error.errno == UNREACHED else verb
-            disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | SHORTAGES
-            said = f"cannot {verb}{where}: {error.strerror or error}"
-            return said, SOME_FAILED if error.errno in disk else WRONG
+            verb = "read" if error.errno in RESOURCE_ERRORS else "write"
+            verb = "reach" if error.errno == UNREACHABLE else verb
+            disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | RESOURCE_ERRORS
+            message = f"cannot {verb}{where}: {error.strerror or error}"
+            return message, SOME_FAILED if error.errno in disk else INVALID
 
     def _main(self, given: Sequence[str]) -> None:
         experiment = self.experiment
@@ -133,18 +133,18 @@ class Command:
             show(usage(experiment))
             return
         if "--settings" in given:
-            show(listing(experiment, [word for word in given if word != "--settings"]))
+            show(list_settings(experiment, [word for word in given if word != "--settings"]))
             return
         if "--cache" in given:
             done = [word for word in given if word == "clear" or word.startswith(PRUNE)]
-            _, place = self._places(
+            _, path = self._store_and_cache(
                 [word for word in given if word not in done], "--cache", "clear", f"{PRUNE}20GB"
             )
-            self._cache(place, _limit(done))
+            self._cache(path, _prune_limit(done))
             return
         if "--status" in given:
-            for shown in described(*self._places(given, "--status")):
-                show(shown)
+            for part in format_status(*self._store_and_cache(given, "--status")):
+                show(part)
             return
         if "--why" in given:
             self._why([word for word in given if word != "--why"])
@@ -152,7 +152,7 @@ class Command:
         for word in given:
             self._check_option(word)
         if not any(map(_is_for_hydra, given)):
-            overrides = [word for word in given if word not in SEVERAL]
+            overrides = [word for word in given if word not in MULTIRUN]
             jobs = read_jobs(experiment, overrides, several=len(overrides) < len(given))
             self._run_all(self.prepare(jobs), {key for job in jobs for key in job.overrides})
             return
@@ -160,30 +160,30 @@ class Command:
         overrides = [word for word in given if "=" in word and not word.startswith("-")]
         options = [word for word in given if word not in overrides]
         before = sys.argv
-        sys.argv = [sys.argv[0], *options, *replaceable(experiment, overrides)]
+        sys.argv = [sys.argv[0], *options, *clear_before_set(experiment, overrides)]
         try:
             # Hydra then raises what went wrong, instead of printing it and ending the process.
             with environment({"HYDRA_FULL_ERROR": "1"}):
                 conf = None if experiment.conf is None else str(experiment.conf)
-                name = primary(experiment)
+                name = config_name(experiment)
                 hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._job)()
         finally:
             sys.argv = before
 
     def _check_option(self, word: str) -> None:
         """Refuse a setting, or a group of them, that is given as an option."""
-        plain = word.lstrip("-").replace("-", "_")
-        group, conf = re.split("[.=]", plain)[0], self.experiment.conf
+        stripped = word.lstrip("-").replace("-", "_")
+        group, conf = re.split("[.=]", stripped)[0], self.experiment.conf
         known = group in nested(self.experiment.by_key)
         if word.startswith("--") and (known or (conf is not None and (conf / group).is_dir())):
-            given = f"{'' if known else '+'}{plain}{'' if '=' in plain else '=VALUE'}"
-            raise ConfigurationError(f"{word} is no option; a setting has no dashes, {given}")
+            given = f"{'' if known else '+'}{stripped}{'' if '=' in stripped else '=VALUE'}"
+            raise ConfigurationError(f"{word} is not an option; give it without dashes, {given}")
 
     def _job(self, composed: DictConfig) -> None:
         """Run one job of Hydra's: a sweep, by default with its own store."""
         of_hydra = HydraConfig.get()
-        store = Path(of_hydra.runtime.output_dir, STORE)
-        job = job_of(self.experiment, composed, of_hydra.overrides.task, str(store))
+        store = Path(of_hydra.runtime.output_dir, DEFAULT_STORE)
+        job = make_job(self.experiment, composed, of_hydra.overrides.task, str(store))
         self._run_all(self.prepare([job]), job.overrides)
 
     def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
@@ -192,49 +192,49 @@ class Command:
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
         for path in stores:
-            check_target(path)
+            check_store_path(path)
         sweeps: list[Sweep] = []
         with interruptible():
-            for choices, store in fused(self.experiment, checked):
+            for choices, store in fuse_jobs(self.experiment, checked):
                 options = self._options(choices, store)
-                check_cache(options.cache)
-                check_apart(stores, options.cache, self.beside)
+                check_cache_path(options.cache)
+                check_disjoint(stores, options.cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
-                    existing(store, plan)
+                    extended_attributes(store, plan)
                 sweeps.append((plan, options))
         return sweeps
 
     def _why(self, words: Sequence[str]) -> None:
-        """Print what of each stage's keys differs from the store of a sweep."""
+        """Print how the keys of each stage differ from those of a store."""
         [job] = read_jobs(self.experiment, words, several=False)
-        choices, place = self.experiment.check(job.choices), path_or_url("store", job.store)
+        choices, path = self.experiment.check(job.choices), path_or_url("store", job.store)
         with environment(choices.variables):
-            plan, old = Plan(self.experiment, choices), read_attributes(place)
+            plan, old = Plan(self.experiment, choices), read_attributes(path)
             if old is None:
-                raise ConfigurationError(f"store is {str(place)!r}, which does not exist")
-            found = [f"{name}: {', '.join(parts)}" for name, parts in why(plan, old)]
+                raise ConfigurationError(f"store is {str(path)!r}, which does not exist")
+            found = [f"{name}: {', '.join(parts)}" for name, parts in differences(plan, old)]
             for line in found or ["nothing differs: the store has all of the sweep"]:
                 show(line)
 
-    def _places(self, given: Sequence[str], *options: str) -> tuple[PathOrUrl, PathOrUrl]:
+    def _store_and_cache(self, given: Sequence[str], *options: str) -> tuple[PathOrUrl, PathOrUrl]:
         """Return the store and the cache of a command line beside some options."""
         words = [word for word in given if word not in options]
         if wrong := [word for word in words if "=" not in word]:
             taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
             raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
         [job] = read_jobs(self.experiment, words, several=False)
-        return path_or_url("store", job.store), self._cache_place(job.choices.one(Run.cache))
+        return path_or_url("store", job.store), self._cache_path(job.choices.one(Run.cache))
 
-    def _cache_place(self, given: Value) -> PathOrUrl:
+    def _cache_path(self, given: Value) -> PathOrUrl:
         return path_or_url("cache", str(given)) if given else user_cache_path(self.name)
 
     def _options(self, choices: Choices, store: PathOrUrl) -> RunOptions:
-        """Return where and how a sweep runs."""
+        """Return the store, cache and cluster of a sweep."""
         return RunOptions(
             store,
-            self._cache_place(choices.one(Run.cache)),
+            self._cache_path(choices.one(Run.cache)),
             ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
             int(choices.one(Run.cache_limit) * 1e9),
             partial=bool(choices.one(Run.partial)),
@@ -254,14 +254,14 @@ class Command:
         for plan, options in sweeps:
             choices = plan.choices
             with environment(choices.variables):
-                unread = plan.unread({key.lstrip("+~") for key in keys})
+                unread = plan.unused_settings({key.lstrip("+~") for key in keys})
                 remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
                 for sentence in (*remarks, *self.about(choices)):
                     say(self.name, sentence)
                 if choices.one(Run.dry_run):
                     stages, sentence = preview(plan, options)
                     rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
-                    show(counted(dict(reversed(rows.items())), "cells", "reused", "to compute"))
+                    show(count_table(dict(reversed(rows.items())), "cells", "reused", "to compute"))
                     show(sentence)
                 else:
                     left += self._run(plan, options)
@@ -269,7 +269,7 @@ class Command:
             raise SweepIncomplete("; ".join(left))
 
     def _run(self, plan: Plan, options: RunOptions) -> list[str]:
-        """Run one sweep into a store, and report it; return what is not complete."""
+        """Run one sweep and its report; return messages on failures."""
         near = path_beside(options.store)
         log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
         with watching(
@@ -279,18 +279,18 @@ class Command:
         if options.partial:
             return []
         say(self.name, summary(finished.progress, finished.seconds))
-        left = [_failed(finished.failures, log)] if finished.failures else []
+        left = [_failure_text(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
                 (self.report or self._report)(options.store, plan.choices, finished)
         except SweepIncomplete as error:
             left.append(str(error))
         except Exception as error:  # the store is complete without it
-            say(self.name, f"the store is written, but not its report: {reason(error)}")
+            say(self.name, f"the store is written, but not its report: {one_line(error)}")
         return left
 
     def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
-        from sweeps.engine.store.tables import texts  # imports xarray, which takes long
+        from sweeps.engine.store.tables import format_tables  # imports xarray, which takes long
 
         scripts = entry_points(group="console_scripts") if self.experiment.tables else ()
         reports = [one for one in scripts if one.value.startswith("sweeps.report.")]
@@ -298,35 +298,35 @@ class Command:
             with suppress(ConfigurationError):  # no table is there
                 for sentence in import_module(one.module).answer(store):
                     show(f"{sentence}\n")
-        for text in texts(store, [table.group for table in self.experiment.tables]):
+        for text in format_tables(store, [table.group for table in self.experiment.tables]):
             show(f"{text}\n")
         path = os.path.relpath(store) if isinstance(store, Path) else store
         show(f"store   {path}")
         for one in reports:
-            show(f"next    {one.name} {pasted(path)}")
+            show(f"next    {one.name} {shell_quoted(path)}")
 
-    def _cache(self, place: PathOrUrl, limit: float | None) -> None:
+    def _cache(self, path: PathOrUrl, limit: float | None) -> None:
         """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
 
         Raises ConfigurationError if a sweep uses it.
         """
-        check_cache(place)
-        packs = cells_of(place, make=False)
+        check_cache_path(path)
+        packs = open_packs(path, make=False)
         index = CellIndex(packs, lambda sentence: say(self.name, sentence))
         cells, size = index.size()
         if limit is not None:
             try:
-                with used(packs.place, alone=True):
+                with cache_lock(packs.path, exclusive=True):
                     cells, size = index.prune(limit)
             except BlockingIOError:
                 reason = "which a sweep uses; wait until it ends"
-                raise ConfigurationError(f"cache is {str(place)!r}, {reason}") from None
+                raise ConfigurationError(f"cache is {str(path)!r}, {reason}") from None
         done = "kept" if limit is None else "removed"
-        show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {place}")
+        show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {path}")
 
 
-def _limit(words: Sequence[str]) -> float | None:
-    """Return how much of a cache is to stay [byte], by the words beside `--cache`; None for all."""
+def _prune_limit(words: Sequence[str]) -> float | None:
+    """Return the limit [byte] of `--cache clear` or `--cache prune=`; None if neither is given."""
     from dask.utils import parse_bytes  # takes long
 
     if "clear" in words:
@@ -340,32 +340,32 @@ def _limit(words: Sequence[str]) -> float | None:
     return None
 
 
-def _failed(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
-    """Return how many cells and tables failed, the first of them, and where the others are."""
+def _failure_text(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
+    """Return the message on failed cells and tables: numbers, the first ones, and the log."""
     named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
     more = len(failures) - NAMED_FAILURES
     tables = sum(what.startswith("table ") for what, _ in failures)
     counts = {"cell": len(failures) - tables, "table": tables}
-    counted = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
+    parts = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
     return (
-        f"{' and '.join(counted)} failed: {named}"
+        f"{' and '.join(parts)} failed: {named}"
         + (f"; and {more:,} more" if more > 0 else "")
-        + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.written else "")
+        + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.exists else "")
     )
 
 
 def _is_for_hydra(word: str) -> bool:
-    """Return whether a word of the command line asks for Hydra's own options, jobs or folders."""
-    own = word.startswith("-") and word not in SEVERAL
+    """Return whether a word of the command line needs Hydra's own options, jobs or folders."""
+    own = word.startswith("-") and word not in MULTIRUN
     return own or word.lstrip("+~").startswith(("hydra.", "hydra/")) or "${hydra:" in word
 
 
 def _check_size(plan: Plan) -> None:
     """Refuse a sweep of too many cells."""
     cells = sum(plan.count(bound) for bound in plan.bound.values())
-    if cells > MOST_CELLS:
-        listed = ", ".join(f"{key} ({count:,})" for key, count in plan.swept.items())
+    if cells > MAX_CELLS:
+        listed = ", ".join(f"{key} ({count:,})" for key, count in plan.axis_lengths.items())
         raise ConfigurationError(
-            f"the sweep has {cells:,} cells, but may have at most {MOST_CELLS:,}; "
+            f"the sweep has {cells:,} cells, but may have at most {MAX_CELLS:,}; "
             f"numbers of values: {listed}"
         )

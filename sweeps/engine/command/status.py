@@ -1,4 +1,4 @@
-"""How far the latest sweep of a store is, as another terminal asks for it."""
+"""Text of `--status`: the state of the latest sweep of a store."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from datetime import datetime
 from rich.table import Table
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
-from sweeps.engine.run.progress import counted, state_of, states_in, time_left
+from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.run.progress import count_table, open_states, state_name, time_left
 from sweeps.engine.run.schedule import Progress
 from sweeps.engine.store.locks import is_locked
 
 
-def described(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
+def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
     """Return a sentence on the latest sweep of a store, and a table of its stages.
 
     Raises ConfigurationError if the cache knows of none.
     """
-    content = states_in(cache).get(state_of(store))
+    content = open_states(cache).get(state_name(store))
     if content is None:
         raise ConfigurationError(
             f"store is {str(store)!r}, of which the cache {str(cache)!r} knows no sweep; "
@@ -28,10 +28,8 @@ def described(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
         )
     try:
         state = json.loads(content)
-        stages = {
-            name: (Progress(*counts), float(work))
-            for name, (*counts, work) in state["stages"].items()
-        }
+        read = state["stages"].items()
+        stages = {name: (Progress(*counts), float(work)) for name, (*counts, work) in read}
         begun, at = float(state["begun"]), float(state["at"])
         process, ended = int(state["process"]), str(state["ended"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -46,7 +44,7 @@ def described(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
 
 def _table(stages: Mapping[str, tuple[Progress, float]], elapsed: float, running: bool) -> Table:
     """Return a table of cells and estimated time by stage; all of them are in the last row."""
-    every = Progress.over(one for one, _ in stages.values())
+    every = Progress.sum(one for one, _ in stages.values())
     rows = {**dict(reversed([*stages.items()])), "all": (every, sum(w for _, w in stages.values()))}
     numbers = {
         name: (one.total, one.reused, one.done, one.failed, one.left)
@@ -54,7 +52,7 @@ def _table(stages: Mapping[str, tuple[Progress, float]], elapsed: float, running
         for name, (one, work) in rows.items()
     }
     headings = ("cells", "reused", "done", "failed", "left", *["time left"] * running)
-    return counted(numbers, *headings)
+    return count_table(numbers, *headings)
 
 
 def _clock(seconds: float) -> str:

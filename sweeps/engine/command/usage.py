@@ -9,13 +9,13 @@ from pathlib import Path
 import yaml
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import spelt
+from sweeps.engine.declare.kinds import format_value
 from sweeps.engine.declare.settings import DIMENSION, Cluster, Run, Setting, Together
 from sweeps.engine.declare.stage import Experiment
 
 WIDTH = 79  # of 80, so that no terminal breaks a full line
 INDENT = "  "
-WORDS = 46  # longest word that has its text beside it
+MAX_WORD = 46  # longest word that has its text beside it
 
 OPTIONS = (
     ("-m, --multirun", "sweep the values a=1,2 as one store"),
@@ -52,12 +52,12 @@ def usage(experiment: Experiment) -> str:
             one for folder in experiment.added_conf for one in descriptions(folder, "experiment")
         ],
         f"Main keys ({several}):": [
-            (setting.key, _about(setting)) for setting in main_settings(experiment)
+            (setting.key, _description(setting)) for setting in main_settings(experiment)
         ],
         "Groups of settings (GROUP=NAME):": groups.items(),
         "Options:": OPTIONS,
     }
-    listed = {heading: _listed(list(entries)) for heading, entries in sections.items()}
+    listed = {heading: _format_entries(list(entries)) for heading, entries in sections.items()}
     parts = [
         _wrapped(f"{name}: {experiment.title}.", ""),
         [f"Usage: {name} [+experiment=NAME] [KEY=VALUE ...] [OPTION ...]"],
@@ -69,9 +69,10 @@ def usage(experiment: Experiment) -> str:
 
 
 def main_settings(experiment: Experiment) -> list[Setting]:
-    """Return the settings that `--help` lists: dimensions of stores, and those of every run."""
-    dims = [one for one in experiment.own if one.single == DIMENSION and one.fallback is None]
-    own = [one for one in experiment.own if "." not in one.key]
+    """Return the settings that `--help` lists: dimensions of stores, and settings of the run."""
+    listed = [one for one in experiment.own_settings if one.single == DIMENSION]
+    dims = [one for one in listed if one.fallback is None]
+    own = [one for one in experiment.own_settings if "." not in one.key]
     return [*own, *dims, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
 
 
@@ -95,20 +96,20 @@ def _header(conf: Path | None) -> list[str]:
     return text.splitlines()
 
 
-def _about(setting: Setting) -> str:
+def _description(setting: Setting) -> str:
     """Return the label of a setting, with its unit and default."""
     unit = f" [{setting.unit}]" if setting.unit != "1" else ""
-    return f"{setting.label}{unit}; default {spelt(setting.written)}"
+    return f"{setting.label}{unit}; default {format_value(setting.default_input)}"
 
 
-def _listed(entries: Sequence[tuple[str, str]]) -> list[str]:
+def _format_entries(entries: Sequence[tuple[str, str]]) -> list[str]:
     """Return lines of words with texts beside them, or below a long word."""
-    short = [len(word) for word, _ in entries if len(word) <= WORDS]
+    short = [len(word) for word, _ in entries if len(word) <= MAX_WORD]
     margin = " " * (max(short, default=0) + len(INDENT) + 2)
     lines = []
     for word, about in entries:
         texts = _wrapped(about, margin)
-        if texts and len(word) <= WORDS:
+        if texts and len(word) <= MAX_WORD:
             texts[0] = f"{INDENT}{word}".ljust(len(margin)) + texts[0].lstrip()
             lines += texts
         else:
@@ -116,7 +117,7 @@ def _listed(entries: Sequence[tuple[str, str]]) -> list[str]:
     return lines
 
 
-def listing(experiment: Experiment, words: Sequence[str] = ()) -> str:
+def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
     """Return the text of `--settings`: those with all of some words in their key or description.
 
     Lines have at most 79 columns, and no word is broken.
@@ -135,13 +136,12 @@ def listing(experiment: Experiment, words: Sequence[str] = ()) -> str:
             unit = f" [{setting.unit}]" if setting.unit != "1" else ""
             null = "null or " if setting.fallback is not None else ""
             axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
-            lines += _wrapped(f"{setting.key}={spelt(setting.written)}{unit}", "")
+            lines += _wrapped(f"{setting.key}={format_value(setting.default_input)}{unit}", "")
             for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrapped(about, 2 * INDENT)
     if not lines:
-        raise ConfigurationError(
-            f"--settings has {' '.join(words)!r}, but must have words of a key or a description"
-        )
+        wrong = f"--settings has {' '.join(words)!r}"
+        raise ConfigurationError(f"{wrong}, but must have words of a key or a description")
     return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""How a table of a store is shown: declared with it, kept in its attributes, read by the report."""
+"""Display of a table: declared with it, stored in its group's attributes, read by the report."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Figure:
     high: str = ""
     beside: Mapping[str, str] = field(
         default_factory=dict
-    )  # further columns: name, variable; likewise
+    )  # more columns: name, variable; likewise
     percent: bool = False  # a fraction, shown and written in percent
     digits: int | None = None  # decimals that are written; None: all
     format: str = ".4g"  # on screen and page
@@ -50,14 +50,14 @@ class Display:
     chance: float | Callable[[Choices], float] | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
-    def written(self, choices: Choices) -> dict[str, Any]:
-        """Return it as an attribute of its group, for a sweep's choices."""
+    def as_attribute(self, choices: Choices) -> dict[str, Any]:
+        """Return the attribute that stores it, for a sweep's choices."""
         chance = self.chance(choices) if callable(self.chance) else self.chance
         return {**asdict(self), "chance": chance}
 
 
-def read_display(written: Mapping[str, Any]) -> Display:
-    """Return the display that an attribute was written from."""
-    figures = tuple(Figure(**figure) for figure in written["figures"])
-    rows, notes = tuple(written["rows"]), tuple(written["notes"])
-    return Display(**{**written, "figures": figures, "rows": rows, "notes": notes})
+def parse_display(attribute: Mapping[str, Any]) -> Display:
+    """Return the display that an attribute stores."""
+    figures = tuple(Figure(**figure) for figure in attribute["figures"])
+    rows, notes = tuple(attribute["rows"]), tuple(attribute["notes"])
+    return Display(**{**attribute, "figures": figures, "rows": rows, "notes": notes})

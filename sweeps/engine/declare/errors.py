@@ -7,7 +7,7 @@ from typing import Any
 
 
 class ConfigurationError(ValueError):
-    """The configuration is invalid: one sentence with key, value and what is allowed (exit 2)."""
+    """Invalid configuration: one sentence with key, value and the allowed values (exit 2)."""
 
 
 class DeclarationError(TypeError):
@@ -22,8 +22,8 @@ class SweepIncomplete(RuntimeError):
     """Some cells failed; the message names them (exit 1)."""
 
 
-def located(thing: type | Callable[..., Any], sentence: str) -> str:
-    """Return a sentence on a class or function after its file and line, where it has these."""
+def locate(thing: type | Callable[..., Any], sentence: str) -> str:
+    """Prefix a sentence with the file and line of a class or function, if it has these."""
     try:
         file, line = inspect.getfile(thing), inspect.getsourcelines(thing)[1]
     except (OSError, TypeError):

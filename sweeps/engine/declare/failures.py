@@ -13,66 +13,66 @@ import numpy as np
 
 INDENT = "    "
 RAISED = (Exception, SystemExit)  # by a function that fails; all else ends the sweep
-LONGEST, LARGEST = 200, 20_000  # characters of an argument; of a traceback
+MAX_ARGUMENT, MAX_TRACEBACK = 200, 20_000  # characters of an argument; of a traceback
 
 
 class Failure(NamedTuple):
-    """A cell or table that failed: its name, the reason in one line, and how it came about."""
+    """A failed cell or table: its name, the reason in one line, arguments and traceback."""
 
-    what: str
-    why: str
+    name: str
+    reason: str
     arguments: str = ""  # a line each
     traceback: str = ""
 
 
-def reason(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
     """Return an exception in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def traceback_of(error: BaseException) -> str:
+def format_traceback(error: BaseException) -> str:
     """Return the traceback of an exception, without the middle of a very long one."""
     text = "".join(traceback.format_exception(error)).rstrip()
-    half = LARGEST // 2
-    return text if len(text) <= LARGEST else f"{text[:half]}\n...\n{text[-half:]}"
+    half = MAX_TRACEBACK // 2
+    return text if len(text) <= MAX_TRACEBACK else f"{text[:half]}\n...\n{text[-half:]}"
 
 
-def described(arguments: Mapping[str, Any]) -> str:
-    """Return arguments, a line each; of arrays, dtype and shape besides their first values."""
+def format_arguments(arguments: Mapping[str, Any]) -> str:
+    """Return a line for each argument; arrays with dtype, shape and first values."""
     lines = []
     for name, value in arguments.items():
         try:
             text = " ".join(repr(value).split())
         except Exception as error:  # of any class's own `__repr__`
-            text = f"{type(value).__name__} without a representation ({reason(error)})"
-        if len(text) > LONGEST:
-            text = f"{text[:LONGEST]}..."
+            text = f"{type(value).__name__} without a representation ({one_line(error)})"
+        if len(text) > MAX_ARGUMENT:
+            text = f"{text[:MAX_ARGUMENT]}..."
         array = isinstance(value, np.ndarray)
         lines.append(f"{name} = {f'{value.dtype} {value.shape} ' if array else ''}{text}")
     return "\n".join(lines)
 
 
 class FailureLog:
-    """A file to which failures are appended; it exists once there is one.
+    """A log of failures, created with the first one.
 
-    A traceback that occurs again is only referred to. No error of the disk is raised.
+    A repeated traceback is only referred to. Errors of the disk are ignored.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.written = False
+        self.exists = False
         self._seen: dict[str, str] = {}
 
     def add(self, failure: Failure) -> None:
         """Append a failure."""
-        parts = [failure.why]
+        parts = [failure.reason]
         if failure.arguments:
             parts.append(f"arguments:\n{indent(failure.arguments, INDENT)}")
         if failure.traceback:
-            first = self._seen.setdefault(failure.traceback, failure.what)
-            again = first != failure.what
+            first = self._seen.setdefault(failure.traceback, failure.name)
+            again = first != failure.name
             parts.append(f"traceback as of {first}" if again else failure.traceback)
         text = "\n".join(parts)
         with suppress(OSError), self.path.open("a", encoding="utf-8", errors="replace") as file:
-            file.write(f"{failure.what}\n{indent(text, INDENT)}\n\n")
-            self.written = True
+            file.write(f"{failure.name}\n{indent(text, INDENT)}\n\n")
+            self.exists = True

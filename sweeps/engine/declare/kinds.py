@@ -13,11 +13,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-LARGEST = 1e300  # larger numbers are mistakes, and integers need not fit a float
-MOST_VALUES = 100_000  # longer axes come from a mistaken step
+MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
+MAX_VALUES = 100_000  # longer axes come from a mistaken step
 EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
-NUMBER = r"[-+.\deE]+"  # as a text
-NEARLY = 10**9  # a step that misses `stop` by less than this part of itself lands on it
+DECIMAL = r"[-+.\deE]+"  # as a text
+STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than this part of itself lands on it
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
 
@@ -30,10 +30,10 @@ class Kind:
     @property
     def allowed(self) -> str:
         """Description of allowed values, such as 'null or a finite number at least 0'."""
-        return f"null or {self._words}" if self.null else self._words
+        return f"null or {self._description}" if self.null else self._description
 
     @property
-    def _words(self) -> str:
+    def _description(self) -> str:
         """Description of allowed values but null."""
         raise NotImplementedError
 
@@ -49,21 +49,21 @@ class Kind:
         ValueError
             Naming the key, the value and what is allowed.
         """
-        listed = self._listed(key, given)
+        listed = self._as_list(key, given)
         for value in listed:
             if not (value is None and self.null) and not self.holds(value):
-                raise ValueError(self._refused(key, value))
+                raise ValueError(self._refusal(key, value))
         return ascending(key, [None if value is None else self._read(value) for value in listed])
 
-    def _listed(self, key: str, given: Any) -> list[Any]:
+    def _as_list(self, key: str, given: Any) -> list[Any]:
         several = isinstance(given, Sequence) and not isinstance(given, str)
         return list(given) if several else [given]
 
     def _read(self, value: Any) -> Value:
         return value
 
-    def _refused(self, key: str, value: Any) -> str:
-        return f"{key} has {shown(value)}, but must be {self.allowed}"
+    def _refusal(self, key: str, value: Any) -> str:
+        return f"{key} has {quote_value(value)}, but must be {self.allowed}"
 
 
 @dataclass(frozen=True)
@@ -78,40 +78,41 @@ class Number(Kind):
     below: float = math.inf
     unit: str = "1"
 
-    sort: ClassVar[str] = "a finite number"
+    noun: ClassVar[str] = "a finite number"
 
     @property
-    def _words(self) -> str:
+    def _description(self) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.low > -math.inf and self.high < math.inf:
-            return f"{self.sort.replace('finite ', '')} from {self.low:g} to {self.high:g}{unit}"
+            return f"{self.noun.replace('finite ', '')} from {self.low:g} to {self.high:g}{unit}"
         bounds = [f"at least {self.low:g}"] if self.low > -math.inf else []
         bounds += [f"at most {self.high:g}"] if self.high < math.inf else []
         bounds += [f"below {self.below:g}"] if self.below < math.inf else []
-        return f"{self.sort} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip() + unit
+        return f"{self.noun} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip() + unit
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
         return (
             isinstance(value, int | float)
             and not isinstance(value, bool)
-            and max(self.low, -LARGEST) <= value <= min(self.high, LARGEST)
+            and max(self.low, -MAX_NUMBER) <= value <= min(self.high, MAX_NUMBER)
             and value < self.below
         )
 
-    def _listed(self, key: str, given: Any) -> list[Any]:
-        return _steps(key, given) if isinstance(given, Mapping) else super()._listed(key, given)
+    def _as_list(self, key: str, given: Any) -> list[Any]:
+        read = _read_steps if isinstance(given, Mapping) else super()._as_list
+        return read(key, given)
 
-    def _refused(self, key: str, value: Any) -> str:
+    def _refusal(self, key: str, value: Any) -> str:
         text = value if isinstance(value, str) else ""
-        if re.fullmatch(f"{NUMBER}([ ;]+{NUMBER})+", text):
+        if re.fullmatch(f"{DECIMAL}([ ;]+{DECIMAL})+", text):
             meant = f"; a list has commas, '{key}=[{', '.join(re.split('[ ;]+', text))}]'"
-        elif found := re.fullmatch(f"({NUMBER}):({NUMBER}):({NUMBER})", text):
+        elif found := re.fullmatch(f"({DECIMAL}):({DECIMAL}):({DECIMAL})", text):
             steps = "start: {}, stop: {}, step: {}".format(*found.groups())
             meant = f"; steps are '{key}={{{steps}}}'"
         else:
             meant = ""
-        return super()._refused(key, value) + meant
+        return super()._refusal(key, value) + meant
 
     def _read(self, value: Any) -> Value:
         return float(value) + 0.0  # -0.0 becomes 0.0, which equals it
@@ -123,7 +124,7 @@ class Count(Number):
 
     low: float = 1
 
-    sort: ClassVar[str] = "a whole number"
+    noun: ClassVar[str] = "a whole number"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
@@ -140,13 +141,13 @@ class Draws(Kind):
     high: int
 
     @property
-    def _words(self) -> str:
+    def _description(self) -> str:
         return f"a whole number from 1 to {self.high}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
         if type(given) is not int or not 1 <= given <= self.high:
-            raise ValueError(f"{key} is {shown(given)}, but must be {self.allowed}")
+            raise ValueError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
         return tuple(range(given))
 
 
@@ -157,7 +158,7 @@ class Word(Kind):
     words: tuple[str, ...]
 
     @property
-    def _words(self) -> str:
+    def _description(self) -> str:
         return f"one of {', '.join(self.words)}"
 
     def holds(self, value: Any) -> bool:
@@ -169,7 +170,7 @@ class Word(Kind):
 class Switch(Kind):
     """On, off, or both."""
 
-    _words: ClassVar[str] = "one of true, false"
+    _description: ClassVar[str] = "one of true, false"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
@@ -180,7 +181,7 @@ class Switch(Kind):
 class Text(Kind):
     """Any text that is not empty, such as a path."""
 
-    _words: ClassVar[str] = "a text that is not empty"
+    _description: ClassVar[str] = "a text that is not empty"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
@@ -193,7 +194,7 @@ class Date(Kind):
 
     unit: str = ""
 
-    _words: ClassVar[str] = "a time from 1678 to 2261 without a zone"
+    _description: ClassVar[str] = "a time from 1678 to 2261 without a zone"
 
     def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
@@ -212,8 +213,8 @@ class Date(Kind):
             return read(value, self.unit)
         return datetime.fromisoformat(value) if isinstance(value, str) else value
 
-    def written(self, values: tuple[Value, ...]) -> list[str]:
-        """Return what a user writes to get some values."""
+    def as_input(self, values: tuple[Value, ...]) -> list[str]:
+        """Return the input that gives some values."""
         return [str(value) if self.unit else value.isoformat() for value in values]
 
 
@@ -225,14 +226,14 @@ class Vector(Kind):
     element: Number = field(default_factory=Number)
 
     @property
-    def _words(self) -> str:
+    def _description(self) -> str:
         return f"a list of {self.size}, each {self.element.allowed}"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
-        listed = self._listed(key, given)
+        listed = self._as_list(key, given)
         if len(listed) != self.size or not all(map(self.element.holds, listed)):
-            raise ValueError(f"{key} is {shown(given)}, but must be {self.allowed}")
+            raise ValueError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
         return (tuple(map(self.element._read, listed)),)
 
 
@@ -269,33 +270,33 @@ class SetOf(Kind):
 class Groups(Kind):
     """Lists of words, each list a group: one value."""
 
-    _words: ClassVar[str] = "a list of lists of names"
+    _description: ClassVar[str] = "a list of lists of names"
 
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """See `Kind.values`."""
-        groups = [] if given is None else self._listed(key, given)
+        groups = [] if given is None else self._as_list(key, given)
         for group in groups:
             words = isinstance(group, Sequence) and not isinstance(group, str)
             if not words or len(group) < 2 or not all(isinstance(one, str) for one in group):
                 raise ValueError(
-                    f"{key} is {shown(given)}, but must be {self.allowed}, two or more in each"
+                    f"{key} is {quote_value(given)}, but must be {self.allowed}, at least two each"
                 )
         return (tuple(map(tuple, groups)),)
 
 
-def shown(value: Any) -> str:
+def quote_value(value: Any) -> str:
     """Return a value as messages show it: None as null."""
     if isinstance(value, list):
-        return f"[{', '.join(map(shown, value))}]"
+        return f"[{', '.join(map(quote_value, value))}]"
     return "null" if value is None else repr(value)
 
 
-def spelt(value: Any) -> str:
-    """Return a value, or a mapping or list of values, as it is written on the command line."""
+def format_value(value: Any) -> str:
+    """Return a value, or a mapping or list of values, as the command line reads it."""
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {spelt(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key}: {format_value(one)}' for key, one in value.items())}}}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(spelt, value))}]"
+        return f"[{', '.join(map(format_value, value))}]"
     if isinstance(value, float):
         return f"{value:.12g}"
     return json.dumps(value) if value is None or isinstance(value, bool) else str(value)
@@ -310,17 +311,18 @@ def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
         # A store ends texts at their last character that is not NUL.
         label = value.rstrip("\0") if isinstance(value, str) else value
         if label in seen:
-            raise ValueError(f"{key} has {shown(value)} more than once, but values must differ")
+            wrong = f"{key} has {quote_value(value)} more than once"
+            raise ValueError(f"{wrong}, but values must differ")
         seen.add(label)
-    return tuple(sorted(values, key=rank))
+    return tuple(sorted(values, key=sort_key))
 
 
-def rank(value: Value) -> tuple[bool, Any]:
+def sort_key(value: Value) -> tuple[bool, Any]:
     """Return the sort key of a value: None comes first."""
     return value is not None, 0 if value is None else value
 
 
-def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
+def _read_steps(key: str, given: Mapping[str, Any]) -> list[float]:
     """Return values from start to stop, inclusive if a step lands on it."""
     if set(given) != {"start", "stop", "step"}:
         raise ValueError(
@@ -329,19 +331,19 @@ def _steps(key: str, given: Mapping[str, Any]) -> list[float]:
         )
     for name, value in given.items():
         if not Number().holds(value):
-            raise ValueError(Number()._refused(f"{key}.{name}", value))
+            raise ValueError(Number()._refusal(f"{key}.{name}", value))
     # As decimals: 0.1 steps give 0.3 and not 0.30000000000000004.
     numbers = [float(given[name]) for name in ("start", "stop", "step")]
     start, stop, step = (Fraction(repr(number)) for number in numbers)
     if step <= 0:
-        raise ValueError(f"{key}.step has {shown(given['step'])}, but must be above 0")
-    count = (stop - start + step / NEARLY) // step + 1
+        raise ValueError(f"{key}.step has {quote_value(given['step'])}, but must be above 0")
+    count = (stop - start + step / STEP_TOLERANCE) // step + 1
     if count < 1:
         ends = "{:g} to {:g}".format(*numbers)
         raise ValueError(f"{key} runs from {ends}, but stop must not be below start")
-    if count > MOST_VALUES:
+    if count > MAX_VALUES:
         by = f"{numbers[2]:g}"
-        raise ValueError(f"{key}.step is {by}, but must leave at most {MOST_VALUES} values")
-    lands = abs(start + step * (count - 1) - stop) * NEARLY <= step
+        raise ValueError(f"{key}.step is {by}, but must leave at most {MAX_VALUES} values")
+    lands = abs(start + step * (count - 1) - stop) * STEP_TOLERANCE <= step
     found = [float(start + step * number) for number in range(count)]
     return [*found[:-1], numbers[1]] if lands else found

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar, Self
 
-from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, located
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, locate
 from sweeps.engine.declare.kinds import (
     Count,
     Draws,
@@ -33,13 +33,13 @@ from sweeps.engine.declare.kinds import (
     Value,
     Vector,
     Word,
-    shown,
-    spelt,
+    format_value,
+    quote_value,
 )
 
-CACHE = "SWEEP_CACHE"  # the environment variable that has the folder of the cache, if one is given
-DIMENSION, COORDINATE = "dimension", "coordinate"  # what a setting of one value may be in a store
-NO_RESULT = "no result depends on it"  # why a setting of where or how to run takes one value
+CACHE_VARIABLE = "SWEEP_CACHE"  # environment variable with the folder of the cache
+DIMENSION, COORDINATE = "dimension", "coordinate"  # roles in a store of a setting of one value
+AFFECTS_NO_RESULT = "no result depends on it"  # why such a setting takes one value
 
 
 class Unit(str):
@@ -65,7 +65,7 @@ class Setting:
     default: Any
     label: str
     unit: str = "1"
-    help: str = ""  # further information for users
+    help: str = ""  # more in `--settings` than the label
     dimension: str = ""  # its name in stores; by default the last word of its key
     # Why it takes one value only; empty if several make it an axis. None: as its class, or empty.
     fixed: str | None = None
@@ -90,14 +90,14 @@ class Setting:
         return self.default if isinstance(self.default, Setting) else None
 
     @property
-    def written(self) -> Any:
+    def default_input(self) -> Any:
         """Its default as a user would write it."""
         return None if isinstance(self.default, Setting) else self.default
 
     @property
-    def identity(self) -> bool:
+    def affects_results(self) -> bool:
         """Whether results depend on it."""
-        return self.fixed != NO_RESULT
+        return self.fixed != AFFECTS_NO_RESULT
 
     def in_si(self, value: Value) -> Value:
         """Return a value, or a tuple of values, as stages get it: in SI of a `Unit`."""
@@ -108,13 +108,13 @@ class Setting:
         return value * self.unit.si
 
     @property
-    def called(self) -> str:
-        """What messages call it."""
+    def message_name(self) -> str:
+        """Its name in messages."""
         return self.key
 
-    def spelling(self, values: Iterable[Value]) -> str:
-        """Return how a user gives it some values."""
-        return f"{self.key}=[{','.join(map(spelt, values))}]"
+    def override(self, values: Iterable[Value]) -> str:
+        """Return the override that gives it some values."""
+        return f"{self.key}=[{','.join(map(format_value, values))}]"
 
     @property
     def entries(self) -> tuple[Setting, ...]:
@@ -128,9 +128,8 @@ class Setting:
         except ValueError as error:
             raise ConfigurationError(str(error)) from None
         if self.fixed and len(found) > 1 and not isinstance(self.kind, Draws):
-            raise ConfigurationError(
-                f"{self.key} has {len(found)} values, but must have one: {self.fixed}"
-            )
+            count = f"{self.key} has {len(found)} values"
+            raise ConfigurationError(f"{count}, but must have one: {self.fixed}")
         return found
 
 
@@ -146,13 +145,13 @@ class Settings:
             if isinstance(value, Setting):
                 if name in ("key", "declared"):
                     wrong = f"setting {name} must have another name: every group has its own {name}"
-                    raise DeclarationError(located(cls, wrong))
+                    raise DeclarationError(locate(cls, wrong))
                 if not isinstance(value.unit, str):
                     wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
-                    raise DeclarationError(located(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
-                of_class = {"single": single, "fixed": fixed}.items()
-                own: Any = {of: given for of, given in of_class if getattr(value, of) is None}
-                setting = replace(value, key=f"{key}.{name}".lstrip("."), **own)
+                    raise DeclarationError(locate(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
+                class_options = {"single": single, "fixed": fixed}.items()
+                inherited: Any = {of: to for of, to in class_options if getattr(value, of) is None}
+                setting = replace(value, key=f"{key}.{name}".lstrip("."), **inherited)
                 if value.fallback in found:  # of the same group, whose key is set only now
                     setting = replace(setting, default=found[value.fallback])
                 setattr(cls, name, setting)
@@ -220,7 +219,7 @@ def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...
 CLUSTERS = ("inline", "local", "address", "slurm")
 
 
-class Run(Settings, fixed=NO_RESULT):
+class Run(Settings, fixed=AFFECTS_NO_RESULT):
     """The run."""
 
     seed = count(0, 0, 2**63, label="seed of all noise", fixed="")
@@ -233,7 +232,7 @@ class Run(Settings, fixed=NO_RESULT):
     partial = switch(False, label="compute nothing, and store the cells that the cache has")
 
 
-class Together(Settings, key="grid", fixed=NO_RESULT):
+class Together(Settings, key="grid", fixed=AFFECTS_NO_RESULT):
     """Axes that run together."""
 
     zip = Setting(
@@ -241,7 +240,7 @@ class Together(Settings, key="grid", fixed=NO_RESULT):
     )
 
 
-class Cluster(Settings, key="cluster", fixed=NO_RESULT):
+class Cluster(Settings, key="cluster", fixed=AFFECTS_NO_RESULT):
     """The cluster; see `sweeps.engine.run.cluster.ClusterChoice`."""
 
     kind = word("local", CLUSTERS, label="where tasks run")
@@ -262,13 +261,13 @@ ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)
 
 @dataclass(frozen=True)
 class Joint:
-    """Joint axis of several settings: their keys, and a value of each at every place."""
+    """Joint axis of several settings: their keys, and the values of all at each position."""
 
     name: str
     keys: tuple[str, ...]
     points: tuple[tuple[Value, ...], ...]
-    labels: tuple[str, ...] | None = None  # of the places, where they have names
-    bare: bool = False  # whether the values of the settings are its only coordinates
+    labels: tuple[str, ...] | None = None  # of the positions, if they have names
+    unlabelled: bool = False  # has the settings' values as its only coordinates
 
 
 @dataclass(frozen=True)
@@ -278,36 +277,35 @@ class Choices:
     values: Mapping[str, tuple[Value, ...]]
     joint: tuple[Joint, ...] = ()
     given: tuple[str, ...] = field(default=(), compare=False)  # keys of the command line
-    asked: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
+    read_keys: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:
         """Return all values of a setting."""
-        self.asked.add(setting.key)
+        self.read_keys.add(setting.key)
         return self.values[setting.key]
 
     @property
     def variables(self) -> dict[str, str]:
-        """Environment variables that hold while anything of a sweep is called, also on workers."""
+        """Environment variables of a sweep's calls, also on workers."""
         folder = self.one(Run.cache)
-        return {CACHE: os.path.abspath(folder)} if folder and "://" not in folder else {}
+        return {CACHE_VARIABLE: os.path.abspath(folder)} if folder and "://" not in folder else {}
 
     def one(self, setting: Setting) -> Value:
         """Return the value of a setting that has one."""
         (value,) = self[setting]
         return value
 
-    def having(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
+    def replace(self, setting: Setting, values: tuple[Value, ...]) -> Choices:
         """Return choices with other values of one setting."""
         return replace(self, values={**self.values, setting.key: values})
 
     def points(self, keys: Sequence[str]) -> Iterator[tuple[Value, ...]]:
-        """Yield the values of some settings, by key, at all places of the axes."""
+        """Yield the values of some settings, by key, at all points of their axes."""
         joint = [one for one in self.joint if not set(one.keys).isdisjoint(keys)]
         axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
         together = {key for one in joint for key in one.keys}
-        axes += [
-            [{key: value} for value in self.values[key]] for key in keys if key not in together
-        ]
+        others = [key for key in keys if key not in together]
+        axes += [[{key: value} for value in self.values[key]] for key in others]
         for point in product(*axes):
             found = ChainMap(*point)
             yield tuple(found[key] for key in keys)
@@ -322,20 +320,20 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
         Naming the first invalid key.
     """
     values: dict[str, tuple[Value, ...]] = {}
-    standing_for: dict[str, str] = {}
+    defaulting: dict[str, str] = {}
     for setting in settings:
-        written = given.get(setting.key, setting.written)
+        written = given.get(setting.key, setting.default_input)
         if written is None and setting.fallback is not None:
-            standing_for[setting.key] = setting.fallback.key
+            defaulting[setting.key] = setting.fallback.key
         else:
             values[setting.key] = setting.values(written)
-    for key, other in standing_for.items():
+    for key, other in defaulting.items():
         values[key] = values[other]
     return Choices(values)
 
 
 def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return values by name of a mapping that is one value of a setting, checked as settings are.
+    """Return the checked entries of a mapping that is one value of a setting.
 
     `entries` are its keys; those without a default are required.
 
@@ -352,12 +350,12 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
             )
     for name, one in by_name.items():
         if name not in given and one.default is None and not one.kind.null:
-            raise ConfigurationError(f"{key} is {shown(given)}, but must have {name}")
+            raise ConfigurationError(f"{key} is {quote_value(given)}, but must have {name}")
     return {name: one.values(given.get(name, one.default))[0] for name, one in by_name.items()}
 
 
 def nested(by_key: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is given by key by the words of the keys, group within group."""
+    """Return nested mappings of values by key, split at the dots."""
     tree: dict[str, Any] = {}
     for key, value in by_key.items():
         *groups, last = key.split(".")

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.engine.declare.display import Display
-from sweeps.engine.declare.errors import DeclarationError, located
+from sweeps.engine.declare.errors import DeclarationError, locate
 from sweeps.engine.declare.kinds import Value
 from sweeps.engine.declare.settings import (
     COORDINATE,
@@ -37,7 +37,7 @@ from sweeps.engine.declare.settings import (
     Setting,
     Settings,
 )
-from sweeps.engine.declare.storable import DATES, LARGEST
+from sweeps.engine.declare.storable import is_storable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,7 +46,7 @@ Condition = Callable[[Choices], bool]
 Say = Callable[[str], None]
 
 RNG, VALID = "rng", "valid"  # arguments that are neither settings nor stages
-EVERY = math.inf
+UNLIMITED = math.inf
 FIRST = "first_"  # before the name of a dimension: the output at which arrays begin on it
 
 
@@ -62,9 +62,9 @@ RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", 
 class Output:
     """One array that a stage returns for every cell: a variable of the store with own dimensions.
 
-    An own dimension that is named like that of a gathered setting has its values as coordinate.
-    If the stage has an output `first_row`, a whole number, a cell's array begins there on the
-    dimension `row` of other outputs, whose label and unit it has.
+    A dimension with the name of a gathered setting has its values as coordinate. If the stage has
+    an output `first_row`, a whole number, the arrays of a cell begin there on the dimension `row`,
+    which has its label and unit.
     """
 
     name: str
@@ -72,9 +72,7 @@ class Output:
     dtype: str = "f4"
     label: str = ""
     unit: str = "1"
-    pad: complex | str | None = (
-        None  # padding up to the largest cell's array; None: all have one shape
-    )
+    pad: complex | str | None = None  # up to the largest cell's array; None: all have one shape
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
     # RESULT; COORDINATE of its group; INNER: of other stages only; STATE of cells that a group
     # gathers; MEASURED by the machine, such as a run time: computed again, it differs; SHARE, from
@@ -83,17 +81,17 @@ class Output:
     attrs: Mapping[str, Any] = field(default_factory=dict, hash=False)  # besides unit and label
 
     @property
-    def stored(self) -> bool:
+    def is_stored(self) -> bool:
         """Whether it is a variable of the store, if its stage has a group."""
         return self.role != INNER
 
     @property
     def identity(self) -> tuple[Any, ...]:
-        """What counts of it in the keys of results."""
-        return self.name, self.dtype, repr(self.empty)
+        """Its part of the keys of results."""
+        return self.name, self.dtype, repr(self.fill_value)
 
     @property
-    def empty(self) -> complex | str:
+    def fill_value(self) -> complex | str:
         """Value of missing results: NaN, NaT, no text, false, unsigned 0, else `pad` or -1."""
         of_kind: dict[str, complex | str] = {"f": np.nan, "U": "", "b": False, "u": 0, "M": "NaT"}
         of_kind["c"] = complex(np.nan, np.nan)
@@ -101,11 +99,11 @@ class Output:
         return of_kind.get(np.dtype(self.dtype).kind, of_integers)
 
     @property
-    def in_store(self) -> tuple[np.dtype[Any], complex | str]:
+    def store_dtype(self) -> tuple[np.dtype[Any], complex | str]:
         """Dtype and value of missing results in the store: shares have -1, which is none."""
         dtype = np.dtype(self.dtype)
         if self.role != SHARE:
-            return dtype, self.empty
+            return dtype, self.fill_value
         return np.dtype(f"i{2 * dtype.itemsize}"), -1
 
 
@@ -128,11 +126,11 @@ class Status:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """A group of the store, and what its stages have in common."""
+    """A group of the store, and the defaults of its stages."""
 
     path: str
     when: Condition = always  # whether a configuration has it at all
-    uses: tuple[type[Settings], ...] = ()  # of stages that do not say what they use
+    uses: tuple[type[Settings], ...] = ()  # of stages without `uses`
     dims: tuple[str, ...] = ()  # their order; those not named come first
     status: Status | None = None  # None: every stage has a status of its own
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
@@ -154,7 +152,7 @@ class At:
     """A stage that is read at other settings' values, such as training at one range for all.
 
     Settings that run together with such a setting are as they are there. What is gathered
-    `in_blocks` is read when it is indexed (`sweeps.engine.run.tasks.Gathered`), not whole before.
+    `in_blocks` is read when it is indexed (a `GatheredArray`), not whole before.
     """
 
     stage: str
@@ -171,7 +169,7 @@ class Stream:
 
     settings: tuple[Setting, ...]
     name: str = ""  # by default the stage's
-    optional: tuple[Setting, ...] = ()  # further ones, which do not count at their first value
+    optional: tuple[Setting, ...] = ()  # do not count at their first value
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,10 +192,10 @@ class Stage:
     gather: tuple[Setting, ...] = ()
     stream: Stream | None = None  # of `rng`; None: keyed by all that it depends on
     group: Group = NOWHERE  # of the store; by default its results only serve other stages
-    # Number of results that are kept: all (EVERY), arrays on disk; some, any objects, in memory;
+    # Number of results that are kept: all (UNLIMITED), arrays on disk; some objects, in memory;
     # or none (0), because it is called while planning: a quick function of settings, whose
     # result, a number, text or tuple of them, counts as a value, whatever its inputs.
-    keep: float = EVERY
+    keep: float = UNLIMITED
     version: str = ""  # counts in keys instead of the function's code, if it is given
 
     def __post_init__(self) -> None:
@@ -208,11 +206,11 @@ class Stage:
             if not isinstance(value, tuple | list):
                 named = getattr(value, "key", value)
                 wrong = f"stage {self.name} has {named!r} as {what}, but must have a tuple, "
-                raise DeclarationError(located(self.function, f"{wrong}with a comma: (NAME,)"))
+                raise DeclarationError(locate(self.function, f"{wrong}with a comma: (NAME,)"))
         for one in self.outputs:
             if not isinstance(one.unit, str):
                 wrong = f"stage {self.name}: {one.name} has unit={one.unit!r}, but must have a text"
-                raise DeclarationError(located(self.function, wrong))
+                raise DeclarationError(locate(self.function, wrong))
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
@@ -235,48 +233,48 @@ class Stage:
         return named + tuple(name for name in self.reads if takes_any and name not in named)
 
     def origin(self, output: Output) -> dict[str, Output]:
-        """Return the outputs at which the arrays of another begin, by dimension."""
+        """Return by dimension the outputs that say where the arrays of `output` begin."""
         firsts = {one.name: one for one in self.outputs if not one.dims}
         named = {dim: firsts.get(f"{FIRST}{dim}") for dim in output.dims}
         return {dim: first for dim, first in named.items() if first is not None}
 
-    def is_even(self, output: Output) -> bool:
-        """Return whether the store needs arrays of one shape in all cells."""
+    def has_fixed_shape(self, output: Output) -> bool:
+        """Return whether arrays must have one shape in all cells."""
         padded = output.pad is not None or self.origin(output)
-        return output.stored and bool(output.dims) and not padded
+        return output.is_stored and bool(output.dims) and not padded
 
     @property
-    def at(self) -> dict[Setting, Setting]:
-        """Return settings of whose inputs the values are others'."""
+    def substitutions(self) -> dict[Setting, Setting]:
+        """Return settings that inputs take at the values of other settings."""
         elsewhere = (read.settings for read in self.reads.values() if isinstance(read, At))
         return {one: other for settings in elsewhere for one, other in settings.items()}
 
-    def place_of(self, output: Output) -> str:
-        """Return the group of the store that has one of its outputs; empty if none has."""
+    def store_group(self, output: Output) -> str:
+        """Return the store's group of an output; empty if it is not stored."""
         status = self.group.status
         if output.role == STATE and status is not None:
             return status.name.partition(":")[0]
-        return self.group.path if output.stored else ""
+        return self.group.path if output.is_stored else ""
 
     @property
-    def kept(self) -> bool:
-        """Return whether results are kept on disk."""
-        return self.keep == EVERY
+    def is_cached(self) -> bool:
+        """Whether results are cached on disk."""
+        return self.keep == UNLIMITED
 
     @property
-    def plain(self) -> bool:
-        """Return whether it is called while planning."""
+    def is_plain(self) -> bool:
+        """Whether it is called while planning."""
         return self.keep == 0
 
-    def checked_value(self, value: Value) -> Value:
+    def check_value(self, value: Value) -> Value:
         """Return the result of a plain stage; raise DeclarationError if it cannot be in a key."""
         for one in value if isinstance(value, tuple) else (value,):
             if isinstance(one, tuple):
-                self.checked_value(one)
+                self.check_value(one)
             elif type(one).__repr__ is object.__repr__ and not hasattr(one, "identity"):
                 raise DeclarationError(
                     f"stage {self.name} returned {type(one).__name__!r}, but a plain stage must "
-                    "return a number, text, null or tuple of them, or what has an identity"
+                    "return a number, text, null, a tuple of them, or a value with an identity"
                 )
         return value
 
@@ -299,7 +297,7 @@ def plain(**how: Any) -> Declare:
 
 
 def in_memory(*, keep: int = 2, **how: Any) -> Declare:
-    """Declare a function of whose results the last `keep` stay in memory only; see `Stage`."""
+    """Declare a function whose last `keep` results stay in memory only; see `Stage`."""
     return stage(keep=keep, **how)
 
 
@@ -339,16 +337,17 @@ class Experiment:
     code: tuple[str, ...] = ()  # packages whose code counts in the keys of results
 
     def __post_init__(self) -> None:
-        for mistake in mistakes(self):
+        for mistake in find_mistakes(self):
             raise DeclarationError(mistake)
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
         """Every setting, including those of the engine."""
-        return (*self.own, *(setting for group in ENGINE_SETTINGS for setting in group.declared))
+        engine = (setting for group in ENGINE_SETTINGS for setting in group.declared)
+        return (*self.own_settings, *engine)
 
     @cached_property
-    def own(self) -> tuple[Setting, ...]:
+    def own_settings(self) -> tuple[Setting, ...]:
         """Every setting of the experiment."""
         groups = (
             (one,) if isinstance(one, Setting) else one.declared
@@ -379,20 +378,20 @@ class Experiment:
 
 
 @dataclass(frozen=True, eq=False)
-class Bound:
+class BoundStage:
     """A stage with resolved arguments: by name a setting, or another stage; not `rng`, `valid`."""
 
     stage: Stage
-    arguments: Mapping[str, Setting | Bound]
+    arguments: Mapping[str, Setting | BoundStage]
     needs: tuple[str, ...]  # keys of settings that a cell depends on, through inputs, too; sorted
-    inputs: tuple[Bound, ...]
+    inputs: tuple[BoundStage, ...]
     name: str
     random: bool  # whether it draws
     along: tuple[str, ...]  # keys of the axes that it computes together
     gather: tuple[str, ...]  # and of those that it gathers
 
 
-def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound]:
+def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, BoundStage]:
     """Return stages by name with resolved arguments, every stage after those that it needs.
 
     `joint` are the settings that run together in a sweep.
@@ -402,23 +401,23 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
     DeclarationError
         If an argument is neither a setting nor a stage, or stages need each other in a circle.
     """
-    bound: dict[str, Bound] = {}
-    under_way: list[str] = []
+    bound: dict[str, BoundStage] = {}
+    visiting: list[str] = []
     together = {key: one.keys for one in joint if len(one.points) > 1 for key in one.keys}
 
-    def visit(name: str) -> Bound:
-        if name in under_way:
-            raise DeclarationError(f"stages need each other: {' -> '.join((*under_way, name))}")
+    def visit(name: str) -> BoundStage:
+        if name in visiting:
+            raise DeclarationError(f"stages need each other: {' -> '.join((*visiting, name))}")
         if name not in bound:
-            under_way.append(name)
+            visiting.append(name)
             declared = experiment.by_name[name]
             named = [one for one in declared.arguments if one not in (RNG, VALID)]
             arguments = {one: argument(declared, one) for one in named}
-            bound[name] = _bound(declared, arguments, together)
-            under_way.pop()
+            bound[name] = _bind_stage(declared, arguments, together)
+            visiting.pop()
         return bound[name]
 
-    def argument(declared: Stage, name: str) -> Setting | Bound:
+    def argument(declared: Stage, name: str) -> Setting | BoundStage:
         """Return an argument's setting or stage: from `reads`, else the one of that name."""
         what = f"stage {declared.name}: argument {name!r} is"
         source = declared.reads.get(name, name)
@@ -434,29 +433,28 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
                     "say which by reads"
                 )
             if setting.key not in experiment.by_key:
-                raise DeclarationError(
-                    f"stage {declared.name}: setting {setting.key} is not in the experiment"
-                )
+                what = f"stage {declared.name}: setting {setting.key}"
+                raise DeclarationError(f"{what} is not in the experiment")
             return setting
         if source in experiment.by_name:
             return visit(source)
         groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
         sentence = f"{what} neither a setting of {groups} nor a stage"
-        raise DeclarationError(located(declared.function, sentence))
+        raise DeclarationError(locate(declared.function, sentence))
 
     for declared in experiment.stages:
         visit(declared.name)
     return bound
 
 
-def _bound(
+def _bind_stage(
     declared: Stage,
-    arguments: Mapping[str, Setting | Bound],
+    arguments: Mapping[str, Setting | BoundStage],
     together: Mapping[str, tuple[str, ...]],
-) -> Bound:
-    inputs = tuple(one for one in arguments.values() if isinstance(one, Bound))
+) -> BoundStage:
+    inputs = tuple(one for one in arguments.values() if isinstance(one, BoundStage))
     needs = {one.key for one in arguments.values() if isinstance(one, Setting)}
-    at = {one.key: other.key for one, other in declared.at.items()}
+    at = {one.key: other.key for one, other in declared.substitutions.items()}
     for source in inputs:
         taken = set(source.needs)
         for key in at.keys() & source.needs:  # with all that runs together with it
@@ -470,31 +468,31 @@ def _bound(
     gather = tuple(setting.key for setting in declared.gather)
     whole = {*along, *gather}
     if missing := whole - needs:
-        wrong = _unneeded(declared.name, missing, inputs)
-        raise DeclarationError(located(declared.function, wrong))
+        wrong = _unneeded_message(declared.name, missing, inputs)
+        raise DeclarationError(locate(declared.function, wrong))
     for source in inputs:
-        if not source.stage.kept and (wanted := whole & set(source.needs)):
+        if not source.stage.is_cached and (wanted := whole & set(source.needs)):
             raise DeclarationError(
                 f"stage {declared.name}: {source.name} is not kept on disk, so it cannot depend on "
                 f"{', '.join(sorted(wanted))}, which {declared.name} needs together"
             )
     own = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
-    return Bound(declared, arguments, own, inputs, declared.name, random, along, gather)
+    return BoundStage(declared, arguments, own, inputs, declared.name, random, along, gather)
 
 
-def _unneeded(name: str, keys: Collection[str], inputs: Iterable[Bound]) -> str:
-    """Return the sentence that a stage gathers axes on which nothing of it depends."""
+def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundStage]) -> str:
+    """Return the message that no input of a stage depends on some axes that it takes whole."""
     listed = ", ".join(sorted(keys))
-    above = (one for source in inputs for one in (source, *source.inputs) if one.random)
-    drawing = next((one.name for one in above), "")
-    hint = f"; if {drawing}, which takes rng, is to draw anew for each, name the settings of its"
-    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawing)
+    upstream = (one for source in inputs for one in (source, *source.inputs) if one.random)
+    drawn = next((one.name for one in upstream), "")
+    hint = f"; if {drawn}, which takes rng, is to draw anew for each, name the settings of its"
+    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawn)
     return f"stage {name} does not need {listed}{stream}"
 
 
 def value_token(value: Value) -> str:
-    """Return the text of a value in a key: equal for equal values only."""
+    """Return the text of a value in a key, different for different values."""
     identity = getattr(value, "identity", None)
     return repr(value) if identity is None else f"={identity!r}"
 
@@ -502,46 +500,46 @@ def value_token(value: Value) -> str:
 # checks of declarations ---------------------------------------------------------------------------
 
 
-def mistakes(experiment: Experiment) -> Iterator[str]:
-    """Yield what is wrong in the declarations of an experiment; `bind` raises what else there is.
+def find_mistakes(experiment: Experiment) -> Iterator[str]:
+    """Yield the mistakes in the declarations of an experiment; `bind` raises the others.
 
-    Each may be a consequence of those before it.
+    A mistake may follow from an earlier one.
     """
     settings, stages = experiment.declared, experiment.stages
     keys = [one.key for one in settings]
-    yield from _twice(keys, "settings")
-    yield from _twice((one.name for one in stages), "stages")
+    yield from _duplicates(keys, "settings")
+    yield from _duplicates((one.name for one in stages), "stages")
     outputs = [
-        f"{stage.place_of(output)}/{output.name}"
+        f"{stage.store_group(output)}/{output.name}"
         for stage in stages
         for output in stage.outputs
-        if stage.place_of(output)
+        if stage.store_group(output)
     ]
-    yield from _twice(outputs, "outputs of a group of the store")
+    yield from _duplicates(outputs, "outputs of a group of the store")
     for setting in settings:
         yield from _bad_name(f"setting {setting.key}", setting.name)
         if setting.single and setting.single not in (DIMENSION, COORDINATE):
             single = f"single={setting.single!r}, but must have one of"
             yield f"setting {setting.key} has {single} {DIMENSION!r}, {COORDINATE!r}"
     for stage in stages:
-        yield from _of_stage(stage, keys)
+        yield from _stage_mistakes(stage, keys)
     groups = {name.rpartition("/")[0] for name in outputs}
     for table in experiment.tables:
         yield from _bad_group(f"table {table.group}", table.group)
         yield from _unknown(f"table {table.group}: group", table.of, groups)
         groups.add(table.group)
-    yield from _names(settings, bind(experiment).values())
+    yield from _name_clashes(settings, bind(experiment).values())
 
 
-def _names(settings: Iterable[Setting], stages: Iterable[Bound]) -> Iterator[str]:
-    """Yield outputs and own dimensions that are named like something else in their group."""
+def _name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> Iterator[str]:
+    """Yield clashes of the names of outputs and dimensions in a group."""
     in_stores = {s.key: s for s in settings if s.single or not s.fixed}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
     stored = [
-        (bound, output, bound.stage.place_of(output))
+        (bound, output, bound.stage.store_group(output))
         for bound in stages
         for output in bound.stage.outputs
-        if bound.stage.place_of(output)
+        if bound.stage.store_group(output)
     ]
     dims = {(group, dim) for _, output, group in stored for dim in output.dims}
     for bound, _, group in stored:
@@ -559,18 +557,18 @@ def _names(settings: Iterable[Setting], stages: Iterable[Bound]) -> Iterator[str
                 yield f"{what} {how}, which the stage does not gather; rename one of them"
 
 
-def _of_stage(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
+def _stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
     what, status = f"stage {stage.name}", stage.group.status
     yield from _bad_name(what, stage.name)
-    yield from _twice((one.name for one in stage.outputs), f"outputs of {what}")
+    yield from _duplicates((one.name for one in stage.outputs), f"outputs of {what}")
     if stage.group.path:
         yield from _bad_group(what, stage.group.path)
     for output in stage.outputs:
         for name in (output.name, *output.dims):
             yield from _bad_name(what, name)
-        yield from _bad_dtype(f"{what}: {output.name}", output, stage.place_of(output))
+        yield from _bad_dtype(f"{what}: {output.name}", output, stage.store_group(output))
     stream = stage.stream or Stream(())
-    named = (*stage.along, *stage.gather, *chain.from_iterable(stage.at.items()))
+    named = (*stage.along, *stage.gather, *chain.from_iterable(stage.substitutions.items()))
     named += (*stage.group.names, *(status.over if status else ()))
     named += (*stream.settings, *stream.optional)
     yield from _unknown(f"{what}: setting", [one.key for one in named], keys)
@@ -587,10 +585,7 @@ def _bad_dtype(what: str, output: Output, stored: Any) -> Iterator[str]:
     except TypeError:
         yield f"{what} has the dtype {dtype!r}, unknown to numpy"
         return
-    plain = not (found.hasobject or found.names or found.subdtype)
-    of_numbers = found.kind in "biufc" and found.itemsize <= LARGEST.get(found.kind, 8)
-    storable = found.kind == "U" or of_numbers or found == DATES
-    if not plain or (stored and not storable):
+    if not is_storable(found) and (stored or found.hasobject or found.names or found.subdtype):
         allowed = "numbers of at most 8 bytes (complex 16), M8[ns], truth values or texts of "
         allowed += "fixed width"
         yield f"{what} has the dtype {dtype!r}, but must have one of {allowed}"
@@ -613,5 +608,5 @@ def _unknown(what: str, names: Iterable[str], known: Collection[str]) -> Iterato
     return (f"{what} {name} is not in the experiment" for name in names if name not in known)
 
 
-def _twice(names: Iterable[str], what: str) -> Iterator[str]:
+def _duplicates(names: Iterable[str], what: str) -> Iterator[str]:
     return (f"two {what} have the name {name}" for name, n in Counter(names).items() if n > 1)

@@ -1,35 +1,40 @@
-"""Dtypes and attributes that a store can hold, and every reader of zarr or NetCDF opens."""
+"""Dtypes and attributes that every reader of zarr or NetCDF opens."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-LARGEST = {"c": 16}  # bytes of a number; of other kinds 8
 DATES = np.dtype("M8[ns]")  # the only times that every version of xarray reads back
 NAT = np.iinfo(np.int64).min
 
 
-def plain(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[int | float]]:
+def is_storable(dtype: np.dtype[Any]) -> bool:
+    """Return whether a store can hold numbers, texts or times of a dtype."""
+    plain = not (dtype.hasobject or dtype.names or dtype.subdtype)
+    number = dtype.kind in "biufc" and dtype.itemsize <= (16 if dtype.kind == "c" else 8)
+    return plain and (dtype.kind == "U" or number or dtype == DATES)
+
+
+def encode_attrs(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[int | float]]:
     """Return attributes as texts, numbers and lists of numbers; all others as JSON text.
 
     NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
-    TypeError if JSON has no text of a value.
+    TypeError if JSON cannot hold a value.
     """
-    texts = {
-        name: json.dumps(value, ensure_ascii=False, default=_of_numpy)
-        for name, value in attributes.items()
-    }
+    write = partial(json.dumps, ensure_ascii=False, default=_from_numpy)
+    texts = {name: write(value) for name, value in attributes.items()}
     given = {name: json.loads(text) for name, text in texts.items()}
-    return {name: value if _is_plain(value) else texts[name] for name, value in given.items()}
+    return {name: value if _is_native(value) else texts[name] for name, value in given.items()}
 
 
-def nested(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return plain attributes with mappings and lists read from their JSON text."""
+def decode_attrs(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes with mappings and lists decoded from JSON."""
     found = dict(attributes)
     for name, value in found.items():
         if isinstance(value, str) and value.startswith(("{", "[")):
@@ -38,7 +43,7 @@ def nested(attributes: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _is_plain(value: Any) -> bool:
+def _is_native(value: Any) -> bool:
     numbers = value if isinstance(value, list) and value else [value]
     return isinstance(value, str) or all(
         type(number) is float or (type(number) is int and -(2**63) <= number < 2**63)
@@ -46,7 +51,7 @@ def _is_plain(value: Any) -> bool:
     )
 
 
-def _of_numpy(value: Any) -> Any:
+def _from_numpy(value: Any) -> Any:
     """Return a value of numpy as one that JSON knows."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()

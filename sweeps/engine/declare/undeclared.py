@@ -1,7 +1,7 @@
-"""Results of a function that declares no outputs: found in what it returns, call by call.
+"""Outputs of a function that declares none, inferred from its results.
 
-What is known of a result besides its values, dimensions and attributes, is kept with it as JSON:
-the name of an empty array, which a pack has once for all cells that are alike.
+Dimensions and attributes of a result are stored as JSON in the name of an empty array, which a pack
+has once for all cells of equal layout.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import Date
 from sweeps.engine.declare.stage import COORDINATE, RESULT, Output
-from sweeps.engine.declare.storable import DATES, plain
+from sweeps.engine.declare.storable import DATES, encode_attrs
 
-ABOUT = "/"  # before the JSON, since no variable's name has it
+META = "/"  # before the JSON, since no variable's name has it
 # Attributes that say how values are stored, which the store says itself.
-STORED = {"_FillValue", "missing_value", "scale_factor", "add_offset", "dtype", "coordinates"}
-NUMBERS, COMPLEX = "f8", "c16"
+ENCODING = {"_FillValue", "missing_value", "scale_factor", "add_offset", "dtype", "coordinates"}
+FLOAT, COMPLEX = "f8", "c16"
 PADDING = "padding"  # an attribute: along which dimensions calls returned different numbers
 
 Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
@@ -34,29 +34,30 @@ Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
 
 @dataclass(frozen=True)
 class Undeclared(Output):
-    """What a function returns that declares nothing; a single variable has this name."""
+    """Undeclared results of a function; a single variable has this name."""
 
     pad: complex | str | None = np.nan
-    free: bool = True  # the dtype is that of each variable, of numbers f8 or c16
+    infer_dtype: bool = True  # the dtype is that of each variable, of numbers f8 or c16
     names: tuple[str, ...] = ()  # of the elements of a tuple
     dims_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # where not `dims`
-    taken: frozenset[str] = frozenset()  # names of arguments and of their dimensions
+    reserved: frozenset[str] = frozenset()  # names of arguments and of their dimensions
     about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # attributes by variable
 
     @cached_property
-    def known(self) -> dict[Any, Output]:
+    def variables(self) -> dict[Any, Output]:
         """Variables that were met, by their names, dimensions and dtypes."""
         return {}
 
     @cached_property
-    def plain(self) -> bool:
+    def is_number(self) -> bool:
         """Whether a number is the only variable, without dimensions."""
-        return self.free and not self.names and not self.dims_of
+        return self.infer_dtype and not self.names and not self.dims_of
 
     @property
     def identity(self) -> tuple[Any, ...]:
         """See `Output.identity`."""
-        return *super().identity, self.free, self.names, self.dims, sorted(self.dims_of.items())
+        own = (self.infer_dtype, self.names, self.dims, sorted(self.dims_of.items()))
+        return *super().identity, *own
 
 
 class Variable(NamedTuple):
@@ -68,27 +69,28 @@ class Variable(NamedTuple):
     coordinate: bool = False
 
 
-def spread(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], str]:
-    """Return each variable of a result, declared, with its values; and what else is known of them.
+def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], str]:
+    """Return the variables of a result with their values, and the JSON of their attributes.
 
-    Raises TypeError, in a sentence, of names that cannot be.
+    Raises TypeError, in a sentence, for impossible names.
     """
     declared: list[tuple[Output, Any]] = []
     about: dict[str, Any] = {}
     own = output.names[0] if len(output.names) == 1 else output.name
     for name, one in _variables(own, output.names, found, output.name):
         values = _array(f"{output.name} returned the variable {name!r}", one.values)
-        if one.coordinate and not values.ndim and name in output.taken:
+        if one.coordinate and not values.ndim and name in output.reserved:
             continue  # an argument that came back
         key = (name, one.dims, one.coordinate, values.dtype, values.ndim)
-        if (variable := output.known.get(key)) is None:
-            variable = output.known[key] = _declared(output, *key)
-        # What only `_array` knows of is not passed on, such as a mask.
+        if (variable := output.variables.get(key)) is None:
+            variable = output.variables[key] = _declared(output, *key)
+        # Only times and texts are converted: others may have a mask.
         declared.append((variable, values if values.dtype.kind in "MU" else one.values))
         if variable.dims or one.attrs or one.coordinate:
-            attrs = plain({key: value for key, value in one.attrs.items() if key not in STORED})
+            given = {key: value for key, value in one.attrs.items() if key not in ENCODING}
+            attrs = encode_attrs(given)
             about[name] = [variable.dims, attrs, one.coordinate]
-    return declared, f"{ABOUT}{json.dumps(about)}" if about else ""
+    return declared, f"{META}{json.dumps(about)}" if about else ""
 
 
 def _declared(
@@ -99,21 +101,21 @@ def _declared(
     dtype: np.dtype[Any],
     ndim: int,
 ) -> Output:
-    """Return a variable of a name, with dimensions if it has them, dtype and number of these."""
+    """Return the output of a variable."""
     what = f"{output.name} returned the variable {name!r}"
     if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
         raise TypeError(f"{what}, but a name is a text without '/' that begins with a letter")
     if dims is None:
         dims = output.dims_of.get(name) or (output.dims if ndim else ())
         dims = dims or tuple(f"{name}_{k}" for k in range(ndim))
-    if wrong := output.taken.intersection((name, *dims)):
+    if wrong := output.reserved.intersection((name, *dims)):
         raise TypeError(f"{what}, but {min(wrong)!r} is the name of an argument")
     if name in dims and not coordinate:
         raise TypeError(f"{what} along a dimension of that name; rename one of them")
     stored = output.dtype
-    if (output.free or coordinate) and dtype.kind == "c":
+    if (output.infer_dtype or coordinate) and dtype.kind == "c":
         stored = COMPLEX
-    elif (dtype.kind in "MU" and output.free) or coordinate:
+    elif (dtype.kind in "MU" and output.infer_dtype) or coordinate:
         stored = dtype.str
     return Output(name, dims, stored)
 
@@ -121,7 +123,7 @@ def _declared(
 def _variables(
     name: Any, names: Sequence[str], found: Any, about: str
 ) -> Iterator[tuple[Any, Variable]]:
-    """Yield what a result consists of, by name; `names` are those of the elements of a tuple."""
+    """Yield the variables of a result by name; `names` are those of a tuple's elements."""
     if hasattr(found, "to_xarray"):  # a frame or series of pandas
         found = found.to_xarray()
     if hasattr(found, "coords") and not hasattr(found, "data_vars"):  # a data array
@@ -164,25 +166,26 @@ def _array(what: str, given: Any) -> NDArray[Any]:
     return array
 
 
-def learned(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
-    """Return all variables of some results, by the layouts of these; the first names attributes.
+def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
+    """Infer outputs from the layouts of results; attributes are those of the first.
 
     Raises DeclarationError if results of a variable do not fit together.
     """
     first: dict[str, tuple[tuple[str, ...], Any, bool]] = {}
-    met: dict[str, list[tuple[np.dtype[Any], tuple[int, ...]]]] = defaultdict(list)
+    shapes: dict[str, list[tuple[np.dtype[Any], tuple[int, ...]]]] = defaultdict(list)
     lengths: dict[str, set[int]] = defaultdict(set)
     for layout in layouts:
-        texts = (name[len(ABOUT) :] for name, *_ in layout if name.startswith(ABOUT))
+        texts = (name[len(META) :] for name, *_ in layout if name.startswith(META))
         about = {name: one for text in texts for name, one in json.loads(text).items()}
         for name, dtype, shape in layout:
-            if name.startswith(ABOUT):
+            if name.startswith(META):
                 continue
             dims, attrs, coordinate = about.get(name, ((), {}, False))
             known = first.setdefault(name, (tuple(dims), attrs, coordinate))
-            met[name].append((np.dtype(dtype), shape))
-            if known[0] != tuple(dims) or _sort(met[name][0][0]) != _sort(met[name][-1][0]):
-                ways = [f"{_sort(one)} {list(at)}" for one, at in (met[name][0], met[name][-1])]
+            shapes[name].append((np.dtype(dtype), shape))
+            if known[0] != tuple(dims) or _kind(shapes[name][0][0]) != _kind(shapes[name][-1][0]):
+                both = (shapes[name][0], shapes[name][-1])
+                ways = [f"{_kind(one)} {list(at)}" for one, at in both]
                 raise DeclarationError(
                     f"{output.name} returned {name} as {' and as '.join(ways)} for different "
                     "arguments, which one variable cannot be"
@@ -192,34 +195,33 @@ def learned(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
     found: list[Output] = []
     for name, (dims, given, coordinate) in first.items():
         attrs = {**given, **output.about.get(name, {})}
-        dtype = np.result_type(*(dtype for dtype, _ in met[name]))
+        dtype = np.result_type(*(dtype for dtype, _ in shapes[name]))
         uneven = [dim for dim in dims if len(lengths[dim]) > 1]
         spans = [f"{dim} ({min(lengths[dim])} to {max(lengths[dim])} values)" for dim in uneven]
         label, unit = str(attrs.pop("long_name", name)), str(attrs.pop("units", "1"))
         role = COORDINATE if coordinate else RESULT
         one = Output(name, dims, dtype.str, label, unit, role=role, attrs=attrs)
-        if uneven or len(met[name]) < len(layouts):
-            one = replace(one, pad=one.empty)
+        if uneven or len(shapes[name]) < len(layouts):
+            one = replace(one, pad=one.fill_value)
         if uneven and not coordinate:
-            nothing = "NaN" if one.empty != one.empty else repr(one.empty)
+            nothing = "NaN" if one.fill_value != one.fill_value else repr(one.fill_value)
             attrs[PADDING] = f"with {nothing} along {', '.join(spans)}"
         found.append(one)
     for name in () if found else output.names or (output.name,):
         own = output.about.get(name, {})
         label, unit = own.get("long_name", name), own.get("units", "1")
-        found.append(Output(name, (), NUMBERS, label, unit))
+        found.append(Output(name, (), FLOAT, label, unit))
     return found
 
 
-def _sort(dtype: np.dtype[Any]) -> str:
+def _kind(dtype: np.dtype[Any]) -> str:
     return {"U": "texts", "M": "times"}.get(dtype.kind, "numbers")
 
 
-def common(cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]) -> dict[str, Any]:
-    """Return by name the longest array of some cells, of which all others are the beginning.
-
-    None where they are not.
-    """
+def longest_arrays(
+    cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]
+) -> dict[str, Any]:
+    """Return by name the longest array of cells, or None unless all others are its beginning."""
     found: dict[str, Any] = {}
     for arrays in cells:
         for name in arrays.keys() & set(names):
@@ -229,6 +231,6 @@ def common(cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]) ->
                 continue
             short, long = sorted((one, longest), key=lambda array: array.size)
             inside = long[tuple(map(slice, short.shape))]
-            alike = np.array_equal(inside, short, equal_nan=short.dtype.kind in "fc")
-            found[name] = long if alike else None
+            agrees = np.array_equal(inside, short, equal_nan=short.dtype.kind in "fc")
+            found[name] = long if agrees else None
     return found

@@ -28,13 +28,13 @@ class Argument(Setting):
         return {**super().attrs, **self.about}
 
     @property
-    def called(self) -> str:
-        """See `Setting.called`."""
+    def message_name(self) -> str:
+        """See `Setting.message_name`."""
         return f"values[{self.name!r}]"
 
-    def spelling(self, values: Iterable[Value]) -> str:
-        """See `Setting.spelling`."""
-        return f"values={{{self.name!r}: [{', '.join(map(_spelt, values))}], ...}}"
+    def override(self, values: Iterable[Value]) -> str:
+        """See `Setting.override`."""
+        return f"values={{{self.name!r}: [{', '.join(map(_python_text, values))}], ...}}"
 
 
 def read_values(
@@ -51,20 +51,20 @@ def read_values(
     """
     if not isinstance(values, Mapping):
         raise ConfigurationError(
-            f"values is {_short(values)}, but must be a mapping of arguments to their values, such "
-            "as {'x': [1, 2]}, or a data set of xarray"
+            f"values is {_short_text(values)}, but must be a mapping of arguments to their values, "
+            "such as {'x': [1, 2]}, or a data set of xarray"
         )
     if hasattr(values, "data_vars"):
-        return _of_data_set(function, values, attrs)
+        return _read_dataset(function, values, attrs)
     settings = []
     for name, given in values.items():
-        listed = _listed(name, given)
+        listed = _as_list(name, given)
         about = {**getattr(given, "attrs", {}), **attrs.get(name, {})}
         settings.append(_argument(function, name, listed, about))
     return settings, ()
 
 
-def _of_data_set(
+def _read_dataset(
     function: str, values: Any, attrs: Mapping[str, Mapping[str, Any]]
 ) -> tuple[list[Argument], tuple[Joint, ...]]:
     settings: dict[str, list[Argument]] = {str(dim): [] for dim in values.dims}
@@ -75,7 +75,7 @@ def _of_data_set(
         if one.ndim > 1:
             has = f"the dimensions {', '.join(map(str, one.dims))}"
             raise ConfigurationError(f"values[{name!r}] has {has}, but must have one or none")
-        listed = _listed(name, np.atleast_1d(one.values))
+        listed = _as_list(name, np.atleast_1d(one.values))
         if one.ndim:
             dim, distinct = str(one.dims[0]), list(dict.fromkeys(listed))
             settings[dim].append(_argument(function, name, distinct, about))
@@ -84,30 +84,35 @@ def _of_data_set(
         else:
             fixed.append(_argument(function, name, listed, about, single=COORDINATE))
     joint = [
-        Joint(dim, tuple(one.key for one in of), tuple(zip(*points[dim], strict=True)), bare=True)
+        Joint(
+            dim,
+            tuple(one.key for one in of),
+            tuple(zip(*points[dim], strict=True)),
+            unlabelled=True,
+        )
         for dim, of in settings.items()
         if of
     ]
     return [*(one for of in settings.values() for one in of), *fixed], tuple(joint)
 
 
-def _listed(name: str, given: Any) -> list[Any]:
+def _as_list(name: str, given: Any) -> list[Any]:
     """Return values of an argument as Python's, or times of numpy."""
     what = f"values[{name!r}]"
     if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
-        several = f"{{{name!r}: [{_spelt(given)}]}}"
+        several = f"{{{name!r}: [{_python_text(given)}]}}"
         raise ConfigurationError(
-            f"{what} is {_short(given)}, but must be a list of values; one alone is {several}"
+            f"{what} is {_short_text(given)}, but must be a list of values; one alone is {several}"
         )
     if (ndim := getattr(given, "ndim", 1)) != 1:
         raise ConfigurationError(f"{what} is an array of {ndim} dimensions, but must have one")
-    listed = [_plain(one) for one in given]
+    listed = [_as_python(one) for one in given]
     if all(isinstance(one, np.datetime64) for one in listed):
         listed = list(np.array(listed))  # of one unit
     return listed
 
 
-def _plain(value: Any) -> Any:
+def _as_python(value: Any) -> Any:
     """Return one value as Python has it, but times of numpy as they are."""
     if hasattr(value, "to_datetime64"):  # of pandas
         return value.to_datetime64()
@@ -127,7 +132,7 @@ def _argument(
         for value in listed:
             if not kind.holds(value):
                 allowed = f"every value must be {kind.allowed}"
-                raise ValueError(f"{what} has {_short(value)}, but {allowed}")
+                raise ValueError(f"{what} has {_short_text(value)}, but {allowed}")
         ascending(what, listed)
     except ValueError as error:
         raise ConfigurationError(str(error)) from None
@@ -141,22 +146,18 @@ def _kind(listed: list[Any]) -> Kind:
     """Return the kind of values that are all of one type; else numbers."""
     if listed and all(isinstance(one, np.datetime64) for one in listed):
         return Date(np.datetime_data(listed[0].dtype)[0])
-    kinds: dict[type, Kind] = {
-        bool: Switch(),
-        int: Count(low=LOWEST, high=HIGHEST),
-        str: Text(),
-        datetime: Date(),
-    }
+    numbers = Count(low=LOWEST, high=HIGHEST)
+    kinds: dict[type, Kind] = {bool: Switch(), int: numbers, str: Text(), datetime: Date()}
     fitting = (kind for of, kind in kinds.items() if all(isinstance(one, of) for one in listed))
     return next(fitting, Number())
 
 
-def _spelt(value: Any) -> str:
-    """Return a value as it is written in Python."""
+def _python_text(value: Any) -> str:
+    """Return the Python expression of a value."""
     return f"'{value}'" if isinstance(value, np.datetime64) else repr(value)
 
 
-def _short(value: Any) -> str:
-    """Return a value as messages show it."""
-    text = " ".join(_spelt(value).split())
+def _short_text(value: Any) -> str:
+    """Return a value for messages, cut after 80 characters."""
+    text = " ".join(_python_text(value).split())
     return text if len(text) < 80 else f"{text[:80]}..."

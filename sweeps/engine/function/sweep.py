@@ -14,27 +14,27 @@ from platformdirs import user_cache_path
 
 from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import Failure
-from sweeps.engine.declare.places import path_or_url
+from sweeps.engine.declare.paths import path_or_url
 from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
 from sweeps.engine.declare.stage import RNG, VALID, Experiment, Group, Stage
-from sweeps.engine.declare.undeclared import NUMBERS, PADDING, Undeclared
+from sweeps.engine.declare.undeclared import FLOAT, PADDING, Undeclared
 from sweeps.engine.function.arguments import Argument, read_values
-from sweeps.engine.resolve.code import place_of
+from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.process import say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, progress_bar
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.folders import check_target
 from sweeps.engine.store.sweeping import Finished, RunOptions, preview
 from sweeps.engine.store.sweeping import sweep as run
 from sweeps.engine.store.tables import with_scalars
+from sweeps.engine.store.targets import check_store_path
 from sweeps.engine.store.writing import zarr_store
 
 if TYPE_CHECKING:
     import xarray as xr
 
-CLUSTERS = ("inline", "local")
+CLUSTER_KINDS = ("inline", "local")
 Names = str | Sequence[str]
 
 
@@ -68,7 +68,7 @@ def sweep(
     Parameters
     ----------
     function : callable
-        Its arguments are those named in `values`, further ones with a default, and `rng`, a
+        Its arguments are those named in `values`, others with a default, and `rng`, a
         generator of random numbers of its own for each combination. A lambda, a method, a
         `functools.partial`, a decorated function and one of a notebook are as good as any.
     values : mapping of str to iterable, or Dataset
@@ -134,8 +134,8 @@ def sweep(
     changes, such as a list that it appends to, is another one in the next sweep, which computes all
     again.
     """
-    experiment, joint = _declared(function, values, outputs, dims, attrs or {}, dtype, version)
-    if cluster not in CLUSTERS:
+    experiment, joint = _declare(function, values, outputs, dims, attrs or {}, dtype, version)
+    if cluster not in CLUSTER_KINDS:
         raise ConfigurationError(f"cluster is {cluster!r}, but must be 'inline' or 'local'")
     if not isinstance(store, str | os.PathLike):
         raise ConfigurationError(f"store is {store!r}, but must be a path or a URL")
@@ -147,7 +147,7 @@ def sweep(
     import xarray as xr  # slow to import
 
     if dry_run:
-        check_target(at)
+        check_store_path(at)
         stages, estimate = preview(Plan(experiment, choices), options)
         cells, left = stages[experiment.name]
         show(f"{experiment.name}: {left:,} to compute, {cells - left:,} reused; {estimate}")
@@ -160,7 +160,7 @@ def sweep(
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # from this line on, and not from within
     if failed:
-        warnings.warn(_told(finished, failed), CallsFailed, stacklevel=2)
+        warnings.warn(_failure_message(finished, failed), CallsFailed, stacklevel=2)
     found = xr.open_zarr(zarr_store(at), group=experiment.name, chunks=None)
     found = with_scalars(found.load())
     for name, one in found.variables.items():
@@ -169,7 +169,7 @@ def sweep(
     return found
 
 
-def _declared(
+def _declare(
     function: Callable[..., Any],
     values: Any,
     outputs: Names,
@@ -183,8 +183,8 @@ def _declared(
     Raises ConfigurationError if the function cannot be swept over these values.
     """
     if not callable(function):
-        raise ConfigurationError(f"function is {function!r}, but must be what can be called")
-    module, qualified = place_of(function)
+        raise ConfigurationError(f"function is {function!r}, but must be a callable")
+    module, qualified = module_and_name(function)
     name = qualified.rpartition(".")[2]
     name = name if name.isidentifier() else "result"
     for one, about in attrs.items():
@@ -194,11 +194,11 @@ def _declared(
     settings, joint = read_values(name, values, attrs)
     reads = _arguments(name, function, values, settings)
     read = {setting.key for setting in reads.values()}
-    if alone := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
-        what = f"values has the dimension {alone[0]!r}, along which {name} has no argument"
+    if unused := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
+        what = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
         raise ConfigurationError(what)
     taken = frozenset([one.name for one in settings] + [one.name for one in joint])
-    result = _result(name, outputs, dims, dtype, taken, attrs)
+    result = _declare_result(name, outputs, dims, dtype, taken, attrs)
     stage = Stage(name, function, (result,), reads=reads, group=Group(name), version=version)
     lacking = [argument for argument in stage.arguments if argument not in (*reads, RNG)]
     if lacking:
@@ -220,7 +220,7 @@ def _arguments(
     try:
         parameters = inspect.signature(function).parameters.values()
     except ValueError:
-        what = f"function is {name}, of which Python does not tell the arguments"
+        what = f"function is {name}, whose arguments Python cannot inspect"
         raise ConfigurationError(f"{what}; call it in a function of your own") from None
     by_kind = {one.name: one.kind for one in parameters}
     needed = {one.name for one in parameters if one.default is one.empty}
@@ -242,45 +242,45 @@ def _arguments(
     return {one.name: one for one in settings if one.name in known or one.name not in labels}
 
 
-def _result(
+def _declare_result(
     name: str,
     outputs: Names,
     dims: Names | Mapping[str, Names],
     dtype: str,
-    taken: frozenset[str],
+    reserved: frozenset[str],
     attrs: Mapping[str, Mapping[str, Any]],
 ) -> Undeclared:
-    """Return what a function returns, as far as it is known before it is called."""
-    names = _names("outputs", outputs)
+    """Return the undeclared output of a function."""
+    names = _as_names("outputs", outputs)
     if isinstance(dims, Mapping):
-        of = {one: _names(f"dims[{one!r}]", given) for one, given in dims.items()}
+        of = {one: _as_names(f"dims[{one!r}]", given) for one, given in dims.items()}
         every: tuple[str, ...] = ()
     else:
-        every = _names("dims", dims)
+        every = _as_names("dims", dims)
         of = {one: every for one in (names or (name,))[:1] if every and len(names) < 2}
     for key, found in (("outputs", names), *(("dims", one) for one in (every, *of.values()))):
         for one in found:
             own = (*names, *of, *([] if names or of else [name])) if key == "dims" else ()
-            if found.count(one) > 1 or one in own or one in taken:
-                what = "an argument" if one in taken else "a result"
+            if found.count(one) > 1 or one in own or one in reserved:
+                what = "an argument" if one in reserved else "a result"
                 what = "two of them" if found.count(one) > 1 else what
                 raise ConfigurationError(f"{key} has {one!r}, the name of {what}; rename one")
-    how: dict[str, Any] = {"names": names, "dims_of": of, "taken": taken, "about": attrs}
-    return Undeclared(name, every, dtype or NUMBERS, label=name, free=not dtype, **how)
+    how: dict[str, Any] = {"names": names, "dims_of": of, "reserved": reserved, "about": attrs}
+    return Undeclared(name, every, dtype or FLOAT, label=name, infer_dtype=not dtype, **how)
 
 
-def _names(key: str, given: Any) -> tuple[str, ...]:
-    """Return one name or several as several."""
+def _as_names(key: str, given: Any) -> tuple[str, ...]:
+    """Return names as a tuple; a text is one name."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, tuple | list) or not all(isinstance(one, str) for one in names):
         raise ConfigurationError(f"{key} is {given!r}, but must be a name or a tuple of names")
     return tuple(names)
 
 
-def _told(finished: Finished, failed: Sequence[Failure]) -> str:
-    """Return which calls failed, and all about the first of them."""
+def _failure_message(finished: Finished, failed: Sequence[Failure]) -> str:
+    """Return the message on failed calls: their number, the first ones, and a traceback."""
     calls = sum(one.total for one in finished.progress.values())
-    named = [f"  {one.what}: {one.why}" for one in failed[:NAMED_FAILURES]]
+    named = [f"  {one.name}: {one.reason}" for one in failed[:NAMED_FAILURES]]
     more = len(failed) - NAMED_FAILURES
     first = failed[0]
     given = f", with {', '.join(first.arguments.splitlines())}" if first.arguments else ""
@@ -290,6 +290,6 @@ def _told(finished: Finished, failed: Sequence[Failure]) -> str:
             *named,
             *([f"  and {more:,} more"] if more > 0 else []),
             f"The first of them{given}:",
-            first.traceback or first.why,
+            first.traceback or first.reason,
         ]
     )

@@ -1,6 +1,5 @@
 """Resolving: from the words of a command line to the cells of a sweep and their keys.
 
-In come an experiment and overrides; out go `Choices`, and a `Plan` with the axes, the cells of each
-stage and the key of each cell, in which the code of its stage counts. It reads no result. The rooms
-from the cache on may import it.
+Input: an experiment and overrides. Output: `Choices`, and a `Plan` with axes, cells and keys. It
+reads no result. `cache` and the packages behind it may import it.
 """

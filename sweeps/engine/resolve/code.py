@@ -1,6 +1,6 @@
-"""What a function's result depends on, as hashes by name: its code, and the values that it holds.
+"""Digest of a function: hashes, by name, of its code and of the values that it holds.
 
-1. If a `version` is given, that alone.
+1. If a `version` is given, only that.
 2. Of a function of a stage's file, a script or a notebook, or made at run time: its instructions,
    its defaults, its closure, and each global that it names, as they are when the sweep begins.
    Functions and classes of such files count by this rule, what comes from other modules, or is
@@ -8,7 +8,7 @@
 3. Of a module of the packages in `Experiment.code`, or of no distribution: its syntax tree without
    docstrings, comments and what is only for types, and that of all modules that it imports. Of
    other modules: the version of the distribution. Python's own, and the engine, do not count.
-4. What has no content to compare, such as an open file or a lock, is refused.
+4. A value without content to compare, such as an open file or a lock, is refused.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from sweeps.engine.resolve.modules import (
     SHADERS,
     Modules,
     Reference,
-    absolute,
-    files,
-    hash_of,
-    read,
-    versions,
-    within,
+    absolute_name,
+    dist_versions,
+    is_within,
+    package_files,
+    read_module,
+    sha256,
 )
 
 MAIN = "__main__"
-LABELS = {"help", "label"}  # of settings: they are only shown
-# A function that names one of these may reach anything in its file.
-ANYTHING = {"eval", "exec", "globals", "modules", "__globals__", "__subclasses__"}
+DISPLAY_FIELDS = {"help", "label"}  # of settings: they are only shown
+# A function that names one of these may use any global of its file.
+DYNAMIC_NAMES = {"eval", "exec", "globals", "modules", "__globals__", "__subclasses__"}
 REMEDY = "or give version='1', which counts instead of the code, and change it with the function"
 
 
 class CodeDigest(NamedTuple):
-    """Hash of what a function depends on, with its parts by name and the libraries among them."""
+    """Digest of a function, with its parts and its libraries by name."""
 
     digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
     parts: Mapping[str, str]
@@ -57,7 +57,7 @@ class CodeDigest(NamedTuple):
 
 
 class Code:
-    """What functions depend on.
+    """Digests of functions.
 
     Parameters
     ----------
@@ -65,24 +65,23 @@ class Code:
         Packages and modules, by dotted names, whose sources (and shaders) count, with all below
         them but the engine.
     homes : frozenset of str
-        Modules whose functions, classes and values count one by one: those of stages.
+        Modules of stages, whose functions, classes and values count one by one.
     """
 
     def __init__(self, roots: frozenset[str], homes: frozenset[str] = frozenset()) -> None:
         self.modules, self.homes = Modules(roots), homes | {MAIN}
 
     def digest(self, function: Callable[..., Any], version: str = "") -> CodeDigest:
-        """Return the hash of what a function depends on, or of a version instead.
+        """Return the digest of a function, or of a version instead of its code.
 
-        Raises ConfigurationError if it holds what has no content to compare.
+        Raises ConfigurationError if it holds a value without content to compare.
         """
         if version:
-            return CodeDigest(
-                hash_of(repr((place_of(function), version))), {"version": version}, {}
-            )
+            content = repr((module_and_name(function), version))
+            return CodeDigest(sha256(content), {"version": version}, {})
         walk = _Walk(self, function)
         content = json.dumps([walk.root, walk.parts, walk.libraries], sort_keys=True)
-        return CodeDigest(hash_of(content), walk.parts, walk.libraries)
+        return CodeDigest(sha256(content), walk.parts, walk.libraries)
 
 
 class _Scan(NamedTuple):
@@ -96,25 +95,25 @@ class _Scan(NamedTuple):
 
 _GLOBALS = {"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"}
 _ATTRIBUTES = {"LOAD_ATTR", "LOAD_METHOD"}
-_BY_NAME = {*dis.hasname, *dis.haslocal, *dis.hasfree, *dis.hasjrel, *dis.hasjabs}
+_NAME_OPCODES = {*dis.hasname, *dis.haslocal, *dis.hasfree, *dis.hasjrel, *dis.hasjabs}
 # Attributes of a class body that hold its docstring and line numbers; each takes two instructions.
-_OF_CLASS = {"__doc__", "__firstlineno__", "__static_attributes__"}
-_KINDS = 0x3FF  # flags of code: kinds of arguments and of functions
+_CLASS_METADATA = {"__doc__", "__firstlineno__", "__static_attributes__"}
+_FLAGS = 0x3FF  # flags of code: kinds of arguments and of functions
 
 
 @cache
 def _scan(code: CodeType) -> _Scan:
-    """Return what code does, without docstrings and lines."""
+    """Return the instructions of code, without docstrings and line numbers."""
     counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount)
     names = (code.co_varnames, code.co_cellvars, code.co_freevars)
-    lines = [repr((counts, names, code.co_flags & _KINDS, code.co_exceptiontable))]
+    lines = [repr((counts, names, code.co_flags & _FLAGS, code.co_exceptiontable))]
     inner = [_scan(one) for one in code.co_consts if isinstance(one, CodeType)]
     chains = [chain for one in inner for chain in one.chains]
     imports = [target for one in inner for target in one.imports]
     steps = [one for one in dis.get_instructions(code) if one.opname != "EXTENDED_ARG"]
     chained = False
     for number, step in enumerate(steps):
-        given = step.argval if step.opcode in _BY_NAME else step.arg
+        given = step.argval if step.opcode in _NAME_OPCODES else step.arg
         constant = step.opcode in dis.hasconst
         lines.append(f"{step.opname} {_constant(step.argval) if constant else given}")
         chained &= step.opname in _ATTRIBUTES
@@ -127,7 +126,7 @@ def _scan(code: CodeType) -> _Scan:
             imports.append(("." * steps[number - 2].argval + step.argval, ""))
         elif step.opname == "IMPORT_FROM":
             imports.append((imports[-1][0], step.argval))
-        elif step.opname == "STORE_NAME" and step.argval in _OF_CLASS:
+        elif step.opname == "STORE_NAME" and step.argval in _CLASS_METADATA:
             del lines[-2:]
     every = {*code.co_names}.union(*(one.names for one in inner))
     return _Scan("\n".join(lines), chains, imports, every)
@@ -143,16 +142,16 @@ def _constant(value: Any) -> str:
     return f"{type(value).__name__} {value!r}"
 
 
-_PLAIN = {type(None), bool, int, float, complex, str, bytes, type(...), type(NotImplemented)}
-_NAMED = FunctionType | type | ModuleType  # parts of their own
-_DESCRIBED = ("fget", "fset", "fdel", "__func__", "func")
+_ATOMS = {type(None), bool, int, float, complex, str, bytes, type(...), type(NotImplemented)}
+_REFERENCED = FunctionType | type | ModuleType  # parts of their own
+_DESCRIPTOR_PARTS = ("fget", "fset", "fdel", "__func__", "func")
 
 
 class _Walk:
-    """The parts of what one function depends on: hashes by name, and libraries."""
+    """Walk over all that one function depends on: hashes by name, and libraries."""
 
     def __init__(self, code: Code, root: Callable[..., Any]) -> None:
-        module, name = place_of(root)
+        module, name = module_and_name(root)
         self._modules, self._homes = code.modules, code.homes | {module}
         self.parts: dict[str, str] = {}
         self.libraries: dict[str, str] = {}
@@ -161,32 +160,32 @@ class _Walk:
         self._waiting: list[tuple[str, Any]] = []  # functions and classes
         self._tokens: dict[int, str] = {}
         self._open: list[int] = []
-        self._alive: list[Any] = []  # what ids stand for
+        self._references: list[Any] = []  # objects whose ids are known
         self.root = self._variable(name, root)
         for label, one in self._waiting:  # which grows
             part = self._class(label, one) if isinstance(one, type) else self._function(label, one)
-            self.parts[f"code of {label}"] = hash_of(repr(part))
+            self.parts[f"code of {label}"] = sha256(repr(part))
 
     def _label(self, one: Any, name: str) -> str:
         """Return the name of a function, class or file; the second of a name has a number."""
         if id(one) not in self._labels:
-            self._alive.append(one)
+            self._references.append(one)
             same = sum(label.partition(" ")[0] == name for label in self._labels.values())
             self._labels[id(one)] = f"{name} {same + 1}" if same else name
-            if isinstance(one, _NAMED):
+            if isinstance(one, _REFERENCED):
                 self._waiting.append((self._labels[id(one)], one))
         return self._labels[id(one)]
 
     def _variable(self, name: str, value: Any) -> str:
-        """Return what a variable refers to; if that is a value, the name of its part."""
+        """Return the token of a variable; if it holds a value, the name of its part."""
         self._name, self._value = name, value
         token = self.token(value)
-        if not isinstance(value, _NAMED):
-            self.parts[name], token = hash_of(token), name
+        if not isinstance(value, _REFERENCED):
+            self.parts[name], token = sha256(token), name
         return token
 
     def _function(self, label: str, function: FunctionType) -> Any:
-        """Return the code of a function, and what its variables refer to."""
+        """Return the code of a function, and the tokens of its variables."""
         code, space = function.__code__, function.__globals__
         module = _module_of(function)
         if module == "functools" and hasattr(function, "registry"):  # one for each type
@@ -198,13 +197,13 @@ class _Walk:
             with suppress(ValueError):  # an empty cell
                 held[name] = cell.cell_contents
         found = [(one, self._variable(f"{one} of {label}", held[one])) for one in sorted(held)]
-        if self._is_elsewhere(function, module):
+        if self._is_in_module(function, module):
             return found
         scan, before = _scan(code), self._label(space, module)
         for owner, name in scan.imports:
-            self._load(absolute(owner, space.get("__package__") or module), name)
-        if ANYTHING & scan.names:
-            self._whole(label, space)
+            self._add_module(absolute_name(owner, space.get("__package__") or module), name)
+        if DYNAMIC_NAMES & scan.names:
+            self._add_file(label, space)
         for path, *attributes in sorted({*scan.chains}):
             if path in space:
                 value = space[path]
@@ -214,7 +213,7 @@ class _Walk:
                     path, value = f"{path}.{attributes[0]}", getattr(value, attributes.pop(0), None)
                 if isinstance(value, ModuleType):
                     for number, name in enumerate(attributes or [""]):
-                        self._load(".".join((value.__name__, *attributes[:number])), name)
+                        self._add_module(".".join((value.__name__, *attributes[:number])), name)
                     found.append((path, f"module {value.__name__}"))
                 else:
                     found.append((path, self._variable(f"{before}.{path}", value)))
@@ -231,63 +230,64 @@ class _Walk:
         }
         return self.token((type(one), *one.__bases__)), self.token(own)
 
-    def _whole(self, label: str, space: Mapping[str, Any]) -> None:
-        """Count all of the file of a function that may reach anything there."""
+    def _add_file(self, label: str, space: Mapping[str, Any]) -> None:
+        """Add the whole file of a function that may use any of its globals."""
         name, file = space.get("__name__", MAIN), Path(space.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
             what = f"{label} uses eval or the like, and is in no file"
             raise ConfigurationError(f"{what}: name the values that it takes, {REMEDY}")
-        module = read(name, file, file.stat().st_mtime_ns)
+        module = read_module(name, file, file.stat().st_mtime_ns)
         self.parts[f"code of {name}"] = module.digest
         for target in module.imports:
-            self._load(*target)
+            self._add_module(*target)
 
-    def _load(self, owner: str, name: str = "") -> None:
+    def _add_module(self, owner: str, name: str = "") -> None:
         """Add a module, or the name imported from it, and its imports, to the parts."""
-        waiting = [*self._modules.reached(owner, name)]
+        waiting = [*self._modules.loaded_with(owner, name)]
         for one in waiting:  # which grows
             if one in self._loaded:
                 continue
             self._loaded.add(one)
             if not self._modules.is_source(one):
-                self.libraries |= {} if one in sys.stdlib_module_names else versions(one)
+                self.libraries |= {} if one in sys.stdlib_module_names else dist_versions(one)
                 continue
             if module := self._modules.module(one):
                 self.parts[f"code of {one}"] = module.digest
-            if "." not in one and (shaders := files(one, SHADERS)):
-                self.parts[f"shaders of {one}"] = hash_of(repr(shaders))
-            waiting += self._modules.edges(one)
+            if "." not in one and (shaders := package_files(one, SHADERS)):
+                self.parts[f"shaders of {one}"] = sha256(repr(shaders))
+            waiting += self._modules.imports(one)
 
-    def _is_elsewhere(self, one: FunctionType | type, module: str) -> bool:
-        """Return whether a function or class counts by its module."""
+    def _is_in_module(self, one: FunctionType | type, module: str) -> bool:
+        """Return whether a function or class counts as part of its module."""
         if module in self._homes or module not in sys.modules:
             return False
         if isinstance(one, FunctionType):
             return vars(sys.modules[module]) is one.__globals__
-        return not self._modules.is_source(module) or looked_up(module, one.__qualname__) is one
+        is_source = self._modules.is_source(module)
+        return not is_source or find_attribute(module, one.__qualname__) is one
 
     def _reference(self, one: Any) -> str:
         """Return the name of a function, class or module, which counts on its own."""
         if isinstance(one, ModuleType):
-            self._load(one.__name__)
+            self._add_module(one.__name__)
             return f"module {one.__name__}"
         module = _module_of(one)
-        if self._is_elsewhere(one, module):
-            self._load(module)
-            if isinstance(one, type) or looked_up(module, one.__qualname__) is one:
+        if self._is_in_module(one, module):
+            self._add_module(module)
+            if isinstance(one, type) or find_attribute(module, one.__qualname__) is one:
                 return f"{module}.{one.__qualname__}"
         return self._label(one, f"{module}.{one.__qualname__}")
 
     def token(self, value: Any) -> str:
         """Return a text that is equal for values of equal type and content."""
-        if type(value) in _PLAIN:
+        if type(value) in _ATOMS:
             return f"{type(value).__name__} {value!r}"
-        if isinstance(value, _NAMED):
+        if isinstance(value, _REFERENCED):
             return self._reference(value)
         if id(value) in self._open:
             return f"circle {len(self._open) - self._open.index(id(value))}"
         if id(value) not in self._tokens:
-            self._alive.append(value)
+            self._references.append(value)
             self._open.append(id(value))
             try:
                 content = self._content(value)
@@ -299,11 +299,11 @@ class _Walk:
                 remedy = f"compare: take out of it what the function needs, {REMEDY}"
                 raise ConfigurationError(f"{what} {remedy}") from error
             self._open.pop()
-            self._tokens[id(value)] = f"{type(value).__name__} {hash_of(repr(content))}"
+            self._tokens[id(value)] = f"{type(value).__name__} {sha256(repr(content))}"
         return self._tokens[id(value)]
 
     def _content(self, value: Any) -> Any:
-        """Return tokens of what a value consists of; any error if it has no content."""
+        """Return the tokens of a value's parts; raise any error if it has none."""
         kind = type(value)
         if kind in (list, tuple):
             return [*map(self.token, value)]
@@ -313,13 +313,13 @@ class _Walk:
             keys = sorted(value, key=self.token)  # the order of a mapping does not count
             return [(self.token(key), self.token(value[key])) for key in keys]
         if kind in (property, staticmethod, classmethod, cached_property):
-            return [self.token(getattr(value, name, None)) for name in _DESCRIBED]
+            return [self.token(getattr(value, name, None)) for name in _DESCRIPTOR_PARTS]
         if kind is np.ndarray:
             objects = value.dtype.hasobject
-            content = self.token(value.tolist()) if objects else hash_of(value.tobytes())
+            content = self.token(value.tolist()) if objects else sha256(value.tobytes())
             return repr(value.dtype), value.shape, content
-        if within(kind.__module__, ENGINE) and is_dataclass(value):
-            names = {one.name for one in fields(value)} - LABELS
+        if is_within(kind.__module__, ENGINE) and is_dataclass(value):
+            names = {one.name for one in fields(value)} - DISPLAY_FIELDS
             return self.token(kind), self.token({name: getattr(value, name) for name in names})
         if hasattr(kind, "__dask_tokenize__"):
             from dask.base import tokenize  # takes long
@@ -331,7 +331,7 @@ class _Walk:
         if isinstance(reduced, str):  # a name of a module, or a cached function
             inner = getattr(value, "__wrapped__", None)
             if inner is None:
-                self._load(getattr(value, "__module__", None) or kind.__module__)
+                self._add_module(getattr(value, "__module__", None) or kind.__module__)
             return reduced, self.token(inner)
         make, arguments, *rest = reduced
         state, items, pairs = (*rest, None, None, None)[:3]
@@ -343,15 +343,15 @@ class _Walk:
         return [*map(self.token, parts)]
 
 
-def looked_up(module: str, name: str) -> Any:
-    """Return what a module has by a dotted name, if it is imported; None if there is none."""
+def find_attribute(module: str, name: str) -> Any:
+    """Return an attribute of an imported module by its dotted name; None if it is absent."""
     one: Any = sys.modules.get(module)
     for part in name.split("."):
         one = getattr(one, part, None)
     return one
 
 
-def place_of(function: Callable[..., Any]) -> tuple[str, str]:
+def module_and_name(function: Callable[..., Any]) -> tuple[str, str]:
     """Return module and qualified name of the innermost wrapped function."""
     given: Any = None
     inner: Any = function

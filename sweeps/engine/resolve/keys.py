@@ -15,26 +15,26 @@ from numpy.typing import NDArray
 
 Keys = NDArray[np.uint64]  # (..., 2)
 
-BYTES = 16
-# Part of the keys of results that draw. Raise it with any change of what a stream draws: of
-# `cell_rng` or `Plan.stream`.
+HASH_BYTES = 16
+# Part of the keys of random results. Raise it with any change of `cell_rng` or `Plan.stream`.
 STREAM_VERSION = 1
 
 
-def digest(text: str) -> str:
-    """Return a hash of a text: 32 hexadecimal digits."""
-    return hashlib.blake2b(text.encode(), digest_size=BYTES).hexdigest()
+def digest(data: str | bytes) -> str:
+    """Return a hash of a text or bytes: 32 hexadecimal digits."""
+    data = data.encode() if isinstance(data, str) else data
+    return hashlib.blake2b(data, digest_size=HASH_BYTES).hexdigest()
 
 
-def hashed(texts: Iterable[str | bytes | memoryview]) -> Keys:
+def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:
     """Return the hash of each text, (text, 2) ndarray."""
     contents = (text.encode() if isinstance(text, str) else text for text in texts)
-    found = b"".join(hashlib.blake2b(one, digest_size=BYTES).digest() for one in contents)
+    found = b"".join(hashlib.blake2b(one, digest_size=HASH_BYTES).digest() for one in contents)
     return np.frombuffer(found, "<u8").reshape(-1, 2).astype(np.uint64)
 
 
 def fold(keys: Keys, words: Keys) -> None:
-    """Mix further hashes into keys, in place; the order of what is mixed in counts.
+    """Mix hashes into keys, in place; the order of calls matters.
 
     Each half of a key, a number of 64 bits, is mixed on its own: it is multiplied by the increment
     of SplitMix64, so that key and hash do not count alike, joined with that of the hash by
@@ -45,9 +45,9 @@ def fold(keys: Keys, words: Keys) -> None:
     Parameters
     ----------
     keys : (cell, 2) ndarray
-        What is changed.
+        Keys that are changed.
     words : (cell, 2) or (2,) ndarray
-        What is mixed in.
+        Hashes that are mixed in.
     """
     keys *= np.uint64(0x9E3779B97F4A7C15)
     keys ^= words
@@ -58,8 +58,8 @@ def fold(keys: Keys, words: Keys) -> None:
     keys ^= keys >> np.uint64(31)
 
 
-def distinct(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return where each distinct key occurs first, in that order, and the number of every key's.
+def unique_keys(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Factorise keys: the index of each distinct key's first occurrence, and each key's number.
 
     Parameters
     ----------
@@ -91,13 +91,13 @@ def distinct(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return first[by_place].astype(np.int32), number.astype(np.int32)
 
 
-def joined(*arrays: NDArray[Any]) -> NDArray[Any]:
+def concatenate(*arrays: NDArray[Any]) -> NDArray[Any]:
     """Return arrays one after the other; the same array if all others are empty."""
     filled = [array for array in arrays if len(array)] or [arrays[0]]
     return filled[0] if len(filled) == 1 else np.concatenate(filled)
 
 
-def spelt_key(key: Keys) -> str:
+def key_text(key: Keys) -> str:
     """Return a key as text: 32 hexadecimal digits."""
     return "".join(f"{half:016x}" for half in key.tolist())
 
@@ -105,7 +105,7 @@ def spelt_key(key: Keys) -> str:
 def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
     """Return the generator of one cell's noise, independent of every other cell's.
 
-    `cell` names it by text, numbers, flags, times or None: the values, not their places in a grid,
+    `cell` names it by text, numbers, flags, times or None (values, not positions in a grid),
     so that a cell draws the same noise in any grid. The sweep's `seed` is at least 0.
     """
     name = json.dumps(cell, sort_keys=True, default=str).encode()

@@ -1,6 +1,6 @@
-"""Modules as they count in keys: by their source with all that they import, or by their version.
+"""Modules as part of keys: by their source and imports, or by their version.
 
-Nothing is imported to find them out.
+No module is imported for it.
 """
 
 from __future__ import annotations
@@ -24,35 +24,35 @@ from typing import Any, NamedTuple
 
 from platformdirs import user_cache_path
 
-from sweeps.engine.declare.places import is_own
+from sweeps.engine.declare.paths import is_private
 
 ENGINE = frozenset({__name__.rpartition(".")[0].rpartition(".")[0]})
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
-SOURCES, MOST_SOURCES = "sources.json", 4000  # how many are kept
-CACHE = user_cache_path("sweeps")
+CACHE_FILE, MAX_MODULES = "sources.json", 4000  # how many are kept
+CACHE_FOLDER = user_cache_path("sweeps")
 
 Reference = tuple[str, str]  # a module, and a name that is imported from it; "" for none
 
 
-def hash_of(data: bytes | str) -> str:
+def sha256(data: bytes | str) -> str:
     """Return the SHA-256 of some data, in hexadecimal digits."""
     return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
 
 
 class Module(NamedTuple):
-    """Hash of a module's syntax tree, what it imports, and whether it imports on demand."""
+    """Hash of a module's syntax tree, its imports, and whether it imports on demand."""
 
     digest: str
     imports: list[Reference]
     is_lazy: bool
 
 
-def _parsed(source: bytes, package: str) -> Module:
-    """Return a module by its source; what is not Python's, such as compiled C, counts as it is."""
+def _parse(source: bytes, package: str) -> Module:
+    """Parse the source of a module; of compiled files, hash the bytes."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
-        return Module(hash_of(source), [], False)
+        return Module(sha256(source), [], False)
     for node in ast.walk(tree):
         match node:
             case ast.If(test=ast.Name("TYPE_CHECKING") | ast.Attribute(attr="TYPE_CHECKING")):
@@ -63,30 +63,30 @@ def _parsed(source: bytes, package: str) -> Module:
                     if isinstance(one, ast.arg):
                         one.annotation = None
         if isinstance(body := getattr(node, "body", None), list):
-            body[:] = [one for one in body if not _is_text(one)]
+            body[:] = [one for one in body if not _is_constant(one)]
     lazy = any(getattr(one, "name", "") == "__getattr__" for one in tree.body)
-    return Module(hash_of(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
+    return Module(sha256(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
 
 
-def _is_text(node: ast.AST) -> bool:
+def _is_constant(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def _imports(tree: ast.Module, package: str) -> Iterator[Reference]:
-    """Yield what a module imports anywhere, also by `import_module` of a text."""
+    """Yield the imports of a module, including `import_module` of a constant."""
     for node in ast.walk(tree):
         match node:
             case ast.Import():
                 yield from ((one.name, "") for one in node.names)
             case ast.ImportFrom():
-                owner = absolute("." * node.level + (node.module or ""), package)
+                owner = absolute_name("." * node.level + (node.module or ""), package)
                 yield from ((owner, one.name) for one in node.names)
             case ast.Call(ast.Name(name) | ast.Attribute(attr=name), [ast.Constant(str(text)), *_]):
                 if name in {"import_module", "__import__"}:
-                    yield absolute(text, package), ""
+                    yield absolute_name(text, package), ""
 
 
-def absolute(name: str, package: str) -> str:
+def absolute_name(name: str, package: str) -> str:
     """Return the absolute name of a module; unchanged if Python would refuse it."""
     with suppress(ImportError):
         return resolve_name(name, package)
@@ -94,78 +94,78 @@ def absolute(name: str, package: str) -> str:
 
 
 @cache
-def _before() -> dict[str, Any]:
-    """Return modules by the hash of their source, of which parsing takes long, from the cache.
+def _cached_modules() -> dict[str, Any]:
+    """Return the parsed modules of the cache by the hash of their source: parsing takes long.
 
-    Nothing if the file is missing, damaged, or another user may write to its folder.
+    Empty if the file is missing or damaged, or another user may write to its folder.
     """
     with suppress(OSError, TypeError, ValueError):
-        if is_own(CACHE):
-            return dict(json.loads((CACHE / SOURCES).read_bytes()))
+        if is_private(CACHE_FOLDER):
+            return dict(json.loads((CACHE_FOLDER / CACHE_FILE).read_bytes()))
     return {}
 
 
 _new: dict[str, Module] = {}
 
 
-def keep_sources() -> None:
-    """Write modules that were parsed in this process to the user's cache."""
+def save_parsed_modules() -> None:
+    """Add the modules that this process parsed to the user's cache."""
     if _new:
-        _before().update(_new)
+        _cached_modules().update(_new)
         _new.clear()
         with suppress(OSError):
-            CACHE.mkdir(0o700, parents=True, exist_ok=True)
-            with NamedTemporaryFile("w", dir=CACHE, prefix=SOURCES, delete=False) as file:
-                json.dump(dict([*_before().items()][-MOST_SOURCES:]), file)
-            os.replace(file.name, CACHE / SOURCES)
+            CACHE_FOLDER.mkdir(0o700, parents=True, exist_ok=True)
+            with NamedTemporaryFile("w", dir=CACHE_FOLDER, prefix=CACHE_FILE, delete=False) as file:
+                json.dump(dict([*_cached_modules().items()][-MAX_MODULES:]), file)
+            os.replace(file.name, CACHE_FOLDER / CACHE_FILE)
 
 
 @cache
-def _rules() -> str:
-    """Return a hash of what decides how a module is parsed: this file, and Python."""
-    return hash_of(sys.version.encode() + Path(__file__).read_bytes())
+def _parser_digest() -> str:
+    """Return a hash of the parser: this file, and Python's version."""
+    return sha256(sys.version.encode() + Path(__file__).read_bytes())
 
 
 @cache
-def read(name: str, file: Path, modified: int) -> Module:
+def read_module(name: str, file: Path, modified: int) -> Module:
     """Return the module of a file."""
     source = file.read_bytes()
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    key = hash_of(repr((_rules(), package, source)))
-    if key not in _before():
-        _new[key] = _parsed(source, package)
-    return _new.get(key) or Module(*_before()[key])
+    key = sha256(repr((_parser_digest(), package, source)))
+    if key not in _cached_modules():
+        _new[key] = _parse(source, package)
+    return _new.get(key) or Module(*_cached_modules()[key])
 
 
 @cache
-def place(name: str) -> ModuleSpec | None:
+def module_spec(name: str) -> ModuleSpec | None:
     """Return the location of a module, found without importing anything."""
     owner = name.rpartition(".")[0]
     with suppress(ValueError, KeyError):  # __main__, or a module created at run time
-        folders = folders_of(owner) if owner else []
+        folders = package_folders(owner) if owner else []
         return PathFinder.find_spec(name, folders) if owner else find_spec(name)
     return None
 
 
-def folders_of(name: str) -> list[str]:
+def package_folders(name: str) -> list[str]:
     """Return the folders of a package; none of a module."""
-    spec = place(name)
+    spec = module_spec(name)
     return list(spec.submodule_search_locations or ()) if spec else []
 
 
 @cache
-def files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
+def package_files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
     """Return paths and hashes of the files of some kinds in and below a package's folders."""
-    found = [(of, one) for of in folders_of(name) for one in sorted(Path(of).rglob("*"))]
+    found = [(of, one) for of in package_folders(name) for one in sorted(Path(of).rglob("*"))]
     return [
-        (f"{name}/{one.relative_to(of).as_posix()}", hash_of(one.read_bytes()))
+        (f"{name}/{one.relative_to(of).as_posix()}", sha256(one.read_bytes()))
         for of, one in found
         if one.suffix in suffixes
     ]
 
 
 @cache
-def versions(top: str) -> dict[str, str]:
+def dist_versions(top: str) -> dict[str, str]:
     """Return distributions of a top-level package with versions; empty if it is only a source."""
     return {owner.metadata["Name"]: owner.version for owner in distributions().get(top, ())}
 
@@ -195,39 +195,40 @@ class Modules:
     def __init__(self, roots: frozenset[str]) -> None:
         self._roots = roots
         self.module, self.is_source = cache(self._module), cache(self._is_source)
-        self.reached, self.edges = cache(self._reached), cache(self._edges)
+        self.loaded_with, self.imports = cache(self._loaded_with), cache(self._imports)
 
     def _module(self, name: str) -> Module | None:
         """Return a module; None if it has no file."""
-        spec = place(name)
+        spec = module_spec(name)
         file = Path(spec.origin) if spec and spec.has_location and spec.origin else None
-        return read(name, file, file.stat().st_mtime_ns) if file else None
+        return read_module(name, file, file.stat().st_mtime_ns) if file else None
 
     def _is_source(self, name: str) -> bool:
         """Return whether a module counts by its source."""
         top = name.partition(".")[0]
-        if within(name, ENGINE) or (top in sys.stdlib_module_names and top not in self._roots):
+        if is_within(name, ENGINE) or (top in sys.stdlib_module_names and top not in self._roots):
             return False
-        return within(name, self._roots) or not versions(top)
+        return is_within(name, self._roots) or not dist_versions(top)
 
-    def _reached(self, owner: str, name: str) -> set[str]:
+    def _loaded_with(self, owner: str, name: str) -> set[str]:
         """Return sources, or the library, that are loaded with a module or a name of it."""
         if not self.is_source(owner):
-            return set() if within(owner, ENGINE) else {owner.partition(".")[0]}
+            return set() if is_within(owner, ENGINE) else {owner.partition(".")[0]}
         found, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)
-        if name and place(f"{owner}.{name}"):
+        if name and module_spec(f"{owner}.{name}"):
             found.add(f"{owner}.{name}")
         elif module and module.is_lazy:
-            below = [path.removesuffix(".py") for path, _ in files(owner, frozenset({".py"}))]
+            paths = (path for path, _ in package_files(owner, frozenset({".py"})))
+            below = [path.removesuffix(".py") for path in paths]
             found |= {path.replace("/", ".").removesuffix(".__init__") for path in below}
         return {*filter(self.is_source, found)}
 
-    def _edges(self, name: str) -> set[str]:
-        """Return what a module imports."""
+    def _imports(self, name: str) -> set[str]:
+        """Return all sources and libraries that a module imports."""
         module = self.module(name)
-        return set().union(*(self.reached(*one) for one in module.imports)) if module else set()
+        return set().union(*(self.loaded_with(*one) for one in module.imports)) if module else set()
 
 
-def within(name: str, packages: Iterable[str]) -> bool:
+def is_within(name: str, packages: Iterable[str]) -> bool:
     """Return whether a module is in, or is itself, one of some packages."""
     return any(f"{name}.".startswith(f"{package}.") for package in packages)

@@ -26,13 +26,7 @@ from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import (
-    ChoiceSweep,
-    Override,
-    RangeSweep,
-    Sweep,
-    Transformer,
-)
+from hydra.core.override_parser.types import ChoiceSweep, Override, RangeSweep, Sweep, Transformer
 from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -40,8 +34,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import MOST_VALUES, Value, rank, shown, spelt
-from sweeps.engine.declare.places import PathOrUrl, path_or_url
+from sweeps.engine.declare.kinds import MAX_VALUES, Value, format_value, quote_value, sort_key
+from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.declare.settings import (
     CLUSTERS,
     Choices,
@@ -57,13 +51,13 @@ from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
-ALIKE = 0.66  # least similarity of a key that may have been meant
+SIMILARITY = 0.66  # least similarity of a key that may have been meant
 
 
 # composing ----------------------------------------------------------------------------------------
 
 
-def primary(experiment: Experiment) -> str:
+def config_name(experiment: Experiment) -> str:
     """Return the name of the primary configuration of Hydra."""
     return "config" if experiment.conf is not None else "all_defaults"
 
@@ -90,13 +84,13 @@ def register(experiment: Experiment) -> None:
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_"]
         node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}
-        known.store(name=primary(experiment), node=node)
+        known.store(name=config_name(experiment), node=node)
 
 
 def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the defaults of a group; values are of any type, since settings check their own."""
     return {
-        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "written", None)
+        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "default_input", None)
         for key, entry in tree.items()
     }
 
@@ -109,7 +103,7 @@ def members(entry: Any) -> Mapping[str, Any]:
 
 
 @contextmanager
-def composing(experiment: Experiment) -> Iterator[None]:
+def hydra_context(experiment: Experiment) -> Iterator[None]:
     """Let Hydra find the configuration of an experiment within this context."""
     register(experiment)
     if experiment.conf is None:
@@ -120,16 +114,17 @@ def composing(experiment: Experiment) -> Iterator[None]:
             yield
 
 
-def composed(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
+def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
     """Return the configuration of some overrides."""
     try:
-        return hydra.compose(primary(experiment), overrides=replaceable(experiment, overrides))
+        given = clear_before_set(experiment, overrides)
+        return hydra.compose(config_name(experiment), overrides=given)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
-        raise ConfigurationError(f"{in_one_line(error)} (of {' '.join(overrides)})") from error
+        raise ConfigurationError(f"{error_message(error)} (of {' '.join(overrides)})") from error
 
 
-def replaceable(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
-    """Return overrides with which a value may replace a configured one of another form.
+def clear_before_set(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
+    """Return overrides that clear a setting before they set it.
 
     OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
     in a list's, so a setting is emptied before it is set: `spring.mass=[0,45]` becomes
@@ -139,14 +134,14 @@ def replaceable(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
     keys = {setting.key for setting in experiment.declared if not members(setting)}
     found = []
     for override in overrides:
-        plain = override.lstrip("+")  # a setting is always there, so nothing is added
-        key = plain.partition("=")[0]
-        found += [f"++{key}=null", plain] if key in keys else [override]
+        stripped = override.lstrip("+")  # a setting is always there, so nothing is added
+        key = stripped.partition("=")[0]
+        found += [f"++{key}=null", stripped] if key in keys else [override]
     return found
 
 
-def in_one_line(error: BaseException | None) -> str:
-    """Return the message of an error, and those of its causes, in one line."""
+def error_message(error: BaseException | None) -> str:
+    """Return the messages of an error and its causes in one line."""
     words = []
     while error is not None:
         if isinstance(error, OmegaConfBaseException):  # whose other lines name its classes
@@ -160,7 +155,7 @@ def in_one_line(error: BaseException | None) -> str:
 # choices ------------------------------------------------------------------------------------------
 
 
-def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
+def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     """Return the choices of a composed configuration, each setting checked by itself.
 
     Raises
@@ -168,10 +163,10 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
     ConfigurationError
         Naming the first invalid key, its value and what is allowed.
     """
-    written: Any = OmegaConf.to_container(composed, resolve=False)
+    written: Any = OmegaConf.to_container(config, resolve=False)
     _check_tree(experiment, nested(experiment.by_key), written, "")
     try:
-        values: Any = OmegaConf.to_container(composed, resolve=True)
+        values: Any = OmegaConf.to_container(config, resolve=True)
     except OmegaConfBaseException as error:
         key = (error.full_key or "").partition("[")[0]
         given = flatten(experiment.declared, written)
@@ -181,13 +176,11 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
         ) from error
     given = flatten(experiment.declared, values)
     (groups,) = Together.zip.values(given.get(Together.zip.key))
-    together = [[_named(experiment, name) for name in names] for names in groups]
+    together = [[_find_setting(experiment, name) for name in names] for names in groups]
     joint = [_zipped(settings, given) for settings in together]
     zipped = [key for one in joint for key in one.keys]
     if twice := [key for key in zipped if zipped.count(key) > 1]:
-        raise ConfigurationError(
-            f"grid.zip has {twice[0]!r} more than once, but values must differ"
-        )
+        raise ConfigurationError(f"grid.zip has {twice[0]!r} more than once, but keys must differ")
     for key in zipped:  # together, one may have a value several times
         if isinstance(listed := given.get(key), list):
             given[key] = [one for at, one in enumerate(listed) if one not in listed[:at]]
@@ -198,30 +191,30 @@ def read_configuration(experiment: Experiment, composed: DictConfig) -> Choices:
 def _check_tree(experiment: Experiment, tree: Mapping[str, Any], node: Any, parent: str) -> None:
     """Refuse unknown keys of a configuration; Hydra itself accepts `+key=value`."""
     if not isinstance(node, Mapping):
-        raise not_members(tree, parent, node)
+        raise not_a_group(tree, parent, node)
     for name in map(str, node):
         key = f"{parent}.{name}".lstrip(".")
         if name not in tree:
-            raise unknown(experiment, tree, parent, key)
+            raise unknown_key(experiment, tree, parent, key)
         if isinstance(tree[name], Mapping):
             _check_tree(experiment, tree[name], node[name], key)
 
 
-def not_members(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
+def not_a_group(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
     """Return the error of a group that is given another value."""
-    return ConfigurationError(f"{key} is {shown(value)}, but must hold {', '.join(tree)}")
+    return ConfigurationError(f"{key} is {quote_value(value)}, but must hold {', '.join(tree)}")
 
 
-def unknown(
+def unknown_key(
     experiment: Experiment, tree: Mapping[str, Any], group: str, key: str
 ) -> ConfigurationError:
     """Return the error of a key that its group, of the keys of `tree`, does not have."""
     last = key.rpartition(".")[2]
     wrong = f"{key} is not a key of the configuration"
     elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
-    meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=ALIKE) or elsewhere
+    meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=SIMILARITY) or elsewhere
     if not meant:
-        near = difflib.get_close_matches(last, tree, n=1, cutoff=ALIKE)
+        near = difflib.get_close_matches(last, tree, n=1, cutoff=SIMILARITY)
         meant = [f"{group}.{name}".lstrip(".") for name in near]
     if meant:
         return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
@@ -234,34 +227,33 @@ def unknown(
 def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
     keys = [setting.key for setting in settings]
-    listed = [_as_written(setting, given.get(setting.key, setting.written)) for setting in settings]
+    pairs = ((setting, given.get(setting.key, setting.default_input)) for setting in settings)
+    listed = [_in_given_order(*pair) for pair in pairs]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
         raise ConfigurationError(
             f"grid.zip has {', '.join(keys)}, which must have equally many values, but "
             f"{', '.join(counts)}"
         )
-    points = sorted(zip(*listed, strict=True), key=lambda point: [rank(one) for one in point])
+    points = sorted(zip(*listed, strict=True), key=lambda point: [sort_key(one) for one in point])
     if len(set(points)) < len(points):
-        raise ConfigurationError(
-            f"grid.zip has {', '.join(keys)}, which have the same values together twice"
-        )
+        wrong = f"grid.zip has {', '.join(keys)}"
+        raise ConfigurationError(f"{wrong}, which have the same values together twice")
     return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
-def _as_written(setting: Setting, given: Any) -> list[Any]:
+def _in_given_order(setting: Setting, given: Any) -> list[Any]:
     """Return values in the order in which they were given."""
     if isinstance(given, list | tuple):
         return [setting.values(one)[0] for one in given]
     return list(setting.values(given))
 
 
-def _named(experiment: Experiment, name: str) -> Setting:
+def _find_setting(experiment: Experiment, name: str) -> Setting:
     """Return the setting of a key, or of the last word of one."""
     exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
-    found = (
-        [exact] if exact else [setting for setting in experiment.declared if setting.name == name]
-    )
+    every = experiment.declared
+    found = [exact] if exact else [one for one in every if one.name == name]
     if len(found) != 1:
         several = ", ".join(one.key for one in found)
         hint = f"several keys: {several}" if found else "not a setting"
@@ -271,9 +263,9 @@ def _named(experiment: Experiment, name: str) -> Setting:
     return found[0]
 
 
-STORE = "sweep.zarr"
+DEFAULT_STORE = "sweep.zarr"
 STEPS = ("start", "stop", "step")  # keys of a setting whose values are given by them
-MOST_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
+MAX_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
 
 
 @dataclass(frozen=True)
@@ -295,15 +287,15 @@ def read_jobs(experiment: Experiment, arguments: Sequence[str], *, several: bool
     ConfigurationError
         Naming the first invalid key, its value and what is allowed.
     """
-    with composing(experiment):
-        overrides = _parsed(experiment, arguments, several=several)
+    with hydra_context(experiment):
+        overrides = _parse_overrides(experiment, arguments, several=several)
         return [
-            job_of(experiment, composed(experiment, lines), lines, STORE)
-            for lines in _expanded(experiment, overrides)
+            make_job(experiment, compose(experiment, lines), lines, DEFAULT_STORE)
+            for lines in _expand_jobs(experiment, overrides)
         ]
 
 
-def job_of(
+def make_job(
     experiment: Experiment, configuration: DictConfig, lines: Iterable[str], store: str
 ) -> Job:
     """Return a job of a composed configuration; `store` is where it goes if that names none."""
@@ -315,29 +307,31 @@ def job_of(
 # checks -------------------------------------------------------------------------------------------
 
 
-def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) -> list[Override]:
+def _parse_overrides(
+    experiment: Experiment, arguments: Sequence[str], *, several: bool
+) -> list[Override]:
     """Return the overrides of some arguments, whose keys and choices of groups exist."""
     loader = GlobalHydra.instance().config_loader()
     parser = OverridesParser.create(loader)
     overrides = []
-    for place, argument in enumerate(arguments):
+    for number, argument in enumerate(arguments):
         key, _, value = argument.partition("=")
         if not key.lstrip("+~"):
             raise ConfigurationError(f"{argument} has no key, but must be KEY=VALUE")
-        override = _read(parser, argument)
+        override = _try_parse(parser, argument)
         if override is None:
-            raise _unread(experiment, parser, arguments[place:])
+            raise _syntax_error(experiment, parser, arguments[number:])
         given: Any = override.value()
         listed = given if isinstance(given, list) else [given]
         swept = [one for one in listed if isinstance(one, Sweep)]
         if swept and (isinstance(given, list) or not several):
             ways = []
             if isinstance(swept[0], RangeSweep):
-                ways = [f"give steps, {pasted(f'{key}={_in_steps(swept[0])}')}"]
+                ways = [f"give steps, {shell_quoted(f'{key}={_as_steps(swept[0])}')}"]
             elif isinstance(given, ChoiceSweep) and given.simple_form:
-                text = pasted(f"{key}={_quoted(value)}")
-                ways = [f"quote it, {pasted(f'{key}=[{value}]')}, or as a text, {text}"]
-            ways += [f"or sweep over it, -m {pasted(argument)}"] * (swept == [given])
+                text = shell_quoted(f"{key}={_hydra_quoted(value)}")
+                ways = [f"quote it, {shell_quoted(f'{key}=[{value}]')}, or as a text, {text}"]
+            ways += [f"or sweep over it, -m {shell_quoted(argument)}"] * (swept == [given])
             how = ": " * bool(ways) + "; ".join(ways)
             raise ConfigurationError(f"{key} is {value}, but must be one value or a list{how}")
         _check_key(experiment, loader, override)
@@ -345,27 +339,27 @@ def _parsed(experiment: Experiment, arguments: Sequence[str], *, several: bool) 
     return overrides
 
 
-def _in_steps(swept: RangeSweep) -> str:
+def _as_steps(swept: RangeSweep) -> str:
     """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
-    values: list[Any] = [*islice(swept.range(), MOST_VALUES)] or [swept.start]
-    return spelt({"start": min(values), "stop": max(values), "step": abs(swept.step)})
+    values: list[Any] = [*islice(swept.range(), MAX_VALUES)] or [swept.start]
+    return format_value({"start": min(values), "stop": max(values), "step": abs(swept.step)})
 
 
-def pasted(text: str) -> str:
-    """Return a word as it is pasted into a shell, in quotes if it needs them."""
+def shell_quoted(text: str) -> str:
+    """Quote a word for a shell, if it needs quotes."""
     plain_inside = "'" in text and not set(text) & set('$`"!\\')
     return f'"{text}"' if plain_inside else shlex.quote(text)
 
 
-def _quoted(text: str) -> str:
-    """Return a text as Hydra reads it back."""
+def _hydra_quoted(text: str) -> str:
+    """Quote a text for Hydra."""
     mark = '"' if "'" in text and '"' not in text else "'"
     # It halves backslashes before such a mark, also before that at the end.
     text = re.sub(rf"(\\*){mark}", rf"\1\1\\{mark}", text)
     return mark + re.sub(r"(\\+)\Z", r"\1\1", text) + mark
 
 
-def _read(parser: OverridesParser, argument: str) -> Override | None:
+def _try_parse(parser: OverridesParser, argument: str) -> Override | None:
     """Return the override of an argument; None if Hydra cannot read it."""
     try:
         return parser.parse_overrides([argument])[0]
@@ -373,25 +367,27 @@ def _read(parser: OverridesParser, argument: str) -> Override | None:
         return None
 
 
-def _unread(
+def _syntax_error(
     experiment: Experiment, parser: OverridesParser, arguments: Sequence[str]
 ) -> ConfigurationError:
     """Return the error of the first of some arguments, which Hydra cannot read."""
     wholes = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
-    whole = next(filter(_is_balanced, wholes), arguments[0])
+    pairs = (("[", "]"), ("{", "}"))
+    closed = (text for text in wholes if all(text.count(a) == text.count(b) for a, b in pairs))
+    whole = next(closed, arguments[0])
     key, given, value = whole.partition("=")
     if not given:
         return ConfigurationError(f"{whole} has no value, but must be KEY=VALUE")
-    if _read(parser, f"{key}=1") is None:
-        return unknown(experiment, nested(experiment.by_key), "", key)
+    if _try_parse(parser, f"{key}=1") is None:
+        return unknown_key(experiment, nested(experiment.by_key), "", key)
 
     def quoted(word: re.Match[str]) -> str:
-        return word[0] if _read(parser, f"x={word[0]}") else _quoted(word[0])
+        return word[0] if _try_parse(parser, f"x={word[0]}") else _hydra_quoted(word[0])
 
-    if _read(parser, whole) is None:
+    if _try_parse(parser, whole) is None:
         listed = value.startswith(("[", "{"))
-        whole = f"{key}={re.sub(WORD, quoted, value) if listed else _quoted(value)}"
-    override, setting = _read(parser, whole), experiment.by_key.get(key.lstrip("+"))
+        whole = f"{key}={re.sub(WORD, quoted, value) if listed else _hydra_quoted(value)}"
+    override, setting = _try_parse(parser, whole), experiment.by_key.get(key.lstrip("+"))
     if override is None:
         return ConfigurationError(f"{arguments[0]} cannot be read, but must be KEY=VALUE")
     try:
@@ -399,11 +395,7 @@ def _unread(
             setting.values(override.value())
     except ConfigurationError as error:
         return error
-    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {pasted(whole)}")
-
-
-def _is_balanced(text: str) -> bool:
-    return all(text.count(left) == text.count(right) for left, right in ("[]", "{}"))
+    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {shell_quoted(whole)}")
 
 
 def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override) -> None:
@@ -425,17 +417,19 @@ def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override)
     words = key.split(".")
     for depth, word in enumerate(words):
         if word not in tree:
-            raise unknown(experiment, tree, ".".join(words[:depth]), key)
+            raise unknown_key(experiment, tree, ".".join(words[:depth]), key)
         is_last = depth == len(words) - 1
         tree = members(tree[word]) or ({} if is_last else dict.fromkeys(STEPS))
     if tree and not override.is_delete() and not isinstance(value, dict):
-        raise not_members(tree, key, value)
+        raise not_a_group(tree, key, value)
 
 
 # jobs ---------------------------------------------------------------------------------------------
 
 
-def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator[tuple[str, ...]]:
+def _expand_jobs(
+    experiment: Experiment, overrides: Sequence[Override]
+) -> Iterator[tuple[str, ...]]:
     """Return the overrides of every job.
 
     Swept settings are axes of one job, `a=1,2` as `a=[1,2]`, so that a grid of thousands of points
@@ -455,33 +449,28 @@ def _expanded(experiment: Experiment, overrides: Sequence[Override]) -> Iterator
         options[key] = [line]
         if not override.is_sweep_override():
             continue
-        values = _values(override, MOST_VALUES)
+        values = _swept_values(override, MAX_VALUES)
         refers = any(f"{{{name}}}" in other for other in lines)
-        if (
-            name in axes
-            and not refers
-            and not any(value.startswith(("[", "{")) for value in values)
-        ):
+        listed = any(value.startswith(("[", "{")) for value in values)
+        if name in axes and not refers and not listed:
             options[key] = [f"{key}=[{','.join(values)}]"]
         else:
             options[key] = [f"{key}={value}" for value in values]
-    if math.prod(map(len, options.values())) > MOST_JOBS:
+    if math.prod(map(len, options.values())) > MAX_JOBS:
         longest = max(options, key=lambda key: len(options[key]))
         raise ConfigurationError(
             f"{longest} has {len(options[longest]):,} values of all that make jobs, but there may "
-            f"be at most {MOST_JOBS:,} jobs"
+            f"be at most {MAX_JOBS:,} jobs"
         )
     return product(*options.values())
 
 
-def _values(override: Override, most: int) -> list[str]:
+def _swept_values(override: Override, most: int) -> list[str]:
     """Return values of a swept override as they are written; too many are refused, not made."""
     values = override.sweep_iterator(transformer=Transformer.encode)
     found = [str(one) for one in islice(values, most + 1)]
     if len(found) > most:
-        raise ConfigurationError(
-            f"{override.input_line} has too many values; there may be at most {most:,}"
-        )
+        raise ConfigurationError(f"{override.input_line} has more than {most:,} values")
     return found
 
 
@@ -489,11 +478,11 @@ def _values(override: Override, most: int) -> list[str]:
 
 
 Point = tuple[Value, ...]
-OWN_STORES = "put it into the store's path for a store each"
+SEPARATE = "put it into the store's path for a store each"
 
 
-def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
-    """Return choices and the place of the store of each sweep that jobs are fused into.
+def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
+    """Fuse jobs of one store into one sweep; return the choices and store of each.
 
     Raises
     ------
@@ -512,41 +501,38 @@ def fused(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, Pa
 def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     first = jobs[0].choices
     if any(job.choices.joint != first.joint for job in jobs):
-        raise ConfigurationError(
-            f"grid.zip has settings whose values differ between jobs of one store; {OWN_STORES}"
-        )
+        raise ConfigurationError(f"grid.zip differs between jobs of one store; {SEPARATE}")
     union: dict[Setting, Point] = {}  # of settings that differ
     for setting in experiment.declared:
         values = {value for job in jobs for value in job.choices[setting]}
-        _check_alike(setting, [value for job in jobs for value in job.choices[setting]])
+        _check_origins(setting, [value for job in jobs for value in job.choices[setting]])
         if all(job.choices[setting] == first[setting] for job in jobs):
             continue
         if setting.fixed:
-            asked = " and ".join(shown(value) for value in sorted(values, key=rank))
+            given = " and ".join(quote_value(value) for value in sorted(values, key=sort_key))
             raise ConfigurationError(
-                f"{setting.key} is {asked} in jobs of one store, but must be one: "
-                f"{setting.fixed}; {OWN_STORES}"
+                f"{setting.key} is {given} in jobs of one store, but must be one: "
+                f"{setting.fixed}; {SEPARATE}"
             )
-        union[setting] = tuple(sorted(values, key=rank))
+        union[setting] = tuple(sorted(values, key=sort_key))
     values_of = {setting.key: values for setting, values in union.items()}
-    joint = _bound_together(jobs, union) if union else []
-    return replace(
-        first, values={**first.values, **values_of}, joint=(*first.joint, *joint), asked=set()
-    )
+    joint = _joint_axes(jobs, union) if union else []
+    merged = {**first.values, **values_of}
+    return replace(first, values=merged, joint=(*first.joint, *joint), read_keys=set())
 
 
-def _check_alike(setting: Setting, values: Sequence[Value]) -> None:
-    """Refuse values of different origin with the same name, which one store cannot distinguish."""
+def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
+    """Refuse equal names of values that differ in origin."""
     origins = {(value, getattr(value, "origin", None)) for value in values}
     counts = Counter(value for value, _ in origins)
     if twice := [value for value, count in counts.items() if count > 1]:
         raise ConfigurationError(
             f"{setting.key} has {str(twice[0])!r} for two values in jobs of one store, but their "
-            f"names must differ; name one of them, or {OWN_STORES}"
+            f"names must differ; name one of them, or {SEPARATE}"
         )
 
 
-def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
+def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
     """Return joint axes of settings that are not crossed; of all settings if nothing crosses."""
 
     def joint(name: str, settings: Iterable[Setting], labels: Mapping[Point, str]) -> Joint:
@@ -554,24 +540,21 @@ def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list
         return Joint(name, keys, tuple(labels), tuple(labels.values()))
 
     groups: list[Joint] = []
-    alone = list(union)
+    single = list(union)
     for key in jobs[0].overrides:
-        own = [setting for setting in alone if _follows(jobs, key, setting)]
-        if len(own) > 1:
-            alone = [setting for setting in alone if setting not in own]
-            labels = {
-                tuple(job.choices.one(setting) for setting in own): job.overrides[key]
-                for job in jobs
-            }
+        following = [setting for setting in single if _is_decided_by(jobs, key, setting)]
+        if len(following) > 1:
+            single = [setting for setting in single if setting not in following]
+            found = [tuple(job.choices.one(setting) for setting in following) for job in jobs]
+            labels = {of: job.overrides[key] for of, job in zip(found, jobs, strict=True)}
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
-            groups.append(joint(name, own, dict(sorted(labels.items(), key=_by_label))))
-    points = {
-        point for job in jobs for point in product(*(job.choices[setting] for setting in union))
-    }
-    sizes = [len(union[setting]) for setting in alone] + [len(group.points) for group in groups]
+            groups.append(joint(name, following, dict(sorted(labels.items(), key=_label_sort_key))))
+    products = (product(*(job.choices[one] for one in union)) for job in jobs)
+    points = {point for some in products for point in some}
+    sizes = [len(union[setting]) for setting in single] + [len(group.points) for group in groups]
     if math.prod(sizes) == len(points):
         return groups
-    every = sorted(points, key=lambda point: [rank(value) for value in point])
+    every = sorted(points, key=lambda point: [sort_key(value) for value in point])
     labels = {
         point: ",".join(f"{one.name}={value}" for one, value in zip(union, point, strict=True))
         for point in every
@@ -579,8 +562,8 @@ def _bound_together(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list
     return [joint("job", union, labels)]
 
 
-def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
-    """Return whether the value swept under a key alone decides that of a setting."""
+def _is_decided_by(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
+    """Return whether the value swept under a key determines the value of a setting."""
     decided: dict[str | None, Point] = {}
     for job in jobs:
         values = job.choices[setting]
@@ -589,7 +572,7 @@ def _follows(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
     return len(set(decided.values())) > 1
 
 
-def _by_label(labelled: tuple[Point, str]) -> tuple[bool, float, str]:
+def _label_sort_key(labelled: tuple[Point, str]) -> tuple[bool, float, str]:
     """Return the sort key of a point with its label: numbers in ascending order, then words."""
     label = labelled[1]
     try:

@@ -1,7 +1,7 @@
 """The cells of a sweep: axes of every stage, its cells by number, and their keys.
 
-Cells of a stage are numbered over its axes of several values, the last axis fastest. Which cells of
-an input they take, and what these are called, is arithmetic with whole arrays of such numbers.
+Cells of a stage are numbered over its swept axes, the last axis fastest. The cells of an input that
+they take follow by arithmetic with arrays of such numbers.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 
 from sweeps.engine.declare.errors import ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import RAISED
-from sweeps.engine.declare.kinds import Draws, Value, spelt
+from sweeps.engine.declare.kinds import Draws, Value, format_value
 from sweeps.engine.declare.settings import Choices, Run, Setting
-from sweeps.engine.declare.stage import Bound, Experiment, bind, value_token
-from sweeps.engine.resolve.code import Code, CodeDigest, place_of
-from sweeps.engine.resolve.keys import STREAM_VERSION, Keys, digest, fold, hashed, spelt_key
-from sweeps.engine.resolve.modules import keep_sources
+from sweeps.engine.declare.stage import BoundStage, Experiment, bind, value_token
+from sweeps.engine.resolve.code import Code, CodeDigest, module_and_name
+from sweeps.engine.resolve.keys import STREAM_VERSION, Keys, digest, fold, hash_texts, key_text
+from sweeps.engine.resolve.modules import save_parsed_modules
 
 Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
 
-AT_ONCE = 2**18  # cells whose keys are made together
-UNKNOWN = object()  # in place of the result of a plain stage that was not called yet
+HASHED_CELLS = 2**18  # cells whose keys are made together
+NOT_CALLED = object()  # instead of the result of a plain stage
 
 
 @dataclass(frozen=True)
@@ -36,28 +36,28 @@ class Axis:
 
     name: str
     settings: tuple[Setting, ...]
-    points: tuple[tuple[Value, ...], ...]  # a value of each setting, for every place
-    labels: tuple[str, ...] | None = None  # of the places, where settings run together
-    bare: bool = False  # see `Joint`
+    points: tuple[tuple[Value, ...], ...]  # the values of all settings, by position
+    labels: tuple[str, ...] | None = None  # of the positions of a joint axis
+    unlabelled: bool = False  # see `Joint`
 
     @property
-    def several(self) -> bool:
-        """Whether it has more than one place."""
+    def is_swept(self) -> bool:
+        """Whether it has several values."""
         return len(self.points) > 1
 
     @property
     def is_joint(self) -> bool:
-        """Return whether it is a joint dimension, with values of its settings along it."""
+        """Whether several settings run along it, or its positions have labels."""
         return self.labels is not None or len(self.settings) > 1
 
 
-def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
-    """Return every axis; a joint one takes the place of the first of its settings."""
+def make_axes(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
+    """Return every axis; a joint axis stands where the first of its settings does."""
     by_key = {setting.key: setting for setting in settings}
     axes = {one.key: Axis(one.name, (one,), tuple((v,) for v in choices[one])) for one in settings}
     for joint in choices.joint:
         members = tuple(by_key[key] for key in joint.keys)
-        axis = Axis(joint.name, members, joint.points, joint.labels or (), joint.bare)
+        axis = Axis(joint.name, members, joint.points, joint.labels or (), joint.unlabelled)
         axes |= dict.fromkeys(joint.keys, axis)
     return tuple({id(axis): axis for axis in axes.values()}.values())
 
@@ -65,62 +65,61 @@ def axes_of(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
 class InputCells(NamedTuple):
     """Cells of an input that the cells of a stage take.
 
-    `first` has one for each cell of the stage, (cell,). `offsets`, (gathered axis, ...), is what to
-    add to it for every place on those gathered axes that the input has, in the order of
-    `Stage.gather`.
+    `first` has one for each cell of the stage, (cell,). `offsets`, (gathered axis, ...), leads from
+    it to the other positions on the gathered axes of the input, in the order of `Stage.gather`.
     """
 
-    source: Bound
+    source: BoundStage
     first: Cells
     offsets: Cells
 
-    def of(self, cells: Cells) -> Cells:
-        """Return the cells taken by distinct ones among some cells, (distinct, taken)."""
+    def select(self, cells: Cells) -> Cells:
+        """Return the input cells of some cells, without repetition, (distinct, taken)."""
         return np.unique(self.first[cells])[:, None] + self.offsets.ravel()
 
 
 class Plan:
-    """Plan of a sweep: stages, their cells and the keys of these."""
+    """Plan of a sweep: stages, cells and keys."""
 
     def __init__(self, experiment: Experiment, choices: Choices) -> None:
         self.experiment = experiment
         self.choices = choices
-        self.axes = axes_of(experiment.declared, choices)
+        self.axes = make_axes(experiment.declared, choices)
         self._axis_of = {
             setting.key: (number, position)
             for number, axis in enumerate(self.axes)
             for position, setting in enumerate(axis.settings)
         }
-        self._every = bind(experiment, choices.joint)
+        self._all_stages = bind(experiment, choices.joint)
         self.targets = tuple(
             bound
-            for bound in self._every.values()
+            for bound in self._all_stages.values()
             if bound.stage.group.path and bound.stage.group.when(choices)
         )
         wanted = set(self.targets)
-        for bound in reversed(self._every.values()):  # each comes after those that it needs
+        for bound in reversed(self._all_stages.values()):  # each comes after those that it needs
             if bound in wanted:
                 wanted.update(bound.inputs)
-        self.bound = {name: bound for name, bound in self._every.items() if bound in wanted}
-        self._strides = {bound: self._strides_of(bound) for bound in self.bound.values()}
-        self.together = {bound: self._together(bound) for bound in self.bound.values()}
-        # What follows is filled as it is needed.
-        self._input_cells: dict[Bound, dict[Bound, InputCells]] = {}
-        self._keys: dict[Bound, Keys] = {}
-        self._fingerprints: dict[Bound, str] = {}
-        self._plain: dict[Bound, NDArray[np.object_]] = {}  # by number of the cell
+        self.bound = {name: bound for name, bound in self._all_stages.items() if bound in wanted}
+        self._strides = {bound: self._axis_strides(bound) for bound in self.bound.values()}
+        self.along_strides = {bound: self._along_strides(bound) for bound in self.bound.values()}
+        # Filled on demand.
+        self._input_cells: dict[BoundStage, dict[BoundStage, InputCells]] = {}
+        self._keys: dict[BoundStage, Keys] = {}
+        self._fingerprints: dict[BoundStage, str] = {}
+        self._plain_values: dict[BoundStage, NDArray[np.object_]] = {}  # by number of the cell
         for bound in self.bound.values():
             self._check_joint(bound)
-            if bound.stage.at:
+            if bound.stage.substitutions:
                 self.input_cells(bound)  # which may refuse it
 
-    def unread(self, keys: Iterable[str]) -> list[str]:
-        """Return which of some keys the experiment's stages read, but none of this plan does."""
-        read, known = _read_by(self.bound.values()), _read_by(self._every.values())
-        noting = Choices(self.choices.values, self.choices.joint)
-        for group in {bound.stage.group for bound in self._every.values()}:
-            group.when(noting)
-        read |= noting.asked
+    def unused_settings(self, keys: Iterable[str]) -> list[str]:
+        """Return the keys that stages of the experiment read, but none of this plan."""
+        read, known = _setting_keys(self.bound.values()), _setting_keys(self._all_stages.values())
+        recorder = Choices(self.choices.values, self.choices.joint)
+        for group in {bound.stage.group for bound in self._all_stages.values()}:
+            group.when(recorder)
+        read |= recorder.read_keys
         read |= {
             setting.fallback.key
             for setting in self.experiment.declared
@@ -131,13 +130,13 @@ class Plan:
     # axes -----------------------------------------------------------------------------------
 
     @property
-    def swept(self) -> dict[str, int]:
+    def axis_lengths(self) -> dict[str, int]:
         """Return the number of values of every axis of several that a stage depends on."""
-        read = {self.axis_number(key) for key in _read_by(self.bound.values())}
+        read = {self.axis_number(key) for key in _setting_keys(self.bound.values())}
         return {
             "+".join(setting.key for setting in axis.settings): len(axis.points)
             for number, axis in enumerate(self.axes)
-            if axis.several and number in read
+            if axis.is_swept and number in read
         }
 
     @property
@@ -146,8 +145,10 @@ class Plan:
 
         Those that the command line names come first; draws are not among them.
         """
-        read = _read_by(self.bound.values())
-        asked = [one for one in self.experiment.own if one.key in read and self._is_asked(one)]
+        read = _setting_keys(self.bound.values())
+        asked = [
+            one for one in self.experiment.own_settings if one.key in read and self._is_asked(one)
+        ]
         return sorted(asked, key=lambda setting: setting.key not in self.choices.given)
 
     def _is_asked(self, setting: Setting) -> bool:
@@ -162,12 +163,12 @@ class Plan:
         """Return the number of a setting's axis."""
         return self._axis_of[key][0]
 
-    def axes_on(self, bound: Bound) -> tuple[int, ...]:
+    def axis_numbers(self, bound: BoundStage) -> tuple[int, ...]:
         """Return numbers of the axes with several values that a stage depends on, ascending."""
         return tuple(self._strides[bound])
 
-    def _together(self, bound: Bound) -> dict[int, int]:
-        """Return axes that a stage computes together: number, and stride of its cells along it."""
+    def _along_strides(self, bound: BoundStage) -> dict[int, int]:
+        """Return the strides of the axes that a stage computes together, by number."""
         return {
             number: stride
             for number, stride in self._strides[bound].items()
@@ -175,17 +176,17 @@ class Plan:
             and self.axes[number].settings[0].key in bound.along
         }
 
-    def _strides_of(self, bound: Bound) -> dict[int, int]:
-        """Return by axis of several values how far apart the cells of neighbouring places are."""
+    def _axis_strides(self, bound: BoundStage) -> dict[int, int]:
+        """Return the stride of a stage's cells along each swept axis."""
         numbers = sorted({self.axis_number(key) for key in bound.needs})
-        several = [number for number in numbers if self.axes[number].several]
+        several = [number for number in numbers if self.axes[number].is_swept]
         lengths = [len(self.axes[number].points) for number in several]
         return {number: prod(lengths[at + 1 :]) for at, number in enumerate(several)}
 
-    def _check_joint(self, bound: Bound) -> None:
-        """Refuse settings that run together with others, but are gathered."""
+    def _check_joint(self, bound: BoundStage) -> None:
+        """Refuse gathered settings that run together with others."""
         for axis in (self.axes[self.axis_number(key)] for key in bound.gather):
-            if axis.several and axis.is_joint and not bound.stage.plain:
+            if axis.is_swept and axis.is_joint and not bound.stage.is_plain:
                 raise ConfigurationError(
                     f"{axis.settings[0].key} runs together with other settings, but must run "
                     f"alone because {bound.name} uses all of its values"
@@ -193,152 +194,153 @@ class Plan:
 
     # cells ----------------------------------------------------------------------------------
 
-    def count(self, bound: Bound) -> int:
+    def count(self, bound: BoundStage) -> int:
         """Return the number of cells of a stage."""
         return prod(len(self.axes[number].points) for number in self._strides[bound])
 
-    def cells(self, bound: Bound) -> Cells:
+    def cells(self, bound: BoundStage) -> Cells:
         """Return the numbers of all cells of a stage."""
         return np.arange(self.count(bound))
 
-    def places(self, bound: Bound, number: int, cells: Cells | int) -> Any:
-        """Return the places of some cells of a stage on an axis; 0 if it does not depend on it."""
+    def positions(self, bound: BoundStage, number: int, cells: Cells | int) -> Any:
+        """Return the positions of cells on an axis; 0 if their stage does not depend on it."""
         stride = self._strides[bound].get(number)
         return 0 * cells if stride is None else cells // stride % len(self.axes[number].points)
 
-    def start(self, bound: Bound, cells: Cells) -> Cells:
-        """Return cells at the first place of all axes computed together."""
-        for number, stride in self.together[bound].items():
-            cells = cells - stride * self.places(bound, number, cells)
+    def first_cells(self, bound: BoundStage, cells: Cells) -> Cells:
+        """Return the cells at the first position of all axes computed together."""
+        for number, stride in self.along_strides[bound].items():
+            cells = cells - stride * self.positions(bound, number, cells)
         return cells
 
-    def value(self, bound: Bound, key: str, cell: int) -> Value:
+    def value(self, bound: BoundStage, key: str, cell: int) -> Value:
         """Return the value of a setting in a cell of a stage."""
         number, position = self._axis_of[key]
-        return self.axes[number].points[self.places(bound, number, cell)][position]
+        return self.axes[number].points[self.positions(bound, number, cell)][position]
 
-    def described(self, bound: Bound, cell: int) -> str:
-        """Return a cell in words: name=value for every axis of several values."""
+    def cell_name(self, bound: BoundStage, cell: int) -> str:
+        """Return the name of a cell: its stage, and name=value for every swept axis."""
         words = [bound.name]
         for number in self._strides[bound]:
-            axis, at = self.axes[number], self.places(bound, number, cell)
-            if axis.bare:
+            axis, at = self.axes[number], self.positions(bound, number, cell)
+            if axis.unlabelled:
                 pairs = zip(axis.settings, axis.points[at], strict=True)
                 read = [(one.name, value) for one, value in pairs if one.key in bound.needs]
-                words += [f"{name}={spelt(value)}" for name, value in read]
+                words += [f"{name}={format_value(value)}" for name, value in read]
                 continue
-            shown = axis.labels[at] if axis.labels else ",".join(map(spelt, axis.points[at]))
-            words.append(f"{axis.name}={shown}")
+            label = axis.labels[at] if axis.labels else ",".join(map(format_value, axis.points[at]))
+            words.append(f"{axis.name}={label}")
         return " ".join(words)
 
     # inputs ---------------------------------------------------------------------------------
 
-    def input_cells(self, bound: Bound) -> dict[Bound, InputCells]:
-        """Return which cells of each of its inputs the cells of a stage take."""
+    def input_cells(self, bound: BoundStage) -> dict[BoundStage, InputCells]:
+        """Return by input the cells that the cells of a stage take."""
         if bound not in self._input_cells:
             sources = dict.fromkeys(bound.inputs)
-            self._input_cells[bound] = {
-                source: self._input_cells_of(bound, source) for source in sources
-            }
+            find = partial(self._find_input_cells, bound)
+            self._input_cells[bound] = {source: find(source) for source in sources}
         return self._input_cells[bound]
 
-    def inputs(self, bound: Bound) -> list[InputCells]:
-        """Return what a stage takes of its inputs that are cells."""
-        return [one for one in self.input_cells(bound).values() if not one.source.stage.plain]
+    def computed_inputs(self, bound: BoundStage) -> list[InputCells]:
+        """Return the cells of all inputs of a stage but plain ones."""
+        return [one for one in self.input_cells(bound).values() if not one.source.stage.is_plain]
 
-    def _input_cells_of(self, bound: Bound, source: Bound) -> InputCells:
+    def _find_input_cells(self, bound: BoundStage, source: BoundStage) -> InputCells:
         cells, strides = self.cells(bound), self._strides[source]
         moved = {
-            self.axis_number(one.key): self._moved(bound, source, one, other)
-            for one, other in bound.stage.at.items()
+            self.axis_number(one.key): self._substitute(bound, source, one, other)
+            for one, other in bound.stage.substitutions.items()
             if one.key in source.needs
         }
         first = 0 * cells
         for number, stride in strides.items():
-            own = moved[number] if number in moved else self.places(bound, number, cells)
-            first += stride * own
+            positions = moved[number] if number in moved else self.positions(bound, number, cells)
+            first += stride * positions
         offsets = np.zeros((), dtype=np.int64)
         for number in (self.axis_number(key) for key in bound.gather if key in source.needs):
-            places = np.arange(len(self.axes[number].points))
-            offsets = offsets[..., None] + strides.get(number, 0) * places
+            positions = np.arange(len(self.axes[number].points))
+            offsets = offsets[..., None] + strides.get(number, 0) * positions
         return InputCells(source, first, offsets)
 
-    def _moved(self, bound: Bound, source: Bound, one: Setting, other: Setting) -> Cells:
-        """Return by cell the place of an input on a setting's axis that takes another's value.
+    def _substitute(
+        self, bound: BoundStage, source: BoundStage, one: Setting, other: Setting
+    ) -> Cells:
+        """Return by cell the position of an input on the axis of `one`, at the value of `other`.
 
         Raises
         ------
         ConfigurationError
-            If the axis lacks a value, or settings that run together leave the place open.
+            If the axis lacks a value, or settings that run together make it ambiguous.
         """
         number, position = self._axis_of[one.key]
         axis, (at, part) = self.axes[number], self._axis_of[other.key]
         read = [k for k, member in enumerate(axis.settings) if member.key in source.needs]
-        owned, cells = number in self._strides[bound], self.cells(bound)
+        depends, cells = number in self._strides[bound], self.cells(bound)
         length = len(axis.points)
-        pairs = self.places(bound, at, cells) * length + self.places(bound, number, cells)
+        pairs = self.positions(bound, at, cells) * length + self.positions(bound, number, cells)
         distinct, inverse = np.unique(pairs, return_inverse=True)
-        places = []
-        for there, own in (divmod(pair, length) for pair in distinct.tolist()):
-            value = self.axes[at].points[there][part]
-            fitting = [k for k, point in enumerate(axis.points) if point[position] == value]
-            known = {tuple(axis.points[k][r] for r in read) for k in fitting}
-            if owned and own in fitting:
-                places.append(own)
-            elif len(known) == 1 and not (owned and len(read) > 1):
-                places.append(fitting[0])
+        found = []
+        for other_position, own_position in (divmod(pair, length) for pair in distinct.tolist()):
+            value = self.axes[at].points[other_position][part]
+            matching = [k for k, point in enumerate(axis.points) if point[position] == value]
+            known = {tuple(axis.points[k][r] for r in read) for k in matching}
+            if depends and own_position in matching:
+                found.append(own_position)
+            elif len(known) == 1 and not (depends and len(read) > 1):
+                found.append(matching[0])
             else:
                 raise ConfigurationError(
-                    f"{other.key} has {spelt(value)}, but every value must be one of {one.key}, "
+                    f"{other.key} has {format_value(value)}, but must be a value of {one.key}, "
                     "which must not run together with other settings, because "
                     f"{bound.name} takes {source.name} there"
                 )
-        return np.array(places)[inverse]
+        return np.array(found)[inverse]
 
-    def plain_argument(self, bound: Bound, source: Setting | Bound, cell: int) -> Value:
+    def argument_value(self, bound: BoundStage, source: Setting | BoundStage, cell: int) -> Value:
         """Return the value of an argument that is a setting or a plain stage."""
         if isinstance(source, Setting):
             gathered = source.key in bound.gather
             given = self.choices[source] if gathered else self.value(bound, source.key, cell)
             return source.in_si(given)
-        there = int(self.input_cells(bound)[source].first[cell])
-        if source not in self._plain:
-            self._plain[source] = np.full(self.count(source), UNKNOWN, dtype=object)
-        known = self._plain[source]
-        if known[there] is UNKNOWN:
-            known[there] = self._plain_value(source, there)
-        return known[there]
+        input_cell = int(self.input_cells(bound)[source].first[cell])
+        if source not in self._plain_values:
+            self._plain_values[source] = np.full(self.count(source), NOT_CALLED, dtype=object)
+        known = self._plain_values[source]
+        if known[input_cell] is NOT_CALLED:
+            known[input_cell] = self._call_plain(source, input_cell)
+        return known[input_cell]
 
-    def _plain_value(self, bound: Bound, cell: int) -> Value:
+    def _call_plain(self, bound: BoundStage, cell: int) -> Value:
         """Return the result of a plain stage in one of its cells."""
         arguments = bound.arguments.items()
-        given = {name: self.plain_argument(bound, one, cell) for name, one in arguments}
+        given = {name: self.argument_value(bound, one, cell) for name, one in arguments}
         try:
-            return bound.stage.checked_value(bound.stage.function(**given))
+            return bound.stage.check_value(bound.stage.function(**given))
         except (ConfigurationError, DeclarationError):
             raise
         except RAISED as error:
-            words = ", ".join(f"{name}={spelt(value)}" for name, value in given.items())
+            words = ", ".join(f"{name}={format_value(value)}" for name, value in given.items())
             raise ConfigurationError(
                 f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"
             ) from error
 
-    def column(
-        self, bound: Bound, source: Setting | Bound, cells: Cells
+    def factorise(
+        self, bound: BoundStage, source: Setting | BoundStage, cells: Cells
     ) -> tuple[tuple[Value, ...], Cells]:
-        """Return distinct values of an argument that is a setting or a plain stage, and of which
-        of them is that of each of some cells.
+        """Factorise an argument, a setting or plain stage, over cells: its distinct values, and
+        each cell's index into them.
         """
-        if isinstance(source, Bound):
-            places, size = self.input_cells(bound)[source].first[cells], self.count(source)
+        if isinstance(source, BoundStage):
+            codes, size = self.input_cells(bound)[source].first[cells], self.count(source)
         elif source.key not in bound.gather:
             number = self.axis_number(source.key)
-            places, size = self.places(bound, number, cells), len(self.axes[number].points)
+            codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
         else:
-            places, size = 0 * cells, 1
-        return _column(places, size, cells, partial(self.plain_argument, bound, source))
+            codes, size = 0 * cells, 1
+        return _factorise(codes, size, cells, partial(self.argument_value, bound, source))
 
-    def stream(self, bound: Bound, cell: int) -> tuple[int, dict[str, Any]]:
+    def stream(self, bound: BoundStage, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `resolve.keys`."""
         name: dict[str, Any] = {"stage": self._stream_name(bound)}
         for label, setting, optional in self._stream_settings(bound):
@@ -347,11 +349,11 @@ class Plan:
                 name[label] = value
         return self.value(bound, Run.seed.key, cell), name
 
-    def _stream_name(self, bound: Bound) -> str:
+    def _stream_name(self, bound: BoundStage) -> str:
         return (bound.stage.stream and bound.stage.stream.name) or bound.name
 
-    def _stream_settings(self, bound: Bound) -> list[tuple[str, Setting, bool]]:
-        """Return label, setting, and whether it is optional, of what a stream depends on."""
+    def _stream_settings(self, bound: BoundStage) -> list[tuple[str, Setting, bool]]:
+        """Return label, setting and optionality of the settings that name a stream."""
         stream, by_key = bound.stage.stream, self.experiment.by_key
         if stream is None:
             return [(key, by_key[key], False) for key in bound.needs if key != Run.seed.key]
@@ -360,62 +362,64 @@ class Plan:
 
     # keys -----------------------------------------------------------------------------------
 
-    def key(self, bound: Bound, cell: int) -> str:
+    def key(self, bound: BoundStage, cell: int) -> str:
         """Return the key of one cell as text; see `keys`."""
-        return spelt_key(self.keys(bound)[cell])
+        return key_text(self.keys(bound)[cell])
 
-    def keys(self, bound: Bound) -> Keys:
-        """Return the hash of all that a cell depends on, of each cell of a stage, (cell, 2).
+    def keys(self, bound: BoundStage) -> Keys:
+        """Return the keys of all cells of a stage, (cell, 2): hashes of all that they depend on.
 
-        Those of all that they depend on are made first, and none is made twice.
+        The keys of inputs are made first, and none is made twice.
         """
         if bound not in self._keys:
             keys = np.empty((self.count(bound), 2), np.uint64)
-            for start in range(0, len(keys), AT_ONCE):
-                part = np.arange(start, min(start + AT_ONCE, len(keys)))
-                keys[start : start + AT_ONCE] = self.new_keys(bound, part, self.keys)
+            for start in range(0, len(keys), HASHED_CELLS):
+                part = np.arange(start, min(start + HASHED_CELLS, len(keys)))
+                keys[start : start + HASHED_CELLS] = self.hash_cells(bound, part, self.keys)
             self._keys[bound] = keys
         return self._keys[bound]
 
-    def forget_keys(self, bound: Bound) -> None:
-        """Free the memory of a stage's keys, which are made again if they are asked for."""
+    def drop_keys(self, bound: BoundStage) -> None:
+        """Free the memory of a stage's keys; `keys` makes them again."""
         self._keys.pop(bound, None)
 
-    def new_keys(self, bound: Bound, cells: Cells, known: Callable[[Bound], Keys]) -> Keys:
-        """Return the keys of some cells of a stage, made of the `known` ones of its inputs."""
-        keys = np.tile(hashed([self.identity[bound.name]]), (len(cells), 1))
+    def hash_cells(
+        self, bound: BoundStage, cells: Cells, known: Callable[[BoundStage], Keys]
+    ) -> Keys:
+        """Return the keys of cells, from those of their inputs, which `known` returns."""
+        keys = np.tile(hash_texts([self.identity[bound.name]]), (len(cells), 1))
         for name, source in bound.arguments.items():
-            if isinstance(source, Setting) or source.stage.plain:
-                values, places = self.column(bound, source, cells)
+            if isinstance(source, Setting) or source.stage.is_plain:
+                values, codes = self.factorise(bound, source, cells)
                 texts = [f"{name}={value_token(value)}" for value in values]
-                fold(keys, hashed(texts)[places])
+                fold(keys, hash_texts(texts)[codes])
             else:
                 taken = self.input_cells(bound)[source]
-                first, places = np.unique(taken.first[cells], return_inverse=True)
+                first, codes = np.unique(taken.first[cells], return_inverse=True)
                 every = (first[:, None] + taken.offsets.ravel()).ravel()
                 rows = known(source)[every].reshape(len(first), taken.offsets.size, 2)
                 several = rows.shape[1] > 1
-                words = hashed(row.tobytes() for row in rows) if several else rows[:, 0]
-                fold(keys, hashed([f"{name}:"]))
-                fold(keys, words[places])
+                words = hash_texts(row.tobytes() for row in rows) if several else rows[:, 0]
+                fold(keys, hash_texts([f"{name}:"]))
+                fold(keys, words[codes])
         if bound.random:
             versions = (STREAM_VERSION, np.__version__, self._stream_name(bound))
-            fold(keys, hashed([repr(versions)]))
+            fold(keys, hash_texts([repr(versions)]))
             settings = [("", Run.seed, False), *self._stream_settings(bound)]
             for label, setting, optional in settings:
                 number = self.axis_number(setting.key)
-                places, size = self.places(bound, number, cells), len(self.axes[number].points)
+                codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
                 value = partial(self.value, bound, setting.key)
-                values, places = _column(places, size, cells, value)
+                values, codes = _factorise(codes, size, cells, value)
                 counting = (one for one in values if one or not optional)
                 named = {one: f"{label}~{value_token(one)}" for one in counting}
-                fold(keys, hashed(named.get(one, "") for one in values)[places])
+                fold(keys, hash_texts(named.get(one, "") for one in values)[codes])
         return keys
 
-    def fingerprint(self, bound: Bound) -> str:
+    def fingerprint(self, bound: BoundStage) -> str:
         """Return the hash of the keys of all cells of a stage, as text."""
         if bound not in self._fingerprints:
-            self._fingerprints[bound] = spelt_key(hashed([self.keys(bound).data])[0])
+            self._fingerprints[bound] = key_text(hash_texts([self.keys(bound).data])[0])
         return self._fingerprints[bound]
 
     @cached_property
@@ -431,17 +435,16 @@ class Plan:
     @cached_property
     def source_code(self) -> Code:
         """Return the code of the experiment's packages and of the files of its stages."""
-        homes = {place_of(stage.function)[0] for stage in self.experiment.stages}
+        homes = {module_and_name(stage.function)[0] for stage in self.experiment.stages}
         return Code(frozenset(self.experiment.code), frozenset(homes))
 
     @cached_property
     def digests(self) -> dict[str, CodeDigest]:
-        """Return by stage what its function depends on."""
+        """Return the digest of each stage's function."""
         stages = {name: bound.stage for name, bound in self.bound.items()}
-        found = {
-            name: self.source_code.digest(one.function, one.version) for name, one in stages.items()
-        }
-        keep_sources()
+        digest = self.source_code.digest
+        found = {name: digest(one.function, one.version) for name, one in stages.items()}
+        save_parsed_modules()
         return found
 
     @property
@@ -450,18 +453,18 @@ class Plan:
         return {name: one.digest for name, one in self.digests.items()}
 
 
-def _column(
-    places: Cells, size: int, cells: Cells, value: Callable[[int], Value]
+def _factorise(
+    codes: Cells, size: int, cells: Cells, value: Callable[[int], Value]
 ) -> tuple[tuple[Value, ...], Cells]:
-    """Return the value at each place that some cells have, and which of these is each cell's.
+    """Return the values at distinct positions, and each cell's index into them.
 
-    `value` is called with one cell of each place, which is below `size`.
+    `value` is called with one cell of each position, which is below `size`.
     """
-    used, one_of_each = np.zeros(size, dtype=bool), np.zeros(size, dtype=np.int64)
-    used[places], one_of_each[places] = True, cells
-    return tuple(map(value, one_of_each[used].tolist())), (np.cumsum(used) - 1)[places]
+    occurs, representative = np.zeros(size, dtype=bool), np.zeros(size, dtype=np.int64)
+    occurs[codes], representative[codes] = True, cells
+    return tuple(map(value, representative[occurs].tolist())), (np.cumsum(occurs) - 1)[codes]
 
 
-def _read_by(stages: Iterable[Bound]) -> set[str]:
+def _setting_keys(stages: Iterable[BoundStage]) -> set[str]:
     """Return keys of the settings that some stages depend on."""
     return {key for bound in stages for key in (*bound.needs, *bound.gather)}

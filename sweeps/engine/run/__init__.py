@@ -1,6 +1,6 @@
 """Running: the missing cells as calls, batched into tasks, on workers here or elsewhere.
 
-In come a plan and the index of a cache; out go packs with the results, failures, and how far it is.
-A kind of executor is added here, beside those of `workers`, and named in `cluster`. The store, the
-command and `function` may import it.
+Input: a plan and the index of a cache. Output: packs of results, failures and progress. A new kind
+of executor belongs beside those of `dask_cluster`, and its settings into `cluster`. `store`,
+`command` and `function` may import it.
 """

@@ -1,4 +1,4 @@
-"""Executors of tasks: this process, local processes, or a cluster; and what they must share."""
+"""Choice of a cluster, the interface of executors, and the inline executor."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from typing import Any, Protocol
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run.process import one_thread
 
-# Settings that each kind of cluster reads; all others must be null.
-READ = {
+# Settings of each kind of cluster; all others must be null.
+SETTINGS_OF_KIND = {
     "inline": (),
     "local": ("workers",),
     "address": ("address", "ca_file", "cert", "private_key"),
     "slurm": ("workers", "queue", "account", "walltime", "memory", "interface"),
 }
 # Required settings of each kind of cluster, and their meaning.
-REQUIRED = {
+REQUIRED_SETTINGS = {
     "address": {"address": "the address of a dask scheduler"},
     "slurm": {"workers": "the number of jobs", "memory": "the memory of a job, such as 4GiB"},
 }
 # Pattern that a setting must match, and its description.
-FORMS = {
+PATTERNS = {
     "address": (r"(tcp|tls)://(\[[\d:a-f]+\]|[^\s:/\[\]]+):\d+", "like tls://10.0.0.1:8786"),
     "memory": (r"\d+(\.\d+)? ?[kMGT]i?B", "a number of bytes such as 4GiB"),
     "walltime": (r"(\d+-)?\d+(:\d+){0,2}", "a time of Slurm such as 12:00:00 or 1-12:00:00"),
@@ -61,27 +61,27 @@ class ClusterChoice:
 
     def __post_init__(self) -> None:
         where = f"when cluster.kind is {self.kind}"
-        required = REQUIRED.get(self.kind, {})
+        required = REQUIRED_SETTINGS.get(self.kind, {})
         for name, value in list(asdict(self).items())[1:]:
             if value is None:
                 if name in required:
-                    raise _wrong(name, None, f"{required[name]} {where}")
-            elif name not in READ[self.kind]:
-                raise _wrong(name, value, f"null {where}")
-            elif name in FORMS and not re.fullmatch(FORMS[name][0], value):
-                raise _wrong(name, value, FORMS[name][1])
+                    raise _invalid(name, None, f"{required[name]} {where}")
+            elif name not in SETTINGS_OF_KIND[self.kind]:
+                raise _invalid(name, value, f"null {where}")
+            elif name in PATTERNS and not re.fullmatch(PATTERNS[name][0], value):
+                raise _invalid(name, value, PATTERNS[name][1])
         encrypted = str(self.address).startswith("tls://")
         for name in ("ca_file", "cert", "private_key"):
             path = getattr(self, name)
             if path is not None and not encrypted:
-                raise _wrong(name, path, "null unless cluster.address begins with tls://")
+                raise _invalid(name, path, "null unless cluster.address begins with tls://")
             if path is None and encrypted and name != "private_key":
-                raise _wrong(name, None, "a PEM file if cluster.address begins with tls://")
+                raise _invalid(name, None, "a PEM file if cluster.address begins with tls://")
             if path is not None and not Path(path).is_file():
-                raise _wrong(name, path, "an existing PEM file")
+                raise _invalid(name, path, "an existing PEM file")
 
 
-def _wrong(name: str, value: Any, allowed: str) -> ConfigurationError:
+def _invalid(name: str, value: Any, allowed: str) -> ConfigurationError:
     given = "null" if value is None else value
     return ConfigurationError(f"cluster.{name} is {given}, but must be {allowed}")
 
@@ -94,7 +94,7 @@ class Executor(Protocol):
     """
 
     @property
-    def workers(self) -> int:
+    def worker_count(self) -> int:
         """Number of tasks that run at once, which may change on a running cluster."""
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
@@ -107,7 +107,7 @@ class Executor(Protocol):
 class InlineExecutor:
     """Runs tasks in this process, in the order of their submission. See `Executor`."""
 
-    workers = 1
+    worker_count = 1
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[int, Callable[..., Any], tuple[Any, ...]]] = deque()
@@ -129,7 +129,7 @@ class InlineExecutor:
 
 
 def import_jobqueue() -> Any:
-    """Return dask's class of clusters of Slurm jobs, which only the main thread can import first.
+    """Return dask's class of Slurm clusters; only the main thread can import it first.
 
     Raises ConfigurationError if it is not installed, or this machine cannot submit jobs.
     """

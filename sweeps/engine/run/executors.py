@@ -1,4 +1,4 @@
-"""The chosen workers, started or connected to: this process, local processes, or a cluster."""
+"""Start of the chosen executor: this process, local processes, or a cluster."""
 
 from __future__ import annotations
 
@@ -10,12 +10,18 @@ from typing import Any
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.resolve.modules import ENGINE
-from sweeps.engine.run.cluster import READ, ClusterChoice, Executor, InlineExecutor, import_jobqueue
-from sweeps.engine.run.forking import start_method, worth_importing
-from sweeps.engine.run.shared import Shared, package_digest
+from sweeps.engine.run.cluster import (
+    SETTINGS_OF_KIND,
+    ClusterChoice,
+    Executor,
+    InlineExecutor,
+    import_jobqueue,
+)
+from sweeps.engine.run.forking import preloaded_modules, start_fork_server
+from sweeps.engine.run.shared import Requirements, package_digest
 
 
-def executor(
+def open_executor(
     choice: ClusterChoice,
     *,
     tasks: int = sys.maxsize,
@@ -24,7 +30,7 @@ def executor(
     packs: Objects | None = None,
     say: Callable[[str], None],
 ) -> AbstractContextManager[Executor]:
-    """Return a context that starts the chosen workers, or connects to them, and then releases them.
+    """Return a context that starts the chosen workers, or connects to them, and ends them.
 
     Parameters
     ----------
@@ -38,9 +44,9 @@ def executor(
         Modules of the functions that tasks call: imported once for all local workers of this
         process, which do not see them change.
     packs : Objects, optional
-        Where results are kept, which remote workers must see, too.
+        Cache of results, which remote workers must see.
     say : callable
-        Called with a sentence about what is awaited, or what the user should know.
+        Called with messages for the user.
 
     Returns
     -------
@@ -54,33 +60,27 @@ def executor(
     """
     if choice.kind == "slurm":
         import_jobqueue()
-    return _entered(choice, tasks, packages, modules, packs, say)
 
+    @contextmanager
+    def opened() -> Iterator[Executor]:
+        if choice.kind == "inline":
+            yield InlineExecutor()
+            return
+        names = SETTINGS_OF_KIND[choice.kind]
+        settings: dict[str, Any] = {name: getattr(choice, name) for name in names}
+        with ExitStack() as stack:
+            if choice.kind == "local":  # it imports while this process imports dask
+                settings["method"] = start_fork_server(preloaded_modules(modules))
+            from sweeps.engine.run import dask_cluster  # which imports dask
 
-@contextmanager
-def _entered(
-    choice: ClusterChoice,
-    tasks: int,
-    packages: Sequence[str],
-    modules: Sequence[str],
-    packs: Objects | None,
-    say: Callable[[str], None],
-) -> Iterator[Executor]:
-    if choice.kind == "inline":
-        yield InlineExecutor()
-        return
-    settings: dict[str, Any] = {name: getattr(choice, name) for name in READ[choice.kind]}
-    with ExitStack() as stack:
-        if choice.kind == "local":  # it imports while this process imports dask
-            settings["method"] = start_method(worth_importing(modules))
-        from sweeps.engine.run import workers  # which imports dask
+            shared = Requirements()
+            if choice.kind != "local":
+                code = {name: package_digest(name) for name in (*ENGINE, *packages)}
+                shared = Requirements(code, packs, f"{uuid.uuid4().hex}.mark")
+                if packs:
+                    packs.put(shared.marker, b"")
+                    stack.callback(packs.delete, [shared.marker])
+            start = getattr(dask_cluster, choice.kind)
+            yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
 
-        shared = Shared()
-        if choice.kind != "local":
-            code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-            shared = Shared(code, packs, f"{uuid.uuid4().hex}.mark")
-            if packs:
-                packs.put(shared.mark, b"")
-                stack.callback(packs.delete, [shared.mark])
-        start = getattr(workers, choice.kind)
-        yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
+    return opened()

@@ -1,4 +1,4 @@
-"""A process that imports what workers need, and from which they are then forked.
+"""Fork server: a process that imports the modules of workers, which are forked from it.
 
 A forked worker shares the memory of modules imported before. This process has only one
 thread, so that forking it is safe.
@@ -21,24 +21,24 @@ from multiprocessing.spawn import get_preparation_data
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run.process import ONE_THREAD, environment
 
-# Environment that a worker process must be started with, since libraries read it only then. It
-# keeps 256 MiB of freed memory, and maps arrays separately from 32 MiB on, the most that allocators
-# accept: with dask's 64 KiB, requests for memory take a quarter of the time of array-heavy tasks.
-KEPT, MAPPED = 2**28, 2**25
+# Environment of new worker processes: libraries read it only when they start. The allocator keeps
+# 256 MiB of freed memory and maps arrays from 32 MiB on, its largest threshold: with dask's 64 KiB,
+# requests for memory take a quarter of the time of array-heavy tasks.
+TRIM_BYTES, MMAP_BYTES = 2**28, 2**25
 ENVIRONMENT = ONE_THREAD | dict(
-    MALLOC_TRIM_THRESHOLD_=str(KEPT), MALLOC_MMAP_THRESHOLD_=str(MAPPED)
+    MALLOC_TRIM_THRESHOLD_=str(TRIM_BYTES), MALLOC_MMAP_THRESHOLD_=str(MMAP_BYTES)
 )
 
 IMPORTS = "IMPORTS"
-"""Name of a module's list of what its stages import when they are called."""
+"""Name of a module's list of the modules that its stages import when called."""
 
 
 def check_guard() -> None:
-    """Refuse to start workers from a line of a script that they run, too, when they start."""
+    """Refuse to start workers from an unguarded line of a script, which they would run, too."""
     ways = get_preparation_data("")
     module = ways.get("init_main_from_path") or ways.get("init_main_from_name", "")
     if not module or module.endswith(".__main__"):
-        return  # a notebook, prompt or `python -m package`, of which workers run nothing
+        return  # a notebook, prompt or `python -m package`: workers run none of it
     frame = inspect.currentframe()
     while frame and (frame.f_code.co_name, frame.f_globals["__name__"]) != ("<module>", "__main__"):
         frame = frame.f_back
@@ -57,19 +57,18 @@ def check_guard() -> None:
     )
 
 
-def worth_importing(modules: Iterable[str]) -> list[str]:
-    """Return names of some modules and of those listed in their `IMPORTS`, each once."""
+def preloaded_modules(modules: Iterable[str]) -> list[str]:
+    """Return modules, and those listed in their `IMPORTS`, each once."""
     found = [(name, *getattr(sys.modules.get(name), IMPORTS, ())) for name in modules]
     return list(dict.fromkeys(name for names in found for name in names))
 
 
-def start_method(modules: Iterable[str]) -> str:
-    """Start the process that imports some modules, and return the start method of workers.
+def start_fork_server(modules: Iterable[str]) -> str:
+    """Start the fork server, which imports modules; return the start method of workers.
 
-    They are forked from it, until this process ends; at a prompt or in a notebook, where modules
-    are edited and loaded again meanwhile, each worker imports them itself. If the process cannot be
-    started, as where the path of the temporary folder is too long for a socket, workers are spawned
-    instead.
+    It lives as long as this process. At a prompt or in a notebook, where modules are edited and
+    reloaded, each worker imports them itself. If the server cannot start, as where the path of the
+    temporary folder is too long for a socket, workers are spawned.
     """
     main = vars(sys.modules["__main__"])
     if not os.path.exists(main.get("__file__") or "."):  # '<stdin>', which no worker can run
@@ -77,7 +76,7 @@ def start_method(modules: Iterable[str]) -> str:
     imported = [] if hasattr(sys, "ps1") else modules
     multiprocessing.set_forkserver_preload(["distributed", *imported])
     try:
-        with environment(ENVIRONMENT), interrupts_held():
+        with environment(ENVIRONMENT), interrupts_blocked():
             forkserver.ensure_running()
     except OSError:
         return "spawn"
@@ -85,14 +84,14 @@ def start_method(modules: Iterable[str]) -> str:
 
 
 @contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Shield processes started meanwhile from what a terminal sends to all: Ctrl-C, and its end.
+def interrupts_blocked() -> Iterator[None]:
+    """Let processes that start within this context ignore Ctrl-C and the end of the terminal.
 
-    This process receives it, and stops its workers in order; they would print tracebacks.
+    This process receives the signals, and stops its workers without tracebacks.
     """
-    # Processes inherit the signals that the thread which starts them blocks, and threads those of
-    # their starter, as does a worker that is restarted later. Python starts its resource tracker
-    # first, which ignores an interrupt by itself, and Python 3.11 unblocks that signal with it.
+    # Processes and threads inherit blocked signals from the thread that starts them, and so do
+    # restarted workers. The resource tracker starts first: it ignores interrupts, and Python 3.11
+    # unblocks them when it starts.
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
     try:
         resource_tracker.ensure_running()

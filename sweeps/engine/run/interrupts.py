@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from types import FrameType, SimpleNamespace
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-PATIENCE = 5.0  # s of cleaning up, after which another signal ends the process at once
+CLEANUP_SECONDS = 5.0  # s of cleaning up, after which another signal ends the process at once
 
 
 class Stopped(BaseException):
@@ -30,7 +30,7 @@ class Stopped(BaseException):
 
     @property
     def words(self) -> str:
-        """Return what happened, for the user."""
+        """Message for the user."""
         if self.number == signal.SIGINT:
             return "interrupted"
         return f"stopped by {signal.Signals(self.number).name}"
@@ -42,73 +42,73 @@ class Stopped(BaseException):
 
 
 # The signal that arrived, when [s, monotonic], and whether one may interrupt now.
-_noted = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
+_state = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
 
 
 @contextmanager
-def stopping() -> Iterator[None]:
-    """Note signals within this context; inside another such context, do nothing.
+def signals_deferred() -> Iterator[None]:
+    """Defer signals within this context, unless another such context does.
 
-    Signals that are ignored, as by `nohup` or in the background, stay so.
+    Ignored signals, as under `nohup` or in the background, stay ignored.
     """
-    if _noted.handled or threading.current_thread() is not threading.main_thread():
+    if _state.handled or threading.current_thread() is not threading.main_thread():
         yield
         return
     handlers = {one: signal.getsignal(one) for one in SIGNALS}
     before = {one: was for one, was in handlers.items() if was not in (signal.SIG_IGN, None)}
     hook = sys.unraisablehook
-    _noted.number, _noted.interruptible, _noted.handled = None, 0, True
+    _state.number, _state.interruptible, _state.handled = None, 0, True
     # Nothing is printed of a `Stopped` that the interpreter cannot raise.
     sys.unraisablehook = lambda error: issubclass(error.exc_type, Stopped) or hook(error)
     for one in before:
-        signal.signal(one, _note)
+        signal.signal(one, _handle)
     try:
         yield
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)
-        sys.unraisablehook, _noted.handled = hook, False
+        sys.unraisablehook, _state.handled = hook, False
 
 
 def raise_if_stopped() -> None:
     """Raise `Stopped` if a signal has arrived."""
-    if _is_here() and _noted.number is not None:
-        raise Stopped(_noted.number)
+    if _handles_signals() and _state.number is not None:
+        raise Stopped(_state.number)
 
 
 def unless_stopped(say: Callable[[str], None]) -> Callable[[str], None]:
-    """Return a function that says a sentence, unless a signal has arrived."""
+    """Return `say` with a check for signals before it."""
 
-    def heeded(sentence: str) -> None:
+    def checked_say(sentence: str) -> None:
         raise_if_stopped()
         say(sentence)
 
-    return heeded
+    return checked_say
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
     """Let a signal raise `Stopped` at any moment of this context, its first included."""
-    if not _is_here():
+    if not _handles_signals():
         yield
         return
-    _noted.interruptible += 1  # before asking, so that no signal falls in between
+    _state.interruptible += 1  # before asking, so that no signal falls in between
     try:
         raise_if_stopped()
         yield
     finally:
-        _noted.interruptible -= 1
+        _state.interruptible -= 1
     raise_if_stopped()  # something may have swallowed the exception
 
 
-def _is_here() -> bool:
-    return _noted.handled and threading.current_thread() is threading.main_thread()
+def _handles_signals() -> bool:
+    return _state.handled and threading.current_thread() is threading.main_thread()
 
 
-def _note(number: int, frame: FrameType | None) -> None:
-    if _noted.number is None:
-        _noted.number, _noted.at = number, time.monotonic()
-        if _noted.interruptible:
+def _handle(number: int, frame: FrameType | None) -> None:
+    if _state.number is None:
+        _state.number, _state.at = number, time.monotonic()
+        if _state.interruptible:
             raise Stopped(number)
-    elif time.monotonic() - _noted.at > PATIENCE:
+    elif time.monotonic() - _state.at > CLEANUP_SECONDS:
         os._exit(128 + number)

@@ -35,27 +35,28 @@ def show(what: Any) -> None:
 
 
 @contextmanager
-def forgiving() -> Iterator[Callable[[], str]]:
+def tolerant_output() -> Iterator[Callable[[], str]]:
     """Suppress errors of printing to stdout or stderr within this context.
 
-    Yields a function that returns why stdout took not all, empty if it did or its reader has ended.
+    Yields a function that returns why writing to stdout failed; empty if it did not, or its
+    reader has ended.
     """
     before = sys.stdout, sys.stderr
     for stream in before:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    forgave = [one if one is None else _Forgiving(one) for one in before]
+    forgave = [one if one is None else _TolerantStream(one) for one in before]
     sys.stdout, sys.stderr = forgave
     try:
         yield lambda: forgave[0].lost() if forgave[0] is not None else ""
     finally:
         sys.stdout, sys.stderr = before
         for stream in before:
-            _settle(stream)
+            _discard_pending(stream)
 
 
-class _Forgiving:
-    """A stream that drops what cannot be written."""
+class _TolerantStream:
+    """A stream that ignores errors of writing."""
 
     def __init__(self, stream: Any) -> None:
         self._stream, self._why = stream, ""
@@ -86,8 +87,8 @@ class _Forgiving:
         return getattr(self._stream, name)
 
 
-def _settle(stream: Any) -> None:
-    """Discard what cannot be printed: else Python tries again at exit, and exits with 120."""
+def _discard_pending(stream: Any) -> None:
+    """Discard unprintable output: else Python tries again at exit, and exits with 120."""
     if stream is None:
         return
     try:
@@ -117,8 +118,8 @@ def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
 
 
 @contextmanager
-def repeating(seconds: float, function: Callable[[], object]) -> Iterator[None]:
-    """Call a function from time to time within this context; it may fail by OSError."""
+def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]:
+    """Call a function every few seconds within this context; its OSErrors are ignored."""
     ended = threading.Event()
 
     def repeat() -> None:
@@ -152,5 +153,5 @@ def one_thread() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _libraries(modules: int) -> ThreadpoolController:
-    """Return the numerical libraries; looked for, which takes 30 ms, after further imports only."""
+    """Return the numerical libraries; the search takes 30 ms, and is repeated after imports."""
     return ThreadpoolController()

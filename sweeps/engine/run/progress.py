@@ -1,4 +1,4 @@
-"""How far a sweep is: shown on this terminal, kept in the cache for another one, and summed up."""
+"""Progress of a sweep: on this terminal, in the cache for `--status`, and as a summary."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from sweeps.engine.cache.objects import CLOSED, Objects
+from sweeps.engine.cache.objects import PRIVATE_MODE, Objects
 from sweeps.engine.declare.failures import Failure, FailureLog
-from sweeps.engine.declare.places import PathOrUrl, child, real_place
+from sweeps.engine.declare.paths import PathOrUrl, join, resolve_path
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.run.process import say
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
 
-EVERY = 10.0  # s between plain lines
-EARLIEST = 3.0  # s of work done before the rest is estimated
+LINE_INTERVAL = 10.0  # s between plain lines
+MIN_WORK = 3.0  # s of work done before the rest is estimated
 NAMED_FAILURES = 5  # all are in the log of failures and in the attributes of the store
-AT_ONCE = 8  # stages that the live display shows: a terminal may have 24 lines
-LONGEST, LEAST = 3, 0.05  # stages whose time the summary lists, and the least time [s]
+MAX_BARS = 8  # stages that the live display shows: a terminal may have 24 lines
+MAX_STAGES, MIN_SECONDS = 3, 0.05  # stages whose time the summary lists, and the least time [s]
 
 
 @contextmanager
@@ -37,26 +37,26 @@ def watching(
 ) -> Iterator[Watch]:
     """Show the progress of a sweep on stderr, in lines that begin with the `name`.
 
-    The first failures are shown, and all are logged. How far it is, is also written into its cache,
-    every second at most; a `record` that cannot be written costs nothing but itself.
+    The first failures are shown, and all are logged. With `record`, its state is also written into
+    the cache, at most every second; errors of writing it are ignored.
     """
-    shown = _Shown(name, log, store, cache, record)
-    with shown.live:
+    view = _ProgressView(name, log, store, cache, record)
+    with view.live:
         try:
-            yield Watch(shown.say, shown.step, shown.failed)
-            shown.state["ended"] = "finished"
+            yield Watch(view.say, view.step, view.failed)
+            view.state["ended"] = "finished"
         finally:
-            shown.write()
+            view.write()
 
 
-class _Shown:
-    """What is shown and written of a sweep under way."""
+class _ProgressView:
+    """Display and record of a running sweep."""
 
     def __init__(
         self, name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, record: bool
     ) -> None:
         self.name, self.log, self.record = name, log, record
-        self.states, self.file, self.due = states_in(cache, make=True), state_of(store), 0.0
+        self.states, self.file, self.due = open_states(cache, make=True), state_name(store), 0.0
         self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
         self.state["ended"] = "stopped"  # unless it says otherwise
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
@@ -75,32 +75,32 @@ class _Shown:
         self.log.add(failure)
         self.failures += 1
         if self.failures <= NAMED_FAILURES:
-            self.say(f"failed: {failure.what}: {failure.why}", "red")
+            self.say(f"failed: {failure.name}: {failure.reason}", "red")
         elif self.failures == NAMED_FAILURES + 1:
-            self.say("further failures are counted at the end", "red")
+            self.say("more failures are counted at the end", "red")
 
     def step(self, schedule: Schedule) -> None:
         now, self.schedule = time.monotonic(), schedule
         stages = [*schedule.progress.items()]
-        done, work = (one.seconds for one in schedule.progress.values()), schedule.work_left()
+        work, done = schedule.remaining_seconds(), (one.seconds for _, one in stages)
         if now >= self.due:
             self.write()
-            self.due = time.monotonic() + WRITTEN
+            self.due = time.monotonic() + SAVE_INTERVAL
         rest = time_left(sum(work.values()), sum(done), now - self.begun)
         left = f"about {rest} left" if rest else ""
         begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
         if self.terminal:
             shown = [one for _, one in stages if one.reused < one.total]
-            rows = [*begun[:AT_ONCE], ("all", Progress.over(shown))] if shown else []
+            rows = [*begun[:MAX_BARS], ("all", Progress.sum(shown))] if shown else []
             self.live.update(_bars(rows, left))
-        elif now - self.at >= EVERY:
+        elif now - self.at >= LINE_INTERVAL:
             self.at = now
             parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
             self.say(", ".join([*parts, left] if left else parts) or "finishing")
 
     def write(self) -> None:
         if self.record and self.schedule is not None:
-            work, stages = self.schedule.work_left(), self.schedule.progress.items()
+            work, stages = self.schedule.remaining_seconds(), self.schedule.progress.items()
             left = {name: [*astuple(one), work[name]] for name, one in stages if one.total}
             state = json.dumps(self.state | {"stages": left, "at": time.time()})
             with suppress(OSError):
@@ -109,13 +109,13 @@ class _Shown:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[Schedule], None]]:
-    """Yield what shows how far a sweep is, in a terminal or notebook; elsewhere it is silent."""
+    """Yield a function that draws progress bars in a terminal or notebook, else does nothing."""
     console, begun = Console(stderr=True), time.monotonic()
     terminal = sys.stderr is not None and sys.stderr.isatty()
 
-    def bars(schedule: Schedule) -> Table:
+    def make_table(schedule: Schedule) -> Table:
         stages = [item for item in schedule.progress.items() if item[1].reused < item[1].total]
-        work, done = schedule.work_left(), sum(one.seconds for _, one in stages)
+        work, done = schedule.remaining_seconds(), sum(one.seconds for _, one in stages)
         rest = time_left(sum(work.values()), done, time.monotonic() - begun)
         return _bars(stages, f"about {rest} left" if rest else "")
 
@@ -125,7 +125,7 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
         drawn: list[Any] = []
 
         def draw(schedule: Schedule) -> None:
-            table = bars(schedule)
+            table = make_table(schedule)
             if drawn:
                 drawn[0].update(table)
             elif table.row_count:
@@ -134,7 +134,7 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
         yield draw
     elif terminal:
         with Live(console=console, transient=True) as live:
-            yield lambda schedule: live.update(bars(schedule))
+            yield lambda schedule: live.update(make_table(schedule))
     else:
         yield lambda schedule: None
 
@@ -150,14 +150,14 @@ def _bars(rows: Sequence[tuple[str, Progress]], left: str) -> Table:
 
 
 def time_left(work: float, done: float, elapsed: float) -> str:
-    """Return the time that work takes, in s of one worker, as fast as some was done until now.
+    """Return the time left for `work`, at the rate of the work `done` in `elapsed` [s].
 
     Empty while too little is done.
     """
-    return str(timedelta(seconds=round(work * elapsed / done))) if done >= EARLIEST else ""
+    return str(timedelta(seconds=round(work * elapsed / done))) if done >= MIN_WORK else ""
 
 
-def counted(rows: Mapping[str, Sequence[Any]], *headings: str) -> Table:
+def count_table(rows: Mapping[str, Sequence[Any]], *headings: str) -> Table:
     """Return a table of numbers by stage."""
     table = Table(box=None, pad_edge=False)
     table.add_column("stage")
@@ -170,26 +170,25 @@ def counted(rows: Mapping[str, Sequence[Any]], *headings: str) -> Table:
 
 def summary(stages: Mapping[str, Progress], seconds: float) -> str:
     """Return how many cells were computed, reused and failed, and which stages took longest."""
-    every = Progress.over(stages.values())
+    every = Progress.sum(stages.values())
     longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
-    parts = [
-        f"{name} {one.seconds:.1f} s" for name, one in longest[:LONGEST] if one.seconds >= LEAST
-    ]
+    slow = (item for item in longest[:MAX_STAGES] if item[1].seconds >= MIN_SECONDS)
+    parts = [f"{name} {one.seconds:.1f} s" for name, one in slow]
     return (
         f"{every.done:,} cells computed, {every.reused:,} reused, {every.failed:,} failed in "
         f"{seconds:.1f} s; work {every.seconds:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
     )
 
 
-WRITTEN = 1.0  # s between states that are written
-FOLDER = "status"  # of a cache
+SAVE_INTERVAL = 1.0  # s between states that are written
+STATUS_FOLDER = "status"  # of a cache
 
 
-def states_in(cache: PathOrUrl, *, make: bool = False) -> Objects:
+def open_states(cache: PathOrUrl, *, make: bool = False) -> Objects:
     """Return the states of sweeps that a cache knows."""
-    return Objects(child(cache, FOLDER), make=make, mode=CLOSED, clean=False)
+    return Objects(join(cache, STATUS_FOLDER), make=make, mode=PRIVATE_MODE, clean=False)
 
 
-def state_of(store: PathOrUrl) -> str:
+def state_name(store: PathOrUrl) -> str:
     """Return the name of the state of a store's latest sweep."""
-    return f"{digest(str(real_place(store)))}.json"
+    return f"{digest(str(resolve_path(store)))}.json"

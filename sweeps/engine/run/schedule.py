@@ -1,8 +1,7 @@
 """The order of work: missing cells, the calls that compute them, and tasks of several calls.
 
-The calls of a stage become ready when all results that it needs are done, so that it is known which
-of them failed. Stages that become ready together are computed side by side, and calls that share
-in-memory objects are neighbours, closest where they share most.
+The calls of a stage become ready when all its inputs are done or failed. Stages that become ready
+together are computed side by side, and calls that share in-memory objects are neighbours.
 """
 
 from __future__ import annotations
@@ -22,24 +21,24 @@ from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.packs import NO_LOCATIONS, Locations
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.settings import Setting
-from sweeps.engine.declare.stage import VALID, At, Bound
-from sweeps.engine.resolve.keys import Keys, distinct, hashed, joined
+from sweeps.engine.declare.stage import VALID, At, BoundStage
+from sweeps.engine.resolve.keys import Keys, concatenate, hash_texts, unique_keys
 from sweeps.engine.resolve.plan import Cells, InputCells, Plan
 from sweeps.engine.run.tasks import (
     Batch,
     ObjectArgument,
     Outcome,
-    PlainArgument,
-    ShippedStage,
+    StageSpec,
     StoredArgument,
+    ValueArgument,
 )
 
 LOG = logging.getLogger(__name__)
-MOST_CELLS = 4096  # of one task
-FAILED = hashed(["failed"])[0]  # in place of the key of a result
+MAX_TASK_CELLS = 4096  # of one task
+FAILED_KEY = hash_texts(["failed"])[0]  # instead of the key of a failed result
 
 Flags = NDArray[np.bool_]
-Call = tuple[Bound, Cells]  # cells of a stage that one call computes
+Call = tuple[BoundStage, Cells]  # cells of a stage that one call computes
 
 
 @dataclass
@@ -51,68 +50,71 @@ class ReadyCalls:
     calls that share most are neighbours.
     """
 
-    stages: list[Bound]
+    stages: list[BoundStage]
     stage: Cells
     begins: Cells
     cells: Cells
     objects: Cells
-    at: int = 0  # the first call that is left
+    position: int = 0  # the first call that is left
 
     def __len__(self) -> int:
-        return len(self.stage) - self.at
+        return len(self.stage) - self.position
 
-    def run(self, most: int) -> tuple[Bound, Cells]:
-        """Return the stage of the next calls, and where their cells begin, and the last ends."""
-        calls = self.stage[self.at : self.at + most]
+    def next_calls(self, most: int) -> tuple[BoundStage, Cells]:
+        """Return the stage of the next calls, and the bounds of their cells."""
+        calls = self.stage[self.position : self.position + most]
         same = int(np.argmax(np.append(calls != calls[0], True)))
-        return self.stages[calls[0]], self.begins[self.at : self.at + same + 1]
+        return self.stages[calls[0]], self.begins[self.position : self.position + same + 1]
 
 
-class Queue:
-    """Calls that are ready, in the order in which tasks take them."""
+class CallQueue:
+    """Queue of calls that are ready."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._ready: deque[ReadyCalls] = deque()
         self._split: deque[Call] = deque()
-        self._made: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
-        self.load: Counter[Bound] = Counter()  # cells
+        self._objects: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
+        self.load: Counter[BoundStage] = Counter()  # cells
 
     def __bool__(self) -> bool:
         return bool(self._split or self._ready)
 
-    def add(self, ready: Mapping[Bound, Cells]) -> None:
-        """Add calls for cells of some stages, of which those that share in-memory objects mix."""
+    def add(self, ready: Mapping[BoundStage, Cells]) -> None:
+        """Add calls for cells of stages, sorted by the in-memory objects that they share."""
         tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
-        width = max(objects.shape[1] for _, _, objects, _ in tables)
+        width = max(part.shape[1] for _, _, part, _ in tables)
         stage, lengths, cells = (np.concatenate([one[k] for one in tables]) for k in (0, 1, 3))
         objects = np.full((len(stage), width), -1, np.int32)
         filled = 0
-        for _, _, own, _ in tables:
-            objects[filled : filled + len(own), : own.shape[1]] = own
-            filled += len(own)
+        for _, _, part, _ in tables:
+            objects[filled : filled + len(part), : part.shape[1]] = part
+            filled += len(part)
         if width:
             order = np.lexsort(objects.T[::-1])
             begins = np.cumsum(lengths) - lengths
             stage, objects = stage[order], objects[order]
             lengths = lengths[order]
-            cells = cells[_ranges(begins[order], lengths)]
+            moves = begins[order] - np.cumsum(lengths) + lengths
+            cells = cells[np.arange(len(cells)) + np.repeat(moves, lengths)]
         begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
         self._ready.append(ReadyCalls([*ready], stage, begins, cells, objects))
         self.load.update({bound: len(of) for bound, of in ready.items()})
 
-    def again(self, bound: Bound, cells: Cells) -> None:
-        """Add a call, which comes before all others."""
+    def retry(self, bound: BoundStage, cells: Cells) -> None:
+        """Add a call before all others."""
         self._split.append((bound, cells))
         self.load[bound] += len(cells)
 
-    def _calls(self, number: int, bound: Bound, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
+    def _calls(
+        self, number: int, bound: BoundStage, cells: Cells
+    ) -> tuple[Cells, Cells, Cells, Cells]:
         """Return stage, number of cells and in-memory objects of each call; and all their cells.
 
         Cells that differ only on axes computed together share a call.
         """
-        starts = self._plan.start(bound, cells)
-        objects = np.array(self._shared(bound, starts)).reshape(-1, len(cells))
+        starts = self._plan.first_cells(bound, cells)
+        objects = np.array(self._object_numbers(bound, starts)).reshape(-1, len(cells))
         if len(objects) or bound.along:
             order = np.lexsort((cells, starts, *objects[::-1]))
             cells, starts, objects = cells[order], starts[order], objects[:, order]
@@ -121,16 +123,17 @@ class Queue:
         stage = np.full(len(begins), number, dtype=np.int16)
         return stage, lengths.astype(np.int32), objects.T[begins], cells.astype(np.int32)
 
-    def _shared(self, bound: Bound, cells: Cells) -> list[Cells]:
-        """Return numbers of the in-memory objects that cells need, dependencies first."""
+    def _object_numbers(self, bound: BoundStage, cells: Cells) -> list[Cells]:
+        """Return the numbers of the in-memory objects of cells, dependencies first."""
         found: list[Cells] = []
-        for source, first, _ in self._plan.inputs(bound):
-            if not source.stage.kept:
-                taken, places = np.unique(first[cells], return_inverse=True)
-                known, keys = len(self._made), joined(self._made, self._plan.keys(source)[taken])
-                of_first, number = distinct(keys)
-                self._made = keys[of_first]
-                found += [*self._shared(source, first[cells]), number[known:][places]]
+        for source, first, _ in self._plan.computed_inputs(bound):
+            if not source.stage.is_cached:
+                taken, codes = np.unique(first[cells], return_inverse=True)
+                known = len(self._objects)
+                keys = concatenate(self._objects, self._plan.keys(source)[taken])
+                of_first, number = unique_keys(keys)
+                self._objects = keys[of_first]
+                found += [*self._object_numbers(source, first[cells]), number[known:][codes]]
         return found
 
     def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Call]:
@@ -140,17 +143,18 @@ class Queue:
         """
         seconds, cells = 0.0, 0
         before: list[int] = []
-        while self and cells < MOST_CELLS:
+        while self and cells < MAX_TASK_CELLS:
             block = self._ready[0] if not self._split else None
             if block and not block.objects.shape[1]:
-                yield from self._run(block, costs, size - seconds, MOST_CELLS - cells, cells == 0)
+                left = size - seconds, MAX_TASK_CELLS - cells
+                yield from self._take_calls(block, costs, *left, cells == 0)
                 break
-            objects = block.objects[block.at].tolist() if block else []
+            objects = block.objects[block.position].tolist() if block else []
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
             if cells and seconds >= (together if shared else size):
                 break
             if block:
-                bound, (begin, end) = block.run(1)
+                bound, (begin, end) = block.next_calls(1)
                 own = block.cells[begin:end]
                 self._advance(1)
             else:
@@ -161,11 +165,11 @@ class Queue:
             self.load[bound] -= len(own)
             yield bound, own
 
-    def _run(
+    def _take_calls(
         self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, begins: bool
     ) -> Iterator[Call]:
-        """Remove and yield calls of one stage that share no objects, as `next` does."""
-        bound, ends = block.run(most)
+        """Remove and yield calls of one stage that share no objects, as `position` does."""
+        bound, ends = block.next_calls(most)
         before = (ends - ends[0])[:-1]
         count = int(np.count_nonzero((before * costs[bound.name] < size) & (before < most)))
         count = max(count, int(begins))  # at least one, even if a damaged index has wrong costs
@@ -175,20 +179,14 @@ class Queue:
             yield bound, block.cells[begin:end]
 
     def _advance(self, calls: int) -> None:
-        self._ready[0].at += calls
+        self._ready[0].position += calls
         if not self._ready[0]:
             self._ready.popleft()
 
 
-def _ranges(begins: Cells, lengths: Cells) -> Cells:
-    """Return the numbers of several ranges, one after the other."""
-    ends = np.cumsum(lengths)
-    return np.arange(ends[-1] if len(ends) else 0) + np.repeat(begins - ends + lengths, lengths)
-
-
-SHORTEST, LONGEST = 0.2, 1.5  # s, range of a task's duration
-TOGETHER = 5.0  # s, longest task if cells share costly objects
-UNKNOWN = 0.1  # s a cell, until one is timed
+MIN_SECONDS, MAX_SECONDS = 0.2, 1.5  # s, range of a task's duration
+MAX_SHARED_SECONDS = 5.0  # s, longest task if cells share costly objects
+UNTIMED_SECONDS = 0.1  # s a cell, until one is timed
 
 
 @dataclass
@@ -207,18 +205,18 @@ class Progress:
         return self.total - self.reused - self.done - self.failed
 
     @classmethod
-    def over(cls, stages: Iterable[Progress]) -> Progress:
+    def sum(cls, stages: Iterable[Progress]) -> Progress:
         """Return the sums over some stages."""
         return cls(*map(sum, zip(*map(astuple, stages), strict=True)))
 
 
 class PlannedBatch(NamedTuple):
-    """Calls of one stage in a task, and what they compute, in their order.
+    """Calls of one stage in a task, with their cells and results in order.
 
     `cells` and `results` are (cell,).
     """
 
-    bound: Bound
+    bound: BoundStage
     cells: Cells
     results: Cells
     batch: Batch
@@ -244,13 +242,13 @@ class Schedule:
     costs: dict[str, float] = field(default_factory=dict)
     failed: dict[int, str] = field(default_factory=dict)
     progress: dict[str, Progress] = field(default_factory=dict)
-    results: dict[Bound, Cells] = field(default_factory=dict)
+    results: dict[BoundStage, Cells] = field(default_factory=dict)
     locations: Locations = field(default_factory=lambda: NO_LOCATIONS)
 
-    # what is missing ------------------------------------------------------------------------
+    # missing cells --------------------------------------------------------------------------
 
-    def resolve(self, index: CellIndex) -> None:
-        """Look up all cells that are needed, and plan calls for missing ones."""
+    def look_up(self, index: CellIndex) -> None:
+        """Look up all cells in the cache, and plan the calls of missing ones."""
         plan, self._index = self.plan, index
         index.refresh()
         self.locations = replace(NO_LOCATIONS, paths=index.paths)
@@ -258,59 +256,58 @@ class Schedule:
         for bound in plan.targets:
             wanted[bound][:] = True
             plan.fingerprint(bound)  # while its keys are known
-        missing: dict[Bound, Cells] = {}
+        missing: dict[BoundStage, Cells] = {}
         of_function: dict[str, list[range]] = defaultdict(list)  # results by code of their function
         for bound in reversed(plan.bound.values()):  # each before those that it needs
             cells = np.flatnonzero(wanted[bound])
-            if bound.stage.kept and cells.size:
-                cells = self._look_up(bound, cells, of_function[plan.identity[bound.name]])
+            if bound.stage.is_cached and cells.size:
+                cells = self._number_results(bound, cells, of_function[plan.identity[bound.name]])
                 missing[bound] = cells
-            for taken in plan.inputs(bound):
-                wanted[taken.source][taken.of(cells)] = True
+            for taken in plan.computed_inputs(bound):
+                wanted[taken.source][taken.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
-        maker = np.full(
-            len(self.locations), -1, np.int16
-        )  # which of these stages computes a result
+        maker = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
         for number, (bound, cells) in enumerate(self._missing.items()):
             maker[self.results[bound][cells]] = number
         stages = [*self._missing]
-        self._needs = {
-            bound: [stages[n] for n in self._makers(bound, maker) if n >= 0] for bound in stages
-        }
-        missing_of = self._missing.items()
-        self._counts = [(one, len(cells), self._count(one, cells)) for one, cells in missing_of]
-        self._object_keys: dict[Bound, Keys] = {}
-        self._calls = Queue(plan)
-        self._open()
+        made_by = {one: self._makers(one, maker) for one in stages}
+        self._needs = {one: [stages[n] for n in of if n >= 0] for one, of in made_by.items()}
+        # Every stage with missing cells, their number, and the number of calls.
+        self.missing_cells = [
+            (one, len(cells), len(np.unique(plan.first_cells(one, cells)) if one.along else cells))
+            for one, cells in self._missing.items()
+        ]
+        self._object_keys: dict[BoundStage, Keys] = {}
+        self._calls = CallQueue(plan)
+        self._queue_ready()
 
-    def _makers(self, bound: Bound, maker: NDArray[np.int16]) -> set[int]:
-        """Return who makes the inputs of a stage, also of its in-memory objects."""
+    def _makers(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
+        """Return the numbers of the stages that make the inputs of a stage and of its objects."""
         found: set[int] = set()
-        for source, *_ in self.plan.inputs(bound):
-            if source.stage.kept:
+        for source, *_ in self.plan.computed_inputs(bound):
+            if source.stage.is_cached:
                 results = self.results[source]
-                found |= {
-                    *(np.flatnonzero(np.bincount(maker[results[results >= 0]] + 1)) - 1).tolist()
-                }
+                counts = np.bincount(maker[results[results >= 0]] + 1)
+                found |= {*(np.flatnonzero(counts) - 1).tolist()}
             else:
                 found |= self._makers(source, maker)
         return found
 
-    def _look_up(self, bound: Bound, cells: Cells, earlier: list[range]) -> Cells:
-        """Number the results of some cells; return those that are to be computed, one of each.
+    def _number_results(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
+        """Number the results of cells; return one missing cell of each.
 
         Cells of equal keys are one result, also of other stages of the same function, whose
         results are among the `earlier` ones.
         """
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
-        self.plan.forget_keys(bound)  # those of what it depends on are made
+        self.plan.drop_keys(bound)  # its inputs have theirs
         known = np.array([result for results in earlier for result in results], dtype=np.int32)
-        first, number = distinct(joined(self.locations.keys[known], keys))
+        first, number = unique_keys(concatenate(self.locations.keys[known], keys))
         again, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
         before = len(self.locations)
-        numbers = joined(again, np.arange(before, before + len(new), dtype=np.int32))
+        numbers = concatenate(again, np.arange(before, before + len(new), dtype=np.int32))
         results = np.full(self.plan.count(bound), -1, dtype=np.int32)
         results[cells] = numbers[number[len(known) :]]
         self.results[bound] = results
@@ -320,22 +317,14 @@ class Schedule:
         absent = cells[new[~found.present]]
         self.locations = Locations(
             found.paths,
-            joined(self.locations.pack, found.pack),
-            joined(self.locations.row, found.row),
-            joined(self.locations.keys, found.keys),
+            concatenate(self.locations.pack, found.pack),
+            concatenate(self.locations.row, found.row),
+            concatenate(self.locations.keys, found.keys),
         )
-        # What another stage is about to compute is counted there.
+        # Results that another stage computes are counted there.
         total = len(new) + int(self.locations.present[again].sum())
         self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
-
-    def missing_cells(self) -> list[tuple[Bound, int, int]]:
-        """Return every stage with missing cells, how many, and in how many calls."""
-        return self._counts
-
-    def _count(self, bound: Bound, cells: Cells) -> int:
-        """Return in how many calls some cells are computed."""
-        return len(np.unique(self.plan.start(bound, cells))) if bound.along else len(cells)
 
     # stages that become ready ---------------------------------------------------------------
 
@@ -344,7 +333,7 @@ class Schedule:
         """Whether there are calls whose inputs are all finished."""
         return bool(self._calls)
 
-    def _open(self) -> None:
+    def _queue_ready(self) -> None:
         """Add the calls of all stages whose inputs are done."""
         while ready := {
             bound: cells
@@ -353,31 +342,31 @@ class Schedule:
         }:
             for bound in ready:
                 del self._missing[bound]
-            possible = {bound: self._possible(bound, cells) for bound, cells in ready.items()}
+            possible = {bound: self._computable(bound, cells) for bound, cells in ready.items()}
             if calls := {bound: cells for bound, cells in possible.items() if len(cells)}:
                 self._calls.add(calls)
 
-    def _possible(self, bound: Bound, cells: Cells) -> Cells:
-        """Return which cells of a stage are to be computed: those whose inputs have not failed.
+    def _computable(self, bound: BoundStage, cells: Cells) -> Cells:
+        """Return the cells of a stage whose inputs have not failed.
 
-        A result that gathers failed ones with others has another key, and may be in the cache.
+        A result that gathers failed inputs has another key, and may be in the cache.
         """
         if not self.failed:
             return cells
-        taken = self.plan.inputs(bound)
-        gone = {source: self._are_lost(source) for source, *_ in taken}
-        lost = self._lack(taken, gone, cells)
+        taken = self.plan.computed_inputs(bound)
+        gone = {source: self._is_lost(source) for source, *_ in taken}
+        lost = self._lacks_input(taken, gone, cells)
         for cell in cells[lost].tolist():
             source, at = next(
                 (source, at)
                 for source, first, offsets in taken
                 if gone[source][at := (first[cell] + offsets).ravel()].all()
             )
-            why = f"needs {self.plan.described(source, int(at[0]))}, which failed"
+            why = f"needs {self.plan.cell_name(source, int(at[0]))}, which failed"
             self._fail(bound, int(self.results[bound][cell]), why)
         cells = cells[~lost]
         results = self.results[bound][cells]
-        keys = self.plan.new_keys(bound, cells, self._keys_now)
+        keys = self.plan.hash_cells(bound, cells, self._current_keys)
         changed = np.flatnonzero((keys != self.locations.keys[results]).any(axis=1))
         self.locations.keys[results[changed]] = keys[changed]
         found = self._index.find(keys[changed], bound.stage.outputs)
@@ -385,32 +374,34 @@ class Schedule:
         self._finish(bound, results[here], found.pack[found.present], found.row[found.present])
         return np.delete(cells, here)
 
-    def _lack(self, taken: list[InputCells], gone: Mapping[Bound, Flags], cells: Cells) -> Flags:
-        """Return which cells lack an input, or all of one that they gather."""
+    def _lacks_input(
+        self, taken: list[InputCells], gone: Mapping[BoundStage, Flags], cells: Cells
+    ) -> Flags:
+        """Return which cells lack an input, or all cells of a gathered one."""
         lost = np.zeros(len(cells), dtype=bool)
         for source, first, offsets in taken:
-            starts, places = np.unique(first[cells], return_inverse=True)
-            lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[places]
+            starts, codes = np.unique(first[cells], return_inverse=True)
+            lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[codes]
         return lost
 
-    def _are_lost(self, bound: Bound) -> Flags:
-        """Return which cells of a stage failed, or cannot be made in memory."""
-        if bound.stage.kept:
+    def _is_lost(self, bound: BoundStage) -> Flags:
+        """Return which cells of a stage failed, or are objects that cannot be made."""
+        if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
-        taken = self.plan.inputs(bound)
-        gone = {source: self._are_lost(source) for source, *_ in taken}
-        return self._lack(taken, gone, self.plan.cells(bound))
+        taken = self.plan.computed_inputs(bound)
+        gone = {source: self._is_lost(source) for source, *_ in taken}
+        return self._lacks_input(taken, gone, self.plan.cells(bound))
 
-    def _keys_now(self, bound: Bound) -> Keys:
-        """Return the keys of a stage's cells as they are with the inputs that failed."""
-        if bound.stage.kept:
+    def _current_keys(self, bound: BoundStage) -> Keys:
+        """Return the keys of a stage's cells, given the failed inputs."""
+        if bound.stage.is_cached:
             keys = self.locations.keys[self.results[bound]]
         elif bound in self._object_keys:
             return self._object_keys[bound]
         else:
-            keys = self.plan.new_keys(bound, self.plan.cells(bound), self._keys_now)
-            self._object_keys[bound] = keys  # whose inputs are done
-        keys[self._are_lost(bound)] = FAILED
+            keys = self.plan.hash_cells(bound, self.plan.cells(bound), self._current_keys)
+            self._object_keys[bound] = keys  # its inputs are done
+        keys[self._is_lost(bound)] = FAILED_KEY
         return keys
 
     # batches --------------------------------------------------------------------------------
@@ -420,111 +411,109 @@ class Schedule:
 
         `workers` tasks run at once: towards the end they get shorter, so that none idles.
         """
-        costs = defaultdict(lambda: UNKNOWN, self.costs)
+        costs = defaultdict(lambda: UNTIMED_SECONDS, self.costs)
         left = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
-        size = min(max(left / (3 * workers), SHORTEST), LONGEST)
-        together = min(TOGETHER, max(left / workers / 2, size))
+        size = min(max(left / (3 * workers), MIN_SECONDS), MAX_SECONDS)
+        together = min(MAX_SHARED_SECONDS, max(left / workers / 2, size))
         task = self._task(self._calls.next(costs, size, together))
-        told = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
-        LOG.debug(told, [one.bound.name for one in task.batches], size, left, workers)
+        message = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
+        LOG.debug(message, [one.bound.name for one in task.batches], size, left, workers)
         return task
 
     def _task(self, calls: Iterable[Call]) -> Task:
         """Return a task of calls: the stage of each, and the cells that it computes."""
-        of_stage: dict[tuple[Bound, bytes], list[Cells]] = defaultdict(list)
+        of_stage: dict[tuple[BoundStage, bytes], list[Cells]] = defaultdict(list)
         order: list[int] = []
-        numbers: dict[tuple[Bound, bytes], int] = {}
+        numbers: dict[tuple[BoundStage, bytes], int] = {}
         for bound, cells in calls:
-            # Those of a batch compute equal places of the axes that are computed together.
-            starts = self.plan.start(bound, cells[:1]) if bound.along else None
+            # Calls of a batch compute equal positions of the axes computed together.
+            starts = self.plan.first_cells(bound, cells[:1]) if bound.along else None
             pattern = b"" if starts is None else (cells - starts).tobytes()
             order.append(numbers.setdefault((bound, pattern), len(numbers)))
             of_stage[bound, pattern].append(cells)
-        batches = (self.planned(bound, cells) for (bound, _), cells in of_stage.items())
+        batches = (self.make_batch(bound, cells) for (bound, _), cells in of_stage.items())
         return Task(tuple(batches), np.array(order, dtype=np.int16))
 
     # calls ----------------------------------------------------------------------------------
 
-    def planned(self, bound: Bound, calls: Sequence[Cells]) -> PlannedBatch:
-        """Return a batch of calls of a stage, each of which computes equal places of its axes."""
+    def make_batch(self, bound: BoundStage, calls: Sequence[Cells]) -> PlannedBatch:
+        """Return a batch of calls of a stage that compute equal positions of its axes."""
         plan, cells = self.plan, np.concatenate(calls)
         begins = np.cumsum([0, *map(len, calls)])
-        firsts = plan.start(bound, cells[begins[:-1]])
-        # The cells that a call computes: by the values that occur on each axis computed together.
+        firsts = plan.first_cells(bound, cells[begins[:-1]])
+        # Offsets of the cells of a call, by the positions on each axis computed together.
         grid = np.zeros((), dtype=np.int64)
         for key in bound.along:
             number = plan.axis_number(key)
-            stride = plan.together[bound].get(number, 0)
-            grid = np.add.outer(grid, stride * np.unique(plan.places(bound, number, calls[0])))
+            stride = plan.along_strides[bound].get(number, 0)
+            grid = np.add.outer(grid, stride * np.unique(plan.positions(bound, number, calls[0])))
         order = np.argsort(grid.ravel())
         moved = cells - np.repeat(firsts, np.diff(begins))
-        places = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
+        positions = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
         results = self.results[bound][cells]
-        batch = self._batch_at(
+        batch = self._bind_arguments(
             bound,
             firsts,
             grid,
             keys=self.locations.keys[results],
             begins=begins,
-            places=places,
-            room=plan.identity[bound.name],
+            positions=positions,
+            folder=plan.identity[bound.name],
         )
         return PlannedBatch(bound, cells, results, batch)
 
-    def _batch_at(self, bound: Bound, firsts: Cells, grid: Cells, **computed: Any) -> Batch:
-        """Return a batch of calls for cells, (call,), and a grid of others from each of these on.
+    def _bind_arguments(
+        self, bound: BoundStage, firsts: Cells, grid: Cells, **computed: Any
+    ) -> Batch:
+        """Return a batch of calls for cells, (call,), each with a grid of others.
 
-        The grid is an array of numbers to be added; each axis is one that is computed together.
-        What is `computed` is passed on to `Batch`.
+        The grid has offsets, with an axis for each axis computed together. `computed` are other
+        fields of `Batch`.
         """
         plan, along, count = self.plan, bound.along, len(firsts)
-        arguments: dict[str, PlainArgument | StoredArgument | ObjectArgument] = {}
-        asks = VALID in bound.stage.arguments
+        arguments: dict[str, ValueArgument | StoredArgument | ObjectArgument] = {}
+        takes_valid = VALID in bound.stage.arguments
         gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
-        valid = np.ones((count, *gathered), dtype=bool) if asks else None
+        valid = np.ones((count, *gathered), dtype=bool) if takes_valid else None
         for name, source in bound.arguments.items():
             if isinstance(source, Setting) and source.key in along:
                 rows = np.moveaxis(grid, along.index(source.key), 0)
                 at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
                 values = tuple(plan.value(bound, source.key, cell) for cell in at.tolist())
-                arguments[name] = PlainArgument(
-                    (source.in_si(values),), np.zeros(count, dtype=np.int32)
-                )
-            elif isinstance(source, Setting) or source.stage.plain:
-                found, places = plan.column(bound, source, firsts)
-                arguments[name] = PlainArgument(found, places.astype(np.int32))
-            elif not source.stage.kept:
-                made, places = np.unique(
-                    plan.input_cells(bound)[source].first[firsts], return_inverse=True
-                )
-                keys = (self._keys_now if self.failed else plan.keys)(source)[made]
-                own = {"keys": keys, "begins": np.arange(len(made) + 1), "places": 0 * made}
-                batch = self._batch_at(source, made, np.zeros((), dtype=np.int64), **own)
-                arguments[name] = ObjectArgument(batch, places.astype(np.int32))
+                zeros = np.zeros(count, dtype=np.int32)
+                arguments[name] = ValueArgument((source.in_si(values),), zeros)
+            elif isinstance(source, Setting) or source.stage.is_plain:
+                found, codes = plan.factorise(bound, source, firsts)
+                arguments[name] = ValueArgument(found, codes.astype(np.int32))
+            elif not source.stage.is_cached:
+                first = plan.input_cells(bound)[source].first[firsts]
+                made, codes = np.unique(first, return_inverse=True)
+                keys = (self._current_keys if self.failed else plan.keys)(source)[made]
+                own = {"keys": keys, "begins": np.arange(len(made) + 1), "positions": 0 * made}
+                batch = self._bind_arguments(source, made, np.zeros((), dtype=np.int64), **own)
+                arguments[name] = ObjectArgument(batch, codes.astype(np.int32))
             else:
-                locations, present = self._read(bound, source, firsts, grid)
+                locations, present = self._locate_input(bound, source, firsts, grid)
                 read = bound.stage.reads.get(name)
                 in_blocks = isinstance(read, At) and read.in_blocks
-                arguments[name] = StoredArgument(
-                    ShippedStage.of(source.stage), locations, in_blocks
-                )
+                arguments[name] = StoredArgument(StageSpec.of(source.stage), locations, in_blocks)
                 if valid is not None:
                     valid &= present
         streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
-        stage = ShippedStage.of(bound.stage)
+        stage = StageSpec.of(bound.stage)
         return Batch(
             stage, arguments, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
         )
 
-    def _read(
-        self, bound: Bound, source: Bound, firsts: Cells, grid: Cells
+    def _locate_input(
+        self, bound: BoundStage, source: BoundStage, firsts: Cells, grid: Cells
     ) -> tuple[Locations, Flags]:
-        """Return where an input is, and by call where on gathered axes all of its cells exist."""
+        """Return the locations of an input, and by call a mask on the gathered axes."""
         _, first, offsets = self.plan.input_cells(bound)[source]
         # Along axes on which the input does not depend, it is the same.
         own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
         taken = np.add.outer(first[np.add.outer(firsts, own)], offsets)
-        locations = self.locations[self.results[source][taken]].alone()
+        locations = self.locations[self.results[source][taken]].compact()
         each = range(1, locations.present.ndim - offsets.ndim)
         present = np.asarray(locations.present.all(axis=tuple(each)))
         lacking = (slice(None) if key in source.needs else None for key in bound.gather)
@@ -532,17 +521,16 @@ class Schedule:
 
     # outcomes -------------------------------------------------------------------------------
 
-    def finish(
+    def record(
         self, planned: PlannedBatch, outcome: Outcome, pack: int, *, split: bool = True
     ) -> list[Failure]:
-        """Record where the cells of some calls are, and let stages begin that wait for them.
+        """Record the outcome of calls, and queue the stages that become ready; return failures.
 
-        Returns what failed. Several cells of a call that raised are computed by one call each if
-        `split`, since one of them may be the cause.
+        With `split`, the cells of a call that raised are computed again by one call each.
         """
         bound, begins, name = planned.bound, planned.batch.begins, planned.bound.name
         done = np.ones(len(planned.cells), dtype=bool)
-        for call in outcome.lacking:
+        for call in outcome.lost_inputs:
             done[begins[call] : begins[call + 1]] = False
         failed: list[Failure] = []
         together = np.repeat(np.diff(begins), np.diff(begins)) > 1
@@ -550,10 +538,10 @@ class Schedule:
             done[number] = False
             cells = planned.cells[number : number + 1]
             if split and failure.traceback and together[number]:
-                self._calls.again(bound, cells)
+                self._calls.retry(bound, cells)
             else:
-                failed.append(failure._replace(what=self.plan.described(bound, int(cells[0]))))
-                self._fail(bound, int(planned.results[number]), failure.why)
+                failed.append(failure._replace(name=self.plan.cell_name(bound, int(cells[0]))))
+                self._fail(bound, int(planned.results[number]), failure.reason)
         results = planned.results[done]
         self._finish(bound, results, pack, np.arange(len(results), dtype=np.int32))
         self.progress[name].seconds += outcome.seconds
@@ -561,10 +549,10 @@ class Schedule:
             each = outcome.seconds / len(planned.cells)
             self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
         if not self._left[bound]:
-            self._open()
+            self._queue_ready()
         return failed
 
-    def each(self, task: Task) -> list[Task]:
+    def split_task(self, task: Task) -> list[Task]:
         """Return a task for every call of a task."""
         return [
             self._task([(planned.bound, planned.cells[begin:end])])
@@ -572,22 +560,23 @@ class Schedule:
             for begin, end in pairwise(planned.batch.begins.tolist())
         ]
 
-    def _finish(self, bound: Bound, results: Cells, pack: Any, row: Any) -> None:
+    def _finish(self, bound: BoundStage, results: Cells, pack: Any, row: Any) -> None:
         self.locations.pack[results], self.locations.row[results] = pack, row
         self.progress[bound.name].done += len(results)
         self._left[bound] -= len(results)
 
-    def _fail(self, bound: Bound, result: int, why: str) -> None:
+    def _fail(self, bound: BoundStage, result: int, why: str) -> None:
         self.failed[result] = why
         self.progress[bound.name].failed += 1
         self._left[bound] -= 1
 
-    def work_left(self) -> dict[str, float]:
-        """Return seconds that the missing cells of stages take; of an untimed one, the median."""
-        shown = {name: one for name, one in self.progress.items() if one.total}
-        whole = {name: self.costs[name] * shown[name].total for name in shown if name in self.costs}
+    def remaining_seconds(self) -> dict[str, float]:
+        """Return the seconds that missing cells take, by stage; the median for untimed stages."""
+        needed = {name: one for name, one in self.progress.items() if one.total}
+        timed = [name for name in needed if name in self.costs]
+        whole = {name: self.costs[name] * needed[name].total for name in timed}
         usual = median(whole.values()) if whole else 0.0
-        return {name: whole.get(name, usual) * one.left / one.total for name, one in shown.items()}
+        return {name: whole.get(name, usual) * one.left / one.total for name, one in needed.items()}
 
 
 @dataclass

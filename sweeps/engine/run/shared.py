@@ -1,8 +1,7 @@
-"""What workers elsewhere share with the command that gives them tasks: its code and its cache."""
+"""Requirements of remote workers: the code and the cache of the command."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
@@ -10,61 +9,58 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.declare.places import is_own
-from sweeps.engine.resolve.modules import SHADERS, files, place
+from sweeps.engine.declare.paths import is_private
+from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files, sha256
 
 
-class OtherCode(RuntimeError):
-    """The code of a process differs from that of the calling process."""
+class CodeDiffers(RuntimeError):
+    """A worker has other code than the command."""
 
 
 @cache
 def package_digest(name: str) -> str:
     """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
-    found, spec = files(name, SHADERS | {".py"}), place(name)
+    found, spec = package_files(name, SHADERS | {".py"}), module_spec(name)
     if spec and spec.has_location and spec.origin and not found:
-        found = [(name, hashlib.sha256(Path(spec.origin).read_bytes()).hexdigest())]
-    return hashlib.sha256(repr(found).encode()).hexdigest() if found else ""
+        found = [(name, sha256(Path(spec.origin).read_bytes()))]
+    return sha256(repr(found)) if found else ""
 
 
-def check_code(digests: Mapping[str, str]) -> None:
-    """Raise `OtherCode` if the digest of a package differs in this process."""
-    if other := [name for name, digest in digests.items() if package_digest(name) != digest]:
-        raise OtherCode(f"has other code of {', '.join(other)}; it must have that of this process")
+class CacheNotShared(RuntimeError):
+    """A worker does not see the cache of the command."""
 
 
-class Apart(RuntimeError):
-    """A worker does not see the results of the command."""
-
-
-class Shared(NamedTuple):
-    """Digests of packages by name, where results are, and the name of a mark there."""
+class Requirements(NamedTuple):
+    """Digests of packages by name, the cache, and the name of a marker in it."""
 
     code: Mapping[str, str] = {}
     packs: Objects | None = None
-    mark: str = ""
+    marker: str = ""
 
     def check(self) -> None:
-        """Raise `OtherCode` or `Apart` if this process has other code or sees no such mark."""
-        check_code(self.code)
+        """Raise one of `REQUIREMENT_ERRORS` if this process has other code or sees no marker."""
+        other = [name for name, digest in self.code.items() if package_digest(name) != digest]
+        if other:
+            remedy = "it must have that of this process"
+            raise CodeDiffers(f"has other code of {', '.join(other)}; {remedy}")
         if self.packs is not None:
-            _check_mark(self.packs, self.mark)
+            _check_marker(self.packs, self.marker)
 
 
-UNSHARED = (OtherCode, Apart)
-"""Errors of `Shared.check`."""
+REQUIREMENT_ERRORS = (CodeDiffers, CacheNotShared)
+"""Errors of `Requirements.check`."""
 
 
 @cache
-def _check_mark(packs: Objects, mark: str) -> None:
-    """Raise `Apart` if a mark is not seen by this process, or its folder is another user's."""
+def _check_marker(packs: Objects, mark: str) -> None:
+    """Raise `CacheNotShared` if this process sees no marker, or the folder is another user's."""
     found = None
     with suppress(OSError):
         found = packs.get(mark)
     if found is None:
         what, remedy = "does not see the cache", "it must be where all of them see it"
-    elif isinstance(packs.place, Path) and not is_own(packs.place):
+    elif isinstance(packs.path, Path) and not is_private(packs.path):
         what, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return
-    raise Apart(f"{what} {str(packs.place)!r} of this command; {remedy}")
+    raise CacheNotShared(f"{what} {str(packs.path)!r} of this command; {remedy}")

@@ -1,4 +1,4 @@
-"""Tasks of a worker: calls of stages, whose inputs it reads or makes, and whose results it packs.
+"""Tasks of a worker: it reads or makes the inputs of calls, and packs their results.
 
 A task has batches of calls, each of one function. A call computes one cell, or several along the
 axes that its stage computes together. The arguments of a batch come together: plain values, arrays
@@ -23,58 +23,65 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Arrays, Locations, Pack, Packing, each_cell
+from sweeps.engine.cache.packs import Arrays, Locations, Pack, PackWriter, iter_cells
 from sweeps.engine.declare.errors import DeclarationError
-from sweeps.engine.declare.failures import RAISED, Failure, described, reason, traceback_of
+from sweeps.engine.declare.failures import (
+    RAISED,
+    Failure,
+    format_arguments,
+    format_traceback,
+    one_line,
+)
 from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
-from sweeps.engine.declare.undeclared import NUMBERS, Undeclared, spread
-from sweeps.engine.resolve.code import MAIN, looked_up, place_of
+from sweeps.engine.declare.undeclared import FLOAT, Undeclared, split_variables
+from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
 from sweeps.engine.resolve.keys import Keys, cell_rng
 
 AHEAD_BYTES = 2**25  # of inputs that are read at once
 AHEAD_CALLS = 512
-WHOLE = 2**63  # of the whole numbers that numpy knows, about the largest
+INT_LIMIT = 2**63  # of the whole numbers that numpy knows, about the largest
 
 
 @dataclass(frozen=True)
-class ShippedStage:
-    """Description of a stage for workers."""
+class StageSpec:
+    """Part of a stage that workers need."""
 
     name: str
-    place: str  # module and qualified name of its function
+    import_path: str  # module and qualified name of its function
     function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Output, ...]
-    even: tuple[str, ...]  # of these, names of those whose shape is the same in all cells
+    fixed_shape: tuple[str, ...]  # names of outputs of one shape in all cells
     keep: float  # number of results in memory, of a stage not kept on disk
 
     @classmethod
     @cache
-    def of(cls, stage: Stage) -> ShippedStage:
+    def of(cls, stage: Stage) -> StageSpec:
         """Return the description of a stage."""
-        function, (module, name) = stage.function, place_of(stage.function)
-        there = looked_up(module, name) if module != MAIN else None
+        function, (module, name) = stage.function, module_and_name(stage.function)
+        there = find_attribute(module, name) if module != MAIN else None
         given = None if getattr(there, "function", there) is function else function
-        even = tuple(o.name for o in stage.outputs if stage.place_of(o) and stage.is_even(o))
+        stored = (one for one in stage.outputs if stage.store_group(one))
+        even = tuple(one.name for one in stored if stage.has_fixed_shape(one))
         return cls(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
 
     @property
     def call(self) -> Callable[..., Any]:
         """The function."""
-        one: Any = self.function or resolve_name(self.place)
+        one: Any = self.function or resolve_name(self.import_path)
         return one.function if isinstance(one, Stage) else one
 
 
 @dataclass(frozen=True, eq=False)
-class PlainArgument:
+class ValueArgument:
     """A plain argument of many calls: the distinct values, and which of them each call gets."""
 
     values: tuple[Any, ...]
-    places: NDArray[np.int32]
+    indices: NDArray[np.int32]
 
     @cached_property
-    def of_calls(self) -> list[Any]:
+    def per_call(self) -> list[Any]:
         """The value that each call gets."""
-        return [self.values[place] for place in self.places.tolist()]
+        return [self.values[index] for index in self.indices.tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +91,9 @@ class StoredArgument:
     `locations` are (call,) or, of an argument that is an array of several cells, (call, ...).
     """
 
-    stage: ShippedStage
+    stage: StageSpec
     locations: Locations
-    in_blocks: bool = False  # each call gets `Gathered`
+    in_blocks: bool = False  # each call gets `GatheredArray`
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +101,7 @@ class ObjectArgument:
     """An argument of many calls that is an object, made in this process: which call makes it."""
 
     batch: Batch
-    places: NDArray[np.int32]
+    indices: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,17 +109,17 @@ class Batch:
     """Calls of one function: the arguments of all by name, and the cells that they compute.
 
     Call k computes the cells `begins[k]` to `begins[k + 1]` of those with `keys`, (cell, 2), and
-    `places`, (cell,), on the axes of lengths `shape` that it computes together. A call that makes
+    `indices`, (cell,), on the axes of lengths `shape` that it computes together. A call that makes
     an object has one cell.
     """
 
-    stage: ShippedStage
-    arguments: Mapping[str, PlainArgument | StoredArgument | ObjectArgument]
+    stage: StageSpec
+    arguments: Mapping[str, ValueArgument | StoredArgument | ObjectArgument]
     keys: Keys
     begins: NDArray[np.int64]
-    places: NDArray[np.int64]
+    positions: NDArray[np.int64]
     shape: tuple[int, ...] = ()
-    room: str = ""  # folder of the packs
+    folder: str = ""  # folder of the packs
     streams: tuple[tuple[int, dict[str, Any]], ...] = ()  # seed and name of the `rng` of each
     valid: NDArray[np.bool_] | None = None  # (call, ...): flags of each
 
@@ -123,13 +130,13 @@ class Batch:
 class Outcome(NamedTuple):
     """Outcome of some calls: how long they took [s], which cells failed, by number, and why.
 
-    `lacking` has by number of a call the keys of lost inputs, without which it was not run. All
+    `lost_inputs` has by number of a call the keys of lost inputs, without which it was not run. All
     other cells are in a pack, in their order.
     """
 
     seconds: float
     failed: Mapping[int, Failure] = {}
-    lacking: Mapping[int, tuple[bytes, ...]] = {}
+    lost_inputs: Mapping[int, tuple[bytes, ...]] = {}
     pack: Pack | None = None
 
 
@@ -137,29 +144,29 @@ class Report(NamedTuple):
     """Outcomes of the calls of a task."""
 
     outcomes: tuple[Outcome, ...]
-    unwritten: OSError | None = None  # why results could not be packed, if so
+    write_error: OSError | None = None  # why results could not be packed, if so
     # Shapes met, by stage and output, of outputs that have the same in every cell.
     shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
 
-class Damaged(Exception):
-    """Inputs differ from what was written; its arguments are their keys, as bytes."""
+class DamagedResults(Exception):
+    """Results in the cache are damaged; the arguments are their keys, as bytes."""
 
 
-def undamaged_cells(packs: Objects, locations: Locations) -> Iterator[Arrays]:
-    """Yield the arrays of cells; raise `Damaged` if one cannot be read back."""
-    for key, arrays in zip(locations.keys, each_cell(packs, locations), strict=True):
+def iter_results(packs: Objects, locations: Locations) -> Iterator[Arrays]:
+    """Yield the arrays of cells; raise `DamagedResults` if one cannot be read back."""
+    for key, arrays in zip(locations.keys, iter_cells(packs, locations), strict=True):
         if arrays is None:
-            raise Damaged(key.tobytes())
+            raise DamagedResults(key.tobytes())
         yield arrays
 
 
 def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects) -> Report:
-    """Run calls one after the other, even if some raise, and pack their results.
+    """Run calls in order, even if some raise, and pack their results.
 
     `order` has, for each call, the number of its batch.
     """
-    running = [_Running(batch, packs) for batch in batches]
+    running = [_RunningBatch(batch, packs) for batch in batches]
     for number in order:
         running[number].run()
     outcomes = []
@@ -167,11 +174,11 @@ def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects
         try:
             outcomes.append(one.outcome())
         except OSError as error:
-            return Report((), unwritten=error)
+            return Report((), write_error=error)
     return Report(tuple(outcomes), shapes=tuple(sorted({s for one in running for s in one.shapes})))
 
 
-def uneven(
+def uneven_error(
     stage: str, output: str, shape: tuple[int, ...], other: tuple[int, ...]
 ) -> DeclarationError:
     """Return the error of arrays of two shapes, which a store cannot hold without padding."""
@@ -181,21 +188,21 @@ def uneven(
     )
 
 
-class _Running:
-    """Calls of one function, under way: what is done of them."""
+class _RunningBatch:
+    """State of the calls of a batch."""
 
     def __init__(self, batch: Batch, packs: Objects) -> None:
         self.batch, self.packs = batch, packs
-        self.function, self.folder = batch.stage.call, os.getcwd()
+        self.function, self.working_folder = batch.stage.call, os.getcwd()
         self.begins: list[int] = batch.begins.tolist()
-        self.packing = Packing()
+        self.packing = PackWriter()
         self.next = 0
-        self.kept: list[int] = []  # numbers of cells that are packed
+        self.packed: list[int] = []  # numbers of cells that are packed
         self.seconds = 0.0
         self.failed: dict[int, Failure] = {}
-        self.lacking: dict[int, tuple[bytes, ...]] = {}
+        self.lost_inputs: dict[int, tuple[bytes, ...]] = {}
         self.shapes: set[tuple[str, str, tuple[int, ...]]] = set()
-        self._inputs = _with_inputs(batch, packs)
+        self._inputs = _prefetch_inputs(batch, packs)
 
     def run(self) -> None:
         """Run the next call."""
@@ -208,21 +215,21 @@ class _Running:
         try:
             given = _arguments(batch, number, inputs, self.packs)
             cells = self._computed(number, given)
-        except Damaged as error:
-            self.lacking[number] = error.args
+        except DamagedResults as error:
+            self.lost_inputs[number] = error.args
             return
         except RAISED as error:
             if batch.streams:  # from which the generator can be made again
                 seed, name = batch.streams[number]
                 given[RNG] = f"cell_rng({seed}, **{name})"
-            failure = Failure("", reason(error), described(given), traceback_of(error))
+            failure = Failure("", one_line(error), format_arguments(given), format_traceback(error))
             self.failed |= dict.fromkeys(range(begin, end), failure)
             return
         self.seconds += time.perf_counter() - start
         for cell, arrays in enumerate(cells, begin):
             self.packing.add(arrays)
-            self.kept.append(cell)
-        for output in stage.even:  # those of a call are of one array
+            self.packed.append(cell)
+        for output in stage.fixed_shape:  # those of a call are of one array
             self.shapes.add((stage.name, output, cells[0][output].shape))
 
     def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
@@ -231,27 +238,27 @@ class _Running:
         try:
             found = self.function(**arguments)
         finally:
-            _return_to(self.folder)
-        arrays = arrays_of(stage.name, stage.outputs, found, batch.shape)
+            _return_to(self.working_folder)
+        arrays = check_result(stage.name, stage.outputs, found, batch.shape)
         if not batch.shape:
             return [arrays]
         cells: list[Arrays] = []
-        for place in batch.places[batch.begins[number] : batch.begins[number + 1]].tolist():
-            at: Any = (*np.unravel_index(place, batch.shape), ...)  # an array even for one value
+        for position in batch.positions[batch.begins[number] : batch.begins[number + 1]].tolist():
+            at: Any = (*np.unravel_index(position, batch.shape), ...)  # an array even for one value
             cells.append({name: array[at] for name, array in arrays.items()})
         return cells
 
     def outcome(self) -> Outcome:
         """Write the pack of all cells; return the outcome."""
-        if not self.kept:
-            return Outcome(self.seconds, self.failed, self.lacking)
-        keys, name = self.batch.keys[self.kept], self.batch.stage.name
-        pack = self.packing.write(self.packs, name, keys, self.seconds, self.batch.room)
-        return Outcome(self.seconds, self.failed, self.lacking, pack)
+        if not self.packed:
+            return Outcome(self.seconds, self.failed, self.lost_inputs)
+        keys, name = self.batch.keys[self.packed], self.batch.stage.name
+        pack = self.packing.write(self.packs, name, keys, self.seconds, self.batch.folder)
+        return Outcome(self.seconds, self.failed, self.lost_inputs, pack)
 
 
 def _return_to(folder: str) -> None:
-    """Change to a working folder, if a call has left it: relative paths stay what they were."""
+    """Change back to the working folder, if a call has left it."""
     with suppress(FileNotFoundError):  # of the folder of now
         if os.getcwd() == folder:
             return
@@ -261,11 +268,11 @@ def _return_to(folder: str) -> None:
 # arguments --------------------------------------------------------------------------------------
 
 Inputs = dict[str, Any]
-"""By argument, the arrays of what a call reads, what reads them, or that they are damaged."""
+"""Stored inputs of a call by argument: arrays, a `GatheredArray`, or an error."""
 
 
-def _with_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[Inputs]:
-    """Yield what each call from one on reads, for as many at once as fit, estimated from earlier.
+def _prefetch_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[Inputs]:
+    """Yield the stored inputs of each call from `start` on, prefetching up to `AHEAD_BYTES`.
 
     Opening a pack takes longer than reading a small cell in it.
     """
@@ -282,10 +289,10 @@ def _with_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[Input
             locations = read.locations[start:stop]
             if locations.pack.ndim > 1:  # several cells, which are read when the call runs
                 for number, inputs in enumerate(found):
-                    inputs[name] = Gathered(read.stage, locations[number], packs)
+                    inputs[name] = GatheredArray(read.stage, locations[number], packs)
                 continue
-            for number, arrays in enumerate(each_cell(packs, locations)):
-                found[number][name] = arrays or Damaged(locations.keys[number].tobytes())
+            for number, arrays in enumerate(iter_cells(packs, locations)):
+                found[number][name] = arrays or DamagedResults(locations.keys[number].tobytes())
                 size += sum(array.nbytes for array in (arrays or {}).values())
         while found:
             yield found.pop(0)  # and hold it no longer
@@ -294,18 +301,18 @@ def _with_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[Input
 
 
 def _arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
-    """Return arguments of a call by name; raise `Damaged` if one is unreadable."""
+    """Return arguments of a call by name; raise `DamagedResults` if one is unreadable."""
     given: dict[str, Any] = {}
     for name, source in batch.arguments.items():
-        if isinstance(source, PlainArgument):
-            given[name] = source.of_calls[number]
+        if isinstance(source, ValueArgument):
+            given[name] = source.per_call[number]
         elif isinstance(source, ObjectArgument):
-            given[name] = _object(source.batch, int(source.places[number]), packs)
+            given[name] = _get_object(source.batch, int(source.indices[number]), packs)
         else:
             arrays = inputs.pop(name)
-            if isinstance(arrays, Damaged):
+            if isinstance(arrays, DamagedResults):
                 raise arrays
-            if isinstance(arrays, Gathered) and not source.in_blocks:
+            if isinstance(arrays, GatheredArray) and not source.in_blocks:
                 arrays = arrays.arrays(arrays.locations)
             if not source.in_blocks and len(arrays) == 1:
                 arrays = arrays[source.stage.outputs[0].name]
@@ -318,35 +325,35 @@ def _arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dic
     return given
 
 
-def _object(batch: Batch, number: int, packs: Objects) -> Any:
-    """Return an object by its key, made if missing; the oldest of its stage is evicted."""
+def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
+    """Return an in-memory object, made if it is missing; evict the oldest of its stage."""
     # By the function's name: stages that share one share its results. A function that comes with
     # each task, from a script or a session, is another object each time.
-    objects = vars(_kept).setdefault(batch.stage.place, OrderedDict())
+    objects = vars(_objects).setdefault(batch.stage.import_path, OrderedDict())
     key = batch.keys[number].tobytes()
     if key in objects:
         objects.move_to_end(key)
         return objects[key]
     while len(objects) >= batch.stage.keep:
         objects.popitem(last=False)
-    # What is read for the next ones, too, of the latest calls of a function.
-    ahead = vars(_ahead)
-    latest, due, inputs = ahead.get(batch.stage.place, (None, 0, None))
+    # Inputs are prefetched for the objects that follow in the same batch.
+    ahead = vars(_prefetched)
+    latest, due, inputs = ahead.get(batch.stage.import_path, (None, 0, None))
     if latest is not batch or due != number:
-        inputs = _with_inputs(batch, packs, number)
-    ahead[batch.stage.place] = batch, number + 1, inputs
+        inputs = _prefetch_inputs(batch, packs, number)
+    ahead[batch.stage.import_path] = batch, number + 1, inputs
     objects[key] = made = batch.stage.call(**_arguments(batch, number, next(inputs), packs))
     return made
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gathered:
-    """The arrays of many cells, of an output, as one array: what is indexed is read then.
+class GatheredArray:
+    """The arrays of many cells as one array, read when it is indexed.
 
-    Only axes of cells are indexed, and by `reshape` become others; indices are those of numpy.
+    `reshape` and indices, as of numpy, apply to the axes of cells only.
     """
 
-    stage: ShippedStage
+    stage: StageSpec
     locations: Locations
     packs: Objects
 
@@ -361,44 +368,44 @@ class Gathered:
     def __len__(self) -> int:
         return self.shape[0]
 
-    def reshape(self, *shape: int) -> Gathered:
-        """Return the same with other axes of cells, whose own shape stays."""
+    def reshape(self, *shape: int) -> GatheredArray:
+        """Return the array with other axes of cells."""
         own = len(self.shape) - self.locations.pack.ndim
         return replace(self, locations=self.locations.reshape(*shape[: len(shape) - own]))
 
     def __getitem__(self, at: Any) -> NDArray[Any]:
-        """Return the arrays of some cells; raise `Damaged` if any are."""
+        """Return the arrays of some cells; raise `DamagedResults` if any are."""
         locations, own = self.locations[at], self.shape[self.locations.pack.ndim :]
         if not locations.present.any():
             [output] = self.stage.outputs
-            return np.full((*locations.pack.shape, *own), output.empty, output.dtype)
+            return np.full((*locations.pack.shape, *own), output.fill_value, output.dtype)
         [array] = self.arrays(locations).values()
         return array
 
     def arrays(self, locations: Locations) -> Arrays:
         """Return the arrays of cells by output; empty values where there is none."""
         present, whole = locations.present, Arrays()
-        cells = undamaged_cells(self.packs, locations[present])
-        for place, arrays in zip(np.flatnonzero(present).tolist(), cells, strict=True):
+        cells = iter_results(self.packs, locations[present])
+        for index, arrays in zip(np.flatnonzero(present).tolist(), cells, strict=True):
             for output in self.stage.outputs:
                 name, array = output.name, arrays[output.name]
                 if name not in whole:
                     shape = (present.size, *array.shape)
-                    whole[name] = np.full(shape, output.empty, output.dtype)
+                    whole[name] = np.full(shape, output.fill_value, output.dtype)
                 if array.shape != whole[name].shape[1:]:
                     what = f"{name} of {self.stage.name}"
                     raise ValueError(f"{what} has a shape that differs between cells")
-                whole[name][place] = array
+                whole[name][index] = array
         return {name: one.reshape(*present.shape, *one.shape[1:]) for name, one in whole.items()}
 
 
 # By function, its objects, and the latest calls with their inputs that are read ahead.
-_kept, _ahead = threading.local(), threading.local()
+_objects, _prefetched = threading.local(), threading.local()
 
 
-def forget_all() -> None:
-    """Drop all objects kept in this thread, and what is read ahead of them."""
-    for kept in (_kept, _ahead):
+def drop_objects() -> None:
+    """Drop all in-memory objects of this thread, and their prefetched inputs."""
+    for kept in (_objects, _prefetched):
         vars(kept).clear()
 
 
@@ -406,17 +413,19 @@ def forget_all() -> None:
 
 
 # Kinds of dtypes (see numpy) that may become another, if every value is the same in it.
-CAST = {"f": "biuf", "i": "biuf", "u": "biuf", "b": "biuf", "c": "biufc"}
+CASTABLE_KINDS = {"f": "biuf", "i": "biuf", "u": "biuf", "b": "biuf", "c": "biufc"}
 
 _dtype = cache(np.dtype)
 
 
 @cache
-def _largest(dtype: str) -> float:
+def _max_float(dtype: str) -> float:
     return float(np.finfo(dtype).max)
 
 
-def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[int, ...]) -> Arrays:
+def check_result(
+    stage: str, outputs: Sequence[Output], found: Any, along: tuple[int, ...]
+) -> Arrays:
     """Return the arrays of a result by output, of the declared dtypes.
 
     `along` are the lengths of the leading axes, along which values are computed together.
@@ -429,48 +438,47 @@ def arrays_of(stage: str, outputs: Sequence[Output], found: Any, along: tuple[in
     """
     first = outputs[0]
     if isinstance(first, Undeclared):
-        if first.plain and _is_number(found):  # at once: many functions are quick
-            return {first.name: np.array(found, NUMBERS)}
-        declared, about = spread(first, found)
-        arrays = {output.name: _array(stage, output, values, ()) for output, values in declared}
+        if first.is_number and _is_number(found):  # at once: many functions are quick
+            return {first.name: np.array(found, FLOAT)}
+        declared, about = split_variables(first, found)
+        arrays = {one.name: _check_output(stage, one, values, ()) for one, values in declared}
         return arrays | ({about: np.empty(0, "u1")} if about else {})
     names = [output.name for output in outputs]
     if not isinstance(found, Mapping) and len(names) == 1:
         found = {names[0]: found}
     given = list(found) if isinstance(found, Mapping) else [type(found).__name__]
     if set(given) != set(names):
-        raise TypeError(
-            f"{stage} returned {', '.join(map(str, given))}, but must return {', '.join(names)}"
-        )
-    return {output.name: _array(stage, output, found[output.name], along) for output in outputs}
+        wrong = f"{stage} returned {', '.join(map(str, given))}"
+        raise TypeError(f"{wrong}, but must return {', '.join(names)}")
+    return {one.name: _check_output(stage, one, found[one.name], along) for one in outputs}
 
 
 def _is_number(given: Any) -> bool:
-    return isinstance(given, float) or (isinstance(given, int) and abs(given) < WHOLE)
+    return isinstance(given, float) or (isinstance(given, int) and abs(given) < INT_LIMIT)
 
 
-def _array(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
+def _check_output(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
     """Return one output as an array."""
     dtype = _dtype(output.dtype)
-    if dtype.kind == "f" and _is_number(given) and abs(given) <= _largest(output.dtype):
-        array = np.array(given, dtype)  # what follows takes 10 us, which counts for single numbers
+    if dtype.kind == "f" and _is_number(given) and abs(given) <= _max_float(output.dtype):
+        array = np.array(given, dtype)  # the general way takes 10 us
     elif given is None:
-        raise _refused(stage, output, "None")
+        raise _output_error(stage, output, "None")
     else:
         try:
             array, masked = _unmasked(given)
         except ValueError:
-            raise _refused(stage, output, "rows of different lengths", "an array") from None
+            raise _output_error(stage, output, "rows of different lengths", "an array") from None
         if array.dtype != dtype:
             array = _cast(stage, output, array, dtype)
         if masked.any():
             if dtype.kind not in "fc":
-                raise _refused(stage, output, "masked values")
+                raise _output_error(stage, output, "masked values")
             array = np.where(masked, dtype.type(np.nan), array)
     if array.shape[: len(along)] != along or array.ndim != len(along) + len(output.dims):
         leading = f"{along}, the numbers of values computed together, and " if along else ""
         allowed = f"one of {leading}{len(output.dims)} dimensions of its own"
-        raise _refused(stage, output, f"an array of shape {array.shape}", allowed)
+        raise _output_error(stage, output, f"an array of shape {array.shape}", allowed)
     return array
 
 
@@ -488,19 +496,19 @@ def _unmasked(given: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
 def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return an array in another dtype; digits of floats may go, and nothing else."""
     texts = dtype.kind in "SU" and all(isinstance(value, str | bytes) for value in array.flat)
-    if not texts and array.dtype.kind not in CAST.get(dtype.kind, dtype.kind) and array.size:
-        odd = next(
-            (value for value in array.flat if value is None), f"values of dtype {array.dtype}"
-        )
-        raise _refused(stage, output, str(odd))
+    castable = CASTABLE_KINDS.get(dtype.kind, dtype.kind)
+    if not texts and array.dtype.kind not in castable and array.size:
+        kind = f"values of dtype {array.dtype}"
+        odd = next((value for value in array.flat if value is None), kind)
+        raise _output_error(stage, output, str(odd))
     with np.errstate(all="ignore"):
         cast = array.astype(dtype)
         lost = np.isinf(cast) & np.isfinite(array) if dtype.kind in "fc" else cast != array
     if lost.any():
-        raise _refused(stage, output, repr(array[lost].flat[0].item()))
+        raise _output_error(stage, output, repr(array[lost].flat[0].item()))
     return cast
 
 
-def _refused(stage: str, output: Output, given: str, allowed: str = "") -> TypeError:
+def _output_error(stage: str, output: Output, given: str, allowed: str = "") -> TypeError:
     allowed = allowed or f"values that the dtype {output.dtype} holds"
     return TypeError(f"{stage} returned {given} as {output.name}, but must return {allowed}")

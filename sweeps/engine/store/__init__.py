@@ -1,5 +1,5 @@
 """Stores: finished cells as labelled arrays of one zarr DataTree, with tables and provenance.
 
-In come a plan whose cells are in the cache, and a place; out goes a store that is whole, or was
-left as it was. `sweeping` is the complete sweep. The command and `function` may import it.
+Input: a plan whose cells are in the cache, and a path. Output: a store, changed completely or not
+at all. `sweeping` is the complete sweep. `command` and `function` may import it.
 """

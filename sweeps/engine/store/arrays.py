@@ -6,7 +6,6 @@ of small arrays: zarr takes 1.4 ms to make and 1.2 ms to write each, and this 0.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -17,28 +16,28 @@ import numpy as np
 from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
-from sweeps.engine.declare.storable import DATES, LARGEST, NAT, plain
-from sweeps.engine.resolve.keys import BYTES
+from sweeps.engine.declare.storable import DATES, NAT, encode_attrs, is_storable
+from sweeps.engine.resolve.keys import digest
 
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
 
-# What the name of a chunk begins with: two of zarr's ways to name them, of which a changed array
-# takes the other, so that the old metadata never refer to new chunks.
-SPACES = ("c.", "")
+# Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array takes the
+# other one, so that the old metadata never refer to new chunks.
+KEY_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20
-LEVEL = 1  # level 3 compresses results no better and takes three times as long
+ZSTD_LEVEL = 1  # level 3 compresses results no better and takes three times as long
 
 Region = tuple[slice, ...]
 
-OF_DATES = {
+DATE_ATTRIBUTES = {
     "units": "nanoseconds since 1970-01-01",
     "calendar": "proleptic_gregorian",
     "_FillValue": NAT,
 }
 
-_ZSTD = Zstd(level=LEVEL, checksum=True)
+_ZSTD = Zstd(level=ZSTD_LEVEL, checksum=True)
 
 
 # arrays -------------------------------------------------------------------------------------------
@@ -55,15 +54,15 @@ class Array:
     # Returns the values of one chunk's region (a slice with start and stop for each dimension).
     read: Callable[[Region], NDArray[Any]]
     chunks: tuple[int, ...]
-    fill: complex | str | None = None  # of what is not written; None is NaN, 0 or no text
+    fill: complex | str | None = None  # of elements that are not written; None: NaN, 0 or ""
     coordinate: bool = False
-    # Returns bytes that decide the values of a region; by default these themselves.
-    made_of: Callable[[Region], bytes] | None = None
-    # Returns `read` of a region alone, which may be sent to another process.
-    sent: Callable[[Region], Callable[[Region], NDArray[Any]]] | None = None
+    # Returns bytes that determine the values of a region; by default the values.
+    source_bytes: Callable[[Region], bytes] | None = None
+    # Returns a picklable `read` of one region, for other processes.
+    remote_read: Callable[[Region], Callable[[Region], NDArray[Any]]] | None = None
 
     @classmethod
-    def of(
+    def from_values(
         cls,
         dims: tuple[str, ...],
         values: Any,
@@ -85,7 +84,7 @@ class Array:
         return cls(dims, array.shape, array.dtype, attrs or {}, read, chunks, fill, coordinate)
 
     @property
-    def stored(self) -> np.dtype[Any]:
+    def stored_dtype(self) -> np.dtype[Any]:
         """Stored dtype: little-endian, and no unsigned one that fits into a signed one.
 
         Raises TypeError if there is none.
@@ -97,16 +96,15 @@ class Array:
             return np.dtype(f"<i{2 * dtype.itemsize}")
         if dtype == DATES:
             return np.dtype("<i8")
-        numbers = dtype.kind in "iufc" and dtype.itemsize <= LARGEST.get(dtype.kind, 8)
-        if (dtype.kind == "U" and dtype.itemsize) or numbers:
+        if dtype.itemsize and is_storable(dtype):
             return dtype.newbyteorder("<")
         raise TypeError(f"values of dtype {dtype} cannot be stored; only numbers and texts can")
 
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the stored attributes, with the dtype that xarray converts integers to."""
-        kind, of_bool = np.dtype(self.dtype).kind, {"dtype": "bool"}
-        return plain(self.attrs) | (of_bool if kind == "b" else OF_DATES if kind == "M" else {})
+        extra: dict[str, Any] = {"b": {"dtype": "bool"}, "M": DATE_ATTRIBUTES}
+        return encode_attrs(self.attrs) | extra.get(np.dtype(self.dtype).kind, {})
 
     @property
     def empty(self) -> Any:
@@ -114,33 +112,34 @@ class Array:
         if np.dtype(self.dtype).kind == "M":
             return np.int64(NAT)
         default = {"U": "", "f": math.nan, "c": complex(math.nan, math.nan)}
-        own = default.get(self.stored.kind, 0) if self.fill is None else self.fill
-        return self.stored.type(own)
+        fill = default.get(self.stored_dtype.kind, 0) if self.fill is None else self.fill
+        return self.stored_dtype.type(fill)
 
     def digest(self, region: Region) -> str:
-        """Return the hash of all that decides the content of the chunk of a region."""
+        """Return the hash of all that determines the chunk of a region."""
         sizes = [part.stop - part.start for part in region]
-        about = (self.stored.str, self.chunks, self.empty.tobytes().hex(), sizes, LEVEL)
-        if self.made_of is not None:
-            given = self.made_of(region)
+        about = (self.stored_dtype.str, self.chunks, self.empty.tobytes().hex(), sizes, ZSTD_LEVEL)
+        if self.source_bytes is not None:
+            given = self.source_bytes(region)
         else:
-            given = np.asarray(self.read(region), self.stored).tobytes()
-        return hashlib.blake2b(repr(about).encode() + given, digest_size=BYTES).hexdigest()
+            given = np.asarray(self.read(region), self.stored_dtype).tobytes()
+        return digest(repr(about).encode() + given)
 
-    def settled(self) -> Array:
-        """Return an array without dimensions with its value as that of what is not written."""
-        return self if self.dims else replace(self, fill=self.whole().flat[0])
+    def with_fill(self) -> Array:
+        """Return a scalar with its value as fill value, so that it needs no chunk."""
+        return self if self.dims else replace(self, fill=self.load().flat[0])
 
-    def alone(self, region: Region) -> Array:
-        """Return what another process needs to write the chunk of a region."""
-        assert self.sent is not None
-        return replace(self, read=self.sent(region), attrs={}, made_of=None, sent=None)
+    def for_worker(self, region: Region) -> Array:
+        """Return the part that another process needs to write the chunk of a region."""
+        assert self.remote_read is not None
+        read = self.remote_read(region)
+        return replace(self, read=read, attrs={}, source_bytes=None, remote_read=None)
 
-    def whole(self) -> NDArray[Any]:
+    def load(self) -> NDArray[Any]:
         """Return all values as they are stored; they stay in memory."""
         # In the order in which zarr reads them: sums may depend on that in their last bit.
         everywhere = tuple(slice(0, size) for size in self.shape)
-        values = np.asarray(self.read(everywhere), self.stored, order="C")
+        values = np.asarray(self.read(everywhere), self.stored_dtype, order="C")
         self.read = values.__getitem__
         return values
 
@@ -155,14 +154,13 @@ class Group:
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the attributes, including the list of coordinates that are not dimensions."""
-        others = [
-            name for name, one in self.arrays.items() if one.coordinate and one.dims != (name,)
-        ]
+        coordinates = {name: one for name, one in self.arrays.items() if one.coordinate}
+        others = [name for name, one in coordinates.items() if one.dims != (name,)]
         named = {"coordinates": " ".join(sorted(others))} if others else {}
-        return plain(self.attrs) | named
+        return encode_attrs(self.attrs) | named
 
-    def stored(self, taken: Collection[str] = ()) -> Group:
-        """Return the group as it is written: scalar coordinates are attributes of it.
+    def fold_scalars(self, taken: Collection[str] = ()) -> Group:
+        """Return the group with scalar coordinates as attributes, as it is stored.
 
         `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them. One whose
         name is `taken` by another attribute stays an array.
@@ -174,34 +172,34 @@ class Group:
             if one.coordinate and not one.dims and one.dtype.kind in "biufU"
             if name not in taken
         }
-        values = {name: one.whole().astype(one.dtype).item() for name, one in scalars.items()}
+        values = {name: one.load().astype(one.dtype).item() for name, one in scalars.items()}
         scalars = {name: one for name, one in scalars.items() if _is_json(values[name])}
         if not scalars:
             return self
-        given = {name: values[name] for name in scalars if not _is_nan(values[name])}
+        given = {name: values[name] for name in scalars if values[name] == values[name]}  # not NaN
         about = {SCALARS: {name: one.attributes for name, one in scalars.items()}}
         others = {name: one for name, one in self.arrays.items() if name not in scalars}
         return Group(others, {**self.attrs, **given, **about})
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
-    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `whole` axes.
+    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `load` axes.
 
     The last axes whole, one axis before them in parts that do not depend on its length, so that
     more values leave the others where they are, and 1 along those before.
     """
     chunks: list[int] = []
-    room = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
+    budget = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
     for axis, size in enumerate(reversed(shape)):
         full = max(size, 1)
-        cut = axis >= whole and size > room
-        chunks.append(room if cut else full)
+        cut = axis >= whole and size > budget
+        chunks.append(budget if cut else full)
         # Once an axis is cut, those before it have chunks of 1.
-        room = 1 if chunks[-1] < full else max(room // full, 1)
+        budget = 1 if chunks[-1] < full else max(budget // full, 1)
     return tuple(reversed(chunks))
 
 
-def regions(array: Array) -> Iterator[tuple[str, Region]]:
+def iter_chunks(array: Array) -> Iterator[tuple[str, Region]]:
     """Yield index and region of every chunk of an array; none if it has no dimensions."""
     if not array.dims:
         return
@@ -210,7 +208,7 @@ def regions(array: Array) -> Iterator[tuple[str, Region]]:
         for size, chunk in zip(array.shape, array.chunks, strict=True)
     ]
     for chunk in itertools.product(*map(enumerate, parts)):
-        yield ".".join(str(place) for place, _ in chunk), tuple(r for _, r in chunk)
+        yield ".".join(str(number) for number, _ in chunk), tuple(r for _, r in chunk)
 
 
 def chunk_name(path: str, space: str, index: str) -> str:
@@ -218,9 +216,9 @@ def chunk_name(path: str, space: str, index: str) -> str:
     return f"{path}/{space}{index}"
 
 
-def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
+def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
     """Return the zarr 3 metadata of an array, whose chunks are in a key space."""
-    stored = array.stored
+    stored = array.stored_dtype
     serializer: dict[str, Any] = {"name": "bytes"}
     kind: Any = stored.name
     if stored.kind == "U":  # opens as numpy's own texts, which can be plotted and learned
@@ -238,7 +236,7 @@ def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
         "fill_value": _fill(array.empty),
         "codecs": [
             serializer,
-            {"name": "zstd", "configuration": {"level": LEVEL, "checksum": True}},
+            {"name": "zstd", "configuration": {"level": ZSTD_LEVEL, "checksum": True}},
         ],
         "attributes": array.attributes,
         **({"dimension_names": list(array.dims)} if array.dims else {}),
@@ -249,7 +247,7 @@ def metadata(array: Array, space: str = SPACES[0]) -> dict[str, Any]:
 
 
 def _fill(value: Any) -> Any:
-    """Return a value of numpy as zarr has it in its metadata."""
+    """Return a fill value as zarr's metadata have it."""
     if value.dtype.kind == "c":
         return [_fill(value.real), _fill(value.imag)]
     if value.dtype.kind != "f":
@@ -261,15 +259,11 @@ def _fill(value: Any) -> Any:
 def encode(array: Array, region: Region) -> bytes | None:
     """Return the bytes of the chunk that covers a region; None if it holds only the fill value."""
     values = np.asarray(array.read(region))
-    chunk = np.full(array.chunks, array.empty, array.stored)
+    chunk = np.full(array.chunks, array.empty, array.stored_dtype)
     empty = chunk.tobytes()
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
     return None if content == empty else bytes(_ZSTD.encode(content))
-
-
-def _is_nan(value: Any) -> bool:
-    return isinstance(value, float) and math.isnan(value)
 
 
 def _is_json(value: Any) -> bool:

@@ -14,29 +14,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.cache.packs import Arrays, Locations, layouts
+from sweeps.engine.cache.packs import Arrays, Locations, distinct_layouts
 from sweeps.engine.declare.errors import DeclarationError
-from sweeps.engine.declare.kinds import spelt
+from sweeps.engine.declare.kinds import format_value
 from sweeps.engine.declare.settings import DIMENSION, Setting
-from sweeps.engine.declare.stage import COORDINATE, FIRST, MEASURED, SHARE, STATE, Bound, Output
+from sweeps.engine.declare.stage import (
+    COORDINATE,
+    FIRST,
+    MEASURED,
+    SHARE,
+    STATE,
+    BoundStage,
+    Output,
+)
 from sweeps.engine.declare.storable import DATES
-from sweeps.engine.declare.undeclared import Undeclared, common, learned
+from sweeps.engine.declare.undeclared import Undeclared, infer_outputs, longest_arrays
 from sweeps.engine.resolve.plan import Axis, Cells, Plan
 from sweeps.engine.run.schedule import Schedule
-from sweeps.engine.run.tasks import undamaged_cells, uneven
+from sweeps.engine.run.tasks import iter_results, uneven_error
 from sweeps.engine.store.arrays import Array, Group, Region, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
 FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
 
-ANEW = "measured while the cell was computed; differs if computed again"
+MEASURED_COMMENT = "measured while the cell was computed; differs if computed again"
 
 
 @dataclass(frozen=True)
 class StoredVariable:
     """An output of a stage as a variable of the store."""
 
-    bound: Bound
+    bound: BoundStage
     output: Output
     group: str
     axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
@@ -50,48 +58,47 @@ class StoredVariable:
 
 @dataclass(frozen=True, eq=False)
 class RegionReader:
-    """How results fill a region of a variable: where they are, which places they take, the padding.
+    """Picklable recipe for one region of a variable.
 
-    `wanted` and `lost` are places, in the order of the axes, of results and of failed ones.
+    `present` and `failed` are flat positions, along the axes, of results and of failed cells.
     """
 
     packs: Objects
     locations: Locations  # of the results
     stage: str
     output: Output
-    even: bool  # whether all arrays have one shape
+    fixed_shape: bool  # whether all arrays have one shape
     shape: tuple[int, ...]  # along the axes
-    first: tuple[int, ...]  # starts of own dimensions
-    own: tuple[int, ...]  # and lengths
-    inside: tuple[slice, ...]  # of these, what is in the region
+    own_starts: tuple[int, ...]  # starts of own dimensions
+    own_lengths: tuple[int, ...]  # and lengths
+    own_region: tuple[slice, ...]  # part of them in the region
     order: tuple[int, ...]  # of the dimensions, axes and own
-    wanted: Cells
-    lost: Cells
+    present: Cells
+    failed: Cells
 
-    def values(self, region: Region) -> NDArray[Any]:
-        """Return the values of the region; raise `Damaged` if a cell cannot be read back."""
-        output, own = self.output, self.own
-        dtype, empty = output.in_store
+    def read(self, region: Region) -> NDArray[Any]:
+        """Return the values of the region; raise `DamagedResults` if a cell is damaged."""
+        output, own = self.output, self.own_lengths
+        dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
-        flat[self.lost] = FAILED
-        cells = undamaged_cells(self.packs, self.locations)
-        for number, arrays in zip(self.wanted.tolist(), cells, strict=True):
+        flat[self.failed] = FAILED
+        cells = iter_results(self.packs, self.locations)
+        for number, arrays in zip(self.present.tolist(), cells, strict=True):
             array = arrays.get(output.name)
             if array is None:  # of a function that declares nothing
                 continue
             if array.shape == own:
                 flat[number] = array
                 continue
-            if self.even:
-                raise uneven(self.stage, output.name, array.shape, own)
+            if self.fixed_shape:
+                raise uneven_error(self.stage, output.name, array.shape, own)
             if output.pad is not None:
                 flat[number] = output.pad
-            corner = map(int.__sub__, _begins(output, arrays), self.first)
-            place: Any = [
-                slice(at, at + size) for at, size in zip(corner, array.shape, strict=True)
-            ]
-            flat[(number, *place)] = array
-        inside: Any = (..., *self.inside)
+            corner = map(int.__sub__, _begins(output, arrays), self.own_starts)
+            ends = zip(corner, array.shape, strict=True)
+            corner_region: Any = [slice(at, at + size) for at, size in ends]
+            flat[(number, *corner_region)] = array
+        inside: Any = (..., *self.own_region)
         return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
 
 
@@ -100,10 +107,12 @@ def _begins(output: Output, arrays: Arrays) -> list[int]:
     return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
 
 
-def stored_variables(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> list[StoredVariable]:
+def stored_variables(
+    plan: Plan, bound: BoundStage, outputs: Iterable[Output]
+) -> list[StoredVariable]:
     """Return the variables of a stage's stored outputs."""
     of = bound.stage.group
-    order = {name: place for place, name in enumerate(of.dims)}
+    order = {name: number for number, name in enumerate(of.dims)}
 
     def rank(number: int) -> int:
         axis = plan.axes[number]
@@ -113,7 +122,7 @@ def stored_variables(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> lis
 
     variables = []
     for output in outputs:
-        group = bound.stage.place_of(output)
+        group = bound.stage.store_group(output)
         if not group:
             continue
         left_out = set(output.without)
@@ -123,20 +132,17 @@ def stored_variables(plan: Plan, bound: Bound, outputs: Iterable[Output]) -> lis
             if not {setting.name for setting in plan.axes[number].settings} <= left_out
         ]
         ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
-        places = tuple(np.argsort(ranks, kind="stable").tolist())
-        variables.append(StoredVariable(bound, output, group, tuple(axes), places))
+        sources = tuple(np.argsort(ranks, kind="stable").tolist())
+        variables.append(StoredVariable(bound, output, group, tuple(axes), sources))
     return variables
 
 
-def _dimensions(plan: Plan, *bounds: Bound) -> list[int]:
+def _dimensions(plan: Plan, *bounds: BoundStage) -> list[int]:
     """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
-    return [
-        n
-        for n, axis in axes
-        if axis.several or any(setting.single == DIMENSION for setting in axis.settings)
-    ]
+    fixed = {n for n, axis in axes if any(one.single == DIMENSION for one in axis.settings)}
+    return [n for n, axis in axes if axis.is_swept or n in fixed]
 
 
 @dataclass
@@ -154,7 +160,7 @@ class Cube:
         return self.schedule.plan
 
     def groups(self) -> dict[str, Group]:
-        """Return groups of the store by path; raise `Damaged` if a cell cannot be read back."""
+        """Return groups of the store by path; raise `DamagedResults` if a cell is damaged."""
         members: dict[str, list[StoredVariable]] = defaultdict(list)
         known: dict[str, dict[str, Array]] = defaultdict(dict)
         for bound in self.plan.targets:
@@ -169,24 +175,25 @@ class Cube:
             found.setdefault(name, Group()).arrays.update(arrays)
         return dict(sorted(found.items()))
 
-    def _outputs(self, bound: Bound) -> tuple[Sequence[Output], dict[str, Array]]:
-        """Return the outputs of a stage, of undeclared ones what its results have.
+    def _outputs(self, bound: BoundStage) -> tuple[Sequence[Output], dict[str, Array]]:
+        """Return the outputs of a stage, inferred if undeclared.
 
-        And coordinates that are the same in all of these, along own dimensions.
+        And, for undeclared ones, the coordinates that are equal in all results.
         """
         output = bound.stage.outputs[0] if bound.stage.outputs else None
         if not isinstance(output, Undeclared):
             return bound.stage.outputs, {}
         results = np.unique(self.schedule.results[bound])
         locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
-        found = learned(output, layouts(self.packs, locations))
+        found = infer_outputs(output, distinct_layouts(self.packs, locations))
         names = [one.name for one in found if one.role == COORDINATE]
-        values = common(undamaged_cells(self.packs, locations), names) if names else {}
+        values = longest_arrays(iter_results(self.packs, locations), names) if names else {}
         coordinates = {}
         for one in found:
             if values.get(one.name) is not None:
                 attrs = {"units": one.unit, "long_name": one.label, **one.attrs}
-                coordinates[one.name] = Array.of(one.dims, values[one.name], attrs, coordinate=True)
+                array = Array.from_values(one.dims, values[one.name], attrs, coordinate=True)
+                coordinates[one.name] = array
             elif one.name in one.dims:
                 raise DeclarationError(
                     f"{output.name} returned other labels of the dimension {one.name!r} for other "
@@ -197,17 +204,17 @@ class Cube:
     def _group(self, variables: Sequence[StoredVariable]) -> Group:
         """Return a group of its variables, and the coordinates of their dimensions."""
         names, arrays = self._names(variables), dict[str, Array]()
-        starts, lengths = self._extents[variables[0].group] = self._extents_of(variables)
+        starts, lengths = self._extents[variables[0].group] = self._find_extents(variables)
         for variable in variables:
             for dim, first in variable.origin.items():
                 values = starts.get(dim, 0) + np.arange(lengths[dim])
                 about = {"units": first.unit, "long_name": first.label}
-                arrays[dim] = Array.of((dim,), values, about, coordinate=True)
+                arrays[dim] = Array.from_values((dim,), values, about, coordinate=True)
             arrays[variable.output.name] = self._variable(variable, names)
         return Group(arrays | self._coordinates(variables, names))
 
     def _names(self, variables: Sequence[StoredVariable]) -> dict[int, str]:
-        """Return names of all axes that a group depends on; the whole key if the word is taken."""
+        """Return the names of all axes of a group: the whole key if its last word is taken."""
         axes, number_of = self.plan.axes, self.plan.axis_number
         names = {
             number_of(key): axes[number_of(key)].name
@@ -216,9 +223,7 @@ class Cube:
             if axes[number_of(key)].name in variable.output.dims
         }
         bounds = {
-            number_of(key): variable.bound
-            for variable in reversed(variables)
-            for key in variable.bound.needs
+            number_of(key): one.bound for one in reversed(variables) for key in one.bound.needs
         }
         for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]
@@ -233,36 +238,36 @@ class Cube:
         own = [lengths[dim] for dim in output.dims]
         shape = (*(len(self.plan.axes[number].points) for number in variable.axes), *own)
         dims = (*(names[number] for number in variable.axes), *output.dims)
-        dtype, empty = output.in_store
+        dtype, empty = output.store_dtype
         chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if dtype.kind in "UM" else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
-        if output.role == SHARE:  # of which xarray makes numbers from 0 to 1, and NaN
+        if output.role == SHARE:  # xarray decodes it to numbers from 0 to 1, and NaN
             attrs["scale_factor"] = 1 / int(np.iinfo(output.dtype).max)
             attrs["_FillValue"] = empty
         if output.role == MEASURED:
-            attrs["comment"] = ANEW
+            attrs["comment"] = MEASURED_COMMENT
         if output.role == STATE:
             attrs |= FLAGS
         given: Any = (tuple(one[k] for k in variable.order) for one in (dims, shape, chunks))
         named, sizes, parts = given
-        make, coordinate = partial(self._reader, variable), output.role == COORDINATE
+        make, coordinate = partial(self._make_reader, variable), output.role == COORDINATE
 
         def read(region: Region) -> NDArray[Any]:
             return make(region)(region)
 
         if words:  # few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
-            return Array.of(named, texts, attrs, coordinate=coordinate)
-        how = partial(self._made_of, variable), make
+            return Array.from_values(named, texts, attrs, coordinate=coordinate)
+        how = partial(self._source_bytes, variable), make
         return Array(named, sizes, dtype, attrs, read, parts, empty, coordinate, *how)
 
     def _results(self, variable: StoredVariable, ranges: Sequence[range]) -> Cells:
         """Return numbers of the results in ranges of a variable's axes, the last fastest."""
         plan, bound = self.plan, variable.bound
         by_axis = dict(zip(variable.axes, ranges, strict=True))
-        own = plan.axes_on(bound)
+        own = plan.axis_numbers(bound)
         results = self.schedule.results[bound]
         results = results.reshape([len(plan.axes[number].points) for number in own])
         results = results[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
@@ -270,7 +275,7 @@ class Cube:
         others = [at for at, number in enumerate(own) if number not in by_axis]
         return results.transpose(order + others).ravel()
 
-    def _extents_of(
+    def _find_extents(
         self, variables: Sequence[StoredVariable]
     ) -> tuple[dict[str, int], dict[str, int]]:
         """Return starts of own dimensions with an origin over all cells, and lengths of all."""
@@ -283,11 +288,11 @@ class Cube:
             lengths |= {dim: max(lengths.get(dim, 0), gathered.get(dim, 0)) for dim in output.dims}
             if gathered.keys() >= set(output.dims):
                 continue
-            origin, even = variable.origin, variable.bound.stage.is_even(output)
+            origin, even = variable.origin, variable.bound.stage.has_fixed_shape(output)
             results = self._results(variable, [range(len(axes[n].points)) for n in variable.axes])
             results = results[self.schedule.locations.present[results]]
             results = results[:1] if even else np.unique(results)
-            for arrays in undamaged_cells(self.packs, self.schedule.locations[results]):
+            for arrays in iter_results(self.packs, self.schedule.locations[results]):
                 if output.name not in arrays:
                     continue
                 shape = arrays[output.name].shape
@@ -299,8 +304,10 @@ class Cube:
             lengths[dim] = max(lengths[dim], high - low)
         return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
 
-    def _reader(self, variable: StoredVariable, region: Region) -> Callable[[Region], NDArray[Any]]:
-        """Return what makes the values of a region of a variable, also in another process."""
+    def _make_reader(
+        self, variable: StoredVariable, region: Region
+    ) -> Callable[[Region], NDArray[Any]]:
+        """Return a picklable reader of a region of a variable."""
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
         natural = [region[k] for k in np.argsort(variable.order)]
@@ -311,21 +318,23 @@ class Cube:
         wanted = np.flatnonzero(self.schedule.locations.present[results])
         return RegionReader(
             self.packs,
-            self.schedule.locations[results[wanted]].alone(),
+            self.schedule.locations[results[wanted]].compact(),
             variable.bound.name,
             output,
-            variable.bound.stage.is_even(output),
+            variable.bound.stage.has_fixed_shape(output),
             shape=tuple(map(len, ranges)),
-            first=tuple(starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims),
-            own=tuple(lengths[dim] for dim in output.dims),
-            inside=tuple(natural[count:]),
+            own_starts=tuple(
+                starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims
+            ),
+            own_lengths=tuple(lengths[dim] for dim in output.dims),
+            own_region=tuple(natural[count:]),
             order=variable.order,
-            wanted=wanted,
-            lost=lost,
-        ).values
+            present=wanted,
+            failed=lost,
+        ).read
 
-    def _made_of(self, variable: StoredVariable, region: Region) -> bytes:
-        """Return what decides the values of a region: keys of its cells, and how they lie there."""
+    def _source_bytes(self, variable: StoredVariable, region: Region) -> bytes:
+        """Return bytes that determine the values of a region: keys of cells and their layout."""
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
         natural = [region[k] for k in np.argsort(variable.order)]
@@ -347,7 +356,7 @@ class Cube:
             axis = self.plan.axes[number]
             if name in dims or any(number in variable.axes for variable in variables):
                 found |= axis_coordinates(axis, name)
-            elif not axis.several:
+            elif not axis.is_swept:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
                     if setting.single == COORDINATE:
                         label = setting.name if axis.is_joint else name
@@ -356,7 +365,7 @@ class Cube:
 
     def _statuses(self) -> Iterator[tuple[str, dict[str, Array]]]:
         """Yield group and arrays of the states of stages."""
-        members: dict[tuple[str, str, tuple[int, ...]], list[Bound]] = defaultdict(list)
+        members: dict[tuple[str, str, tuple[int, ...]], list[BoundStage]] = defaultdict(list)
         for bound in self.plan.targets:
             of = bound.stage.group
             if all(output.role == COORDINATE for output in bound.stage.outputs):
@@ -373,20 +382,20 @@ class Cube:
             yield group, self._status(variable, label, bounds, over)
 
     def _status(
-        self, name: str, label: str, bounds: Sequence[Bound], numbers: Sequence[int]
+        self, name: str, label: str, bounds: Sequence[BoundStage], numbers: Sequence[int]
     ) -> dict[str, Array]:
         """Return the worst state of some stages along axes, and the coordinates of these."""
         plan = self.plan
         axes = [plan.axes[number] for number in numbers]
         worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
         for bound in bounds:
-            results, own = self.schedule.results[bound], plan.axes_on(bound)
+            results, own = self.schedule.results[bound], plan.axis_numbers(bound)
             present = self.schedule.locations.present[results]
             failed = np.isin(results, [*self.schedule.failed])
             for state, those in ((MISSING, ~present & ~failed), (FAILED, failed)):
                 cells = np.flatnonzero(those)
                 point = tuple(
-                    plan.places(bound, number, cells) if number in own else slice(None)
+                    plan.positions(bound, number, cells) if number in own else slice(None)
                     for number in numbers
                 )
                 if len(cells):
@@ -399,34 +408,37 @@ class Cube:
         for axis, axis_name in zip(axes, names, strict=True):
             found |= axis_coordinates(axis, axis_name)
         attrs = {"units": "1", "long_name": label, **FLAGS}
-        return found | {name: Array.of(tuple(names), worst, attrs, MISSING)}
+        return found | {name: Array.from_values(tuple(names), worst, attrs, MISSING)}
 
 
 # coordinates --------------------------------------------------------------------------------------
 
 
 def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
-    """Return coordinates of an axis: its values, or those of every setting of a joint axis.
+    """Return the coordinates of an axis: the values of its settings.
 
-    The places of a joint axis are labelled by the values there, as in 'mass=3,limit=9', unless
-    they have names. The kind of a setting may add others.
+    Positions of a joint axis are labelled by their values, as in 'mass=3,limit=9', unless they
+    have labels. The kind of a setting may add others.
     """
     columns = list(zip(*axis.points, strict=True))
     if not axis.is_joint:
         return setting_coordinates(axis.settings[0], name, columns[0])
     found: dict[str, Array] = {}
     for setting, values in zip(axis.settings, columns, strict=True):
-        taken = setting.name in (*found, *[name] * (not axis.bare))
+        taken = setting.name in (*found, *[name] * (not axis.unlabelled))
         label = setting.key.replace(".", "_") if taken else setting.name
-        found[label] = Array.of((name,), value_array(values), setting.attrs, coordinate=True)
-    if axis.bare:
+        array = value_array(values)
+        found[label] = Array.from_values((name,), array, setting.attrs, coordinate=True)
+    if axis.unlabelled:
         return found
     labels = axis.labels or [
-        ",".join(f"{label}={spelt(value)}" for label, value in zip(found, point, strict=True))
+        ",".join(
+            f"{label}={format_value(value)}" for label, value in zip(found, point, strict=True)
+        )
         for point in axis.points
     ]
     about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
-    return {name: Array.of((name,), np.array(labels), about, coordinate=True), **found}
+    return {name: Array.from_values((name,), np.array(labels), about, coordinate=True), **found}
 
 
 def setting_coordinates(
@@ -441,7 +453,7 @@ def setting_coordinates(
         found = {**({} if scalar else {name: own}), **dict(others)}
     dims: tuple[str, ...] = () if scalar else (name,)
     return {
-        label: Array.of(dims, array[0] if scalar else array, attrs, coordinate=True)
+        label: Array.from_values(dims, array[0] if scalar else array, attrs, coordinate=True)
         for label, (array, attrs) in found.items()
     }
 

@@ -23,68 +23,68 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from sweeps.engine.cache.objects import OPEN, Objects, make_folder
+from sweeps.engine.cache.objects import PUBLIC_MODE, Objects, make_folder
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, real_place, split_parent
-from sweeps.engine.run.process import repeating
+from sweeps.engine.declare.paths import PathOrUrl, resolve_path, split_parent
+from sweeps.engine.run.process import call_every
 
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
-RENEWED = 10.0  # s between renewals
-LOOK = 1.0  # s between looks at the object of another owner
+RENEW_INTERVAL = 10.0  # s between renewals
+POLL_INTERVAL = 1.0  # s between looks at the object of another owner
 OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 
 
 @contextmanager
-def locked(place: PathOrUrl) -> Iterator[Callable[[], None]]:
+def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
     """Hold the lock of a store, which need not exist; yield a check that it still is held.
 
     It is advisory. The check raises OSError if another process has taken over the lock of a bucket,
     since this one was stopped for longer than the lease; call it before changes that readers see.
     ConfigurationError if another process or thread holds the lock, or locking fails.
     """
-    above, name = _beside(place)
+    parent, name = _lock_path(path)
     try:
-        if isinstance(above, Path):
-            check, release = _take_file(above, name)
+        if isinstance(parent, Path):
+            check, release = _lock_file(parent, name)
         else:
-            check, release = _take_object(above, name)
+            check, release = _lock_object(parent, name)
     except OSError as error:
         raise ConfigurationError(
-            f"store is {str(place)!r}, but nothing can be locked in {str(above)!r}: "
+            f"store is {str(path)!r}, but nothing can be locked in {str(parent)!r}: "
             f"{error.strerror}"
         ) from error
     except _HeldError as held:
         raise ConfigurationError(
-            f"store is {str(place)!r}, which is being written by {held}; "
+            f"store is {str(path)!r}, which is being written by {held}; "
             "wait until it ends or give another path"
         ) from None
     try:
-        with repeating(RENEWED, check):
+        with call_every(RENEW_INTERVAL, check):
             yield check
     finally:
         with suppress(OSError):  # then the lease ends
             release()
 
 
-def is_locked(place: PathOrUrl) -> bool:
-    """Return whether a process holds the lock of a store; that of a bucket may have died lately."""
-    above, name = _beside(place)
-    if not isinstance(above, Path):
-        return Objects(above).get(name) is not None
-    if not (above / name).exists():
+def is_locked(path: PathOrUrl) -> bool:
+    """Return whether a process holds the lock of a store; in a bucket it may have just died."""
+    parent, name = _lock_path(path)
+    if not isinstance(parent, Path):
+        return Objects(parent).get(name) is not None
+    if not (parent / name).exists():
         return False
     try:
-        _, release = _take_file(above, name)
+        _, release = _lock_file(parent, name)
     except (OSError, _HeldError):
         return True
     release()
     return False
 
 
-def _beside(place: PathOrUrl) -> tuple[PathOrUrl, str]:
+def _lock_path(path: PathOrUrl) -> tuple[PathOrUrl, str]:
     """Return the folder or URL that a store is in, and the name of its lock there."""
-    above, name = split_parent(real_place(place))
-    return above, f".{name}.lock"
+    parent, name = split_parent(resolve_path(path))
+    return parent, f".{name}.lock"
 
 
 class _HeldError(Exception):
@@ -100,13 +100,13 @@ def _owner() -> str:
     return f"process {os.getpid()} on {socket.gethostname()} since {now}"
 
 
-Taken = tuple[Callable[[], None], Callable[[], None]]
+Lock = tuple[Callable[[], None], Callable[[], None]]
 """A check that a lock is still held, and its release."""
 
 
-def _take_file(folder: Path, name: str) -> Taken:
-    """Lock a file, which is there only as long as it is locked, or its owner was killed."""
-    make_folder(folder, OPEN)
+def _lock_file(folder: Path, name: str) -> Lock:
+    """Lock a file, which `release` deletes."""
+    make_folder(folder, PUBLIC_MODE)
     path = folder / name
     lock = FileLock(path, blocking=False, thread_local=False)
     try:
@@ -125,16 +125,16 @@ def _take_file(folder: Path, name: str) -> Taken:
     return lambda: None, release
 
 
-def _take_object(above: PathOrUrl, name: str) -> Taken:
-    """Make an object that `check` renews, or take one over that was silent for a lease."""
-    objects, own, using = Objects(above), uuid.uuid4().hex, threading.Lock()
+def _lock_object(parent: PathOrUrl, name: str) -> Lock:
+    """Make a lock object that `check` renews, or take over one whose lease has ended."""
+    objects, own, using = Objects(parent), uuid.uuid4().hex, threading.Lock()
     owner, turns, found, since = _owner(), count(), None, time.monotonic()
 
     def content() -> bytes:
         return f"{owner}\n{own} {next(turns)}".encode()  # another each time
 
     while True:
-        before, found = found, objects.versioned(name)
+        before, found = found, objects.get_versioned(name)
         if found and before and found != before:
             raise _HeldError(found[0])
         if found is None or time.monotonic() - since > LEASE:
@@ -142,17 +142,17 @@ def _take_object(above: PathOrUrl, name: str) -> Taken:
             if version:
                 break
             raise _HeldError(found[0] if found else b"")
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
 
     def check() -> None:
         nonlocal version
         with using:
             version = version and objects.put_if(name, content(), version)
-            if not version and (there := objects.versioned(name)) and own.encode() in there[0]:
+            if not version and (there := objects.get_versioned(name)) and own.encode() in there[0]:
                 version = there[1]  # the answer to an earlier put was lost
             if not version:
                 why = f"its lock was taken by another process after {LEASE:.0f} s without a sign"
-                raise OSError(errno.EIO, why, f"{above}/{name}")
+                raise OSError(errno.EIO, why, f"{parent}/{name}")
 
     def release() -> None:
         check()
@@ -162,16 +162,17 @@ def _take_object(above: PathOrUrl, name: str) -> Taken:
 
 
 @contextmanager
-def used(folder: PathOrUrl, *, alone: bool = False) -> Iterator[None]:
-    """Use a folder together with others, or alone: then raise BlockingIOError if others use it.
+def cache_lock(folder: PathOrUrl, *, exclusive: bool = False) -> Iterator[None]:
+    """Hold a shared or exclusive lock of a folder; BlockingIOError if an exclusive one is refused.
 
-    Of a bucket, or a folder that is not there, nobody is known to use it.
+    Buckets and missing folders are not locked.
     """
     if isinstance(folder, Path) and folder.is_dir():
         descriptor = os.open(folder, os.O_RDONLY)
         try:
-            with nullcontext() if alone else suppress(OSError):
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB if alone else fcntl.LOCK_SH)
+            with nullcontext() if exclusive else suppress(OSError):
+                mode = fcntl.LOCK_EX | fcntl.LOCK_NB if exclusive else fcntl.LOCK_SH
+                fcntl.flock(descriptor, mode)
             yield
         finally:
             os.close(descriptor)

@@ -1,9 +1,9 @@
-"""The manifest of a store: the size of each of its objects, and what its chunks were made of.
+"""The manifest of a store: the size of each object, and a digest of the sources of each chunk.
 
 Whoever reads a changed chunk notices it by the checksum within, but a missing one reads as fill
 values: a listing of the store shows it, without reading. A store changes in three steps, each of
 which begins with the manifest: names of the chunks to come, which no metadata refer to; then all
-metadata as they will be, which are put in place, the root's last; then the finished store.
+new metadata, which are put in place, the root's last; then the finished store.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import seal, unseal
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 
 MANIFEST = "manifest"
@@ -23,7 +23,7 @@ MANIFEST = "manifest"
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a store has: by name of an object, or by path of an array.
+    """Contents of a store, by name of an object or path of an array.
 
     `chunks` are the key space of each array and, by index, the digest of what decides the values of
     a chunk; one that holds only the fill value is no file. While it is written: names of the chunks
@@ -53,43 +53,43 @@ class Manifest:
         return name not in self.files or size == self.files[name]
 
 
-def read_manifest(place: PathOrUrl) -> Manifest | None:
+def read_manifest(path: PathOrUrl) -> Manifest | None:
     """Return the manifest of a store; None if there is none.
 
     Raises ConfigurationError if it is damaged, and OSError if it cannot be read.
     """
-    content = Objects(place).get(MANIFEST)
+    content = Objects(path).get(MANIFEST)
     if content is None:
         return None
     try:
         return Manifest(**unseal(content))
     except (ValueError, TypeError) as error:
-        raise _unreadable(place) from error
+        raise _unreadable(path) from error
 
 
-def manifest_of(place: PathOrUrl) -> Manifest:
+def require_manifest(path: PathOrUrl) -> Manifest:
     """Return the manifest of a store; ConfigurationError if it is missing or damaged."""
-    found = read_manifest(place)
+    found = read_manifest(path)
     if found is None:
-        raise _unreadable(place)
+        raise _unreadable(path)
     return found
 
 
-def _unreadable(place: PathOrUrl) -> ConfigurationError:
+def _unreadable(path: PathOrUrl) -> ConfigurationError:
     return ConfigurationError(
-        f"store is {str(place)!r}, whose {MANIFEST} cannot be read; "
+        f"store is {str(path)!r}, whose {MANIFEST} cannot be read; "
         "give another path, or remove it if it is a damaged store"
     )
 
 
-def verify(place: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
-    """Return sorted names of objects of a store that are missing, of another size or unexpected.
+def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
+    """Return the sorted names of objects that are missing, of another size, or unexpected.
 
     Nothing is read. An object that is not in the manifest counts as damage, because zarr would read
     it as a chunk. If `groups` are given, only their objects and all metadata are verified. Raises
-    OSError where the place fails, and ConfigurationError without a manifest.
+    OSError where the path fails, and ConfigurationError without a manifest.
     """
-    manifest, found = manifest_of(place), Objects(place).sizes()
+    manifest, found = require_manifest(path), Objects(path).sizes()
     inside, known = tuple(f"{group}/" for group in groups or ()), manifest.known
     return sorted(
         name

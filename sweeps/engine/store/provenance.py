@@ -18,22 +18,21 @@ from sweeps.engine.declare.kinds import (
     Text,
     Value,
     Word,
-    spelt,
+    format_value,
 )
 from sweeps.engine.declare.settings import Joint, Run, Setting, flatten, nested, read_choices
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.resolve.plan import Plan
 
-EVERYWHERE = ("version", "seed")  # attributes that every group of a store repeats
+SHARED_ATTRIBUTES = ("version", "seed")  # attributes that every group of a store repeats
 ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
 
 
-def written(setting: Setting, values: tuple[Value, ...]) -> Any:
+def as_input(setting: Setting, values: tuple[Value, ...]) -> Any:
     """Return values of a setting as a user would write them."""
-    own = getattr(setting.kind, "written", None)
-    if own is not None:
-        return own(values)
+    if hasattr(setting.kind, "as_input"):
+        return setting.kind.as_input(values)
     if isinstance(setting.kind, Draws):
         return len(values)
     if isinstance(setting.kind, SetOf):
@@ -51,15 +50,17 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     attributes: dict[str, Any] = {
         "title": experiment.title,
         "Conventions": "CF-1.11",
-        "configuration": nested({s.key: written(s, choices[s]) for s in _identity(experiment)}),
+        "configuration": nested(
+            {s.key: as_input(s, choices[s]) for s in _result_settings(experiment)}
+        ),
         "version": " ".join([experiment.name, *_version(experiment.name)]),
-        "seed": written(Run.seed, choices[Run.seed]),
+        "seed": as_input(Run.seed, choices[Run.seed]),
         "versions": versions(plan),
         "code": dict(sorted(plan.code.items())),
-        "parts": {key: part for parts in _parts(plan).values() for key, part in parts.items()},
-        "shown": _shown_digest(plan),
+        "parts": {key: part for parts in _code_parts(plan).values() for key, part in parts.items()},
+        "shown": _display_digest(plan),
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
-        "axes": [key for keys in plan.swept for key in keys.split("+")],
+        "axes": [key for keys in plan.axis_lengths for key in keys.split("+")],
         "swept": [setting.name for setting in plan.asked],
         **experiment.attributes(choices),
     }
@@ -73,10 +74,10 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     return attributes
 
 
-def _parts(plan: Plan) -> dict[str, dict[str, str]]:
-    """Return by stage what counts of its function, each by name with a part of its hash.
+def _code_parts(plan: Plan) -> dict[str, dict[str, str]]:
+    """Return by stage the parts of its code digest, by name, each as the beginning of its hash.
 
-    Where a name stands for several things, it has that of the stage, too.
+    A name that stages share for different parts has the stage's name behind it.
     """
     known: dict[str, str] = {}
     found: dict[str, dict[str, str]] = {}
@@ -87,12 +88,12 @@ def _parts(plan: Plan) -> dict[str, dict[str, str]]:
     return found
 
 
-def why(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
-    """Yield stages, and what of their keys differs from those of a store, by its attributes."""
-    own, parts, now = _identity(plan.experiment), _parts(plan), versions(plan)
-    before = read_choices(own, flatten(own, old.get("configuration", {})))
-    keys = {one.key for one in own if before[one] != plan.choices[one]}
-    code, told, were = (old.get(name, {}) for name in ("code", "parts", "versions"))
+def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Yield each stage whose keys differ from those of a store, with the differences."""
+    settings, parts, now = _result_settings(plan.experiment), _code_parts(plan), versions(plan)
+    before = read_choices(settings, flatten(settings, old.get("configuration", {})))
+    keys = {one.key for one in settings if before[one] != plan.choices[one]}
+    code, old_parts, were = (old.get(name, {}) for name in ("code", "parts", "versions"))
     other: set[str] = set()
     for name, bound in plan.bound.items():
         libraries = [*plan.digests[name].libraries, *(["numpy"] if bound.random else [])]
@@ -101,7 +102,7 @@ def why(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
         if name not in code:
             found = ["the store has none of it"]
         elif code[name] != plan.code[name]:
-            named = [key for key, part in parts.get(name, {}).items() if told.get(key) != part]
+            named = [key for key, part in parts.get(name, {}).items() if old_parts.get(key) != part]
             found += named or ([] if found else ["which parts it has"])
         inputs = {one.name: {*one.needs} for one in bound.inputs if one.name in other}
         found += sorted(keys & {*bound.needs, *bound.gather} - set().union(*inputs.values()))
@@ -111,8 +112,8 @@ def why(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
             yield name, found if name in code else found[:1]
 
 
-def _shown_digest(plan: Plan) -> str:
-    """Return the hash of what a store shows of its results: labels, units and tables."""
+def _display_digest(plan: Plan) -> str:
+    """Return the hash of all that a store displays besides results: labels, units, tables."""
     experiment = plan.experiment
     settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
     stages = [(one.stage.outputs, one.stage.group.status) for one in plan.targets]
@@ -124,16 +125,16 @@ def _shown_digest(plan: Plan) -> str:
 
 
 def _code_of(function: Callable[..., Any], plan: Plan) -> str:
-    """Return the hash of the code of a table; empty if it holds what has none."""
+    """Return the digest of a table's function; empty if it cannot be hashed."""
     try:
         return plan.source_code.digest(function).digest
     except ConfigurationError:
         return ""
 
 
-def _identity(experiment: Experiment) -> tuple[Setting, ...]:
+def _result_settings(experiment: Experiment) -> tuple[Setting, ...]:
     """Return the settings that results depend on."""
-    return tuple(setting for setting in experiment.declared if setting.identity)
+    return tuple(setting for setting in experiment.declared if setting.affects_results)
 
 
 def versions(plan: Plan) -> dict[str, str]:
@@ -156,28 +157,27 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
     """Refuse a store, by its attributes, of another configuration or other code.
 
     A sweep may extend a store if it includes all of the store's values. The
-    ConfigurationError names the keys that differ, and what to do.
+    ConfigurationError names the keys that differ, and the remedy.
     """
     if "configuration" not in old or old.get("title") != experiment.title:
         raise ConfigurationError(
             f"store is {path!r}, which holds other data; it must be a new path, or a store of "
             f"{experiment.name}"
         )
-    before = read_choices(
-        _identity(experiment), flatten(_identity(experiment), old["configuration"])
-    )
-    for setting in _identity(experiment):
-        there, asked = before[setting], plan.choices[setting]
-        lacking = sorted(set(there).difference(asked), key=there.index)
+    settings = _result_settings(experiment)
+    before = read_choices(settings, flatten(settings, old["configuration"]))
+    for setting in settings:
+        stored, asked = before[setting], plan.choices[setting]
+        lacking = sorted(set(stored).difference(asked), key=stored.index)
         if not lacking:
             continue
         advice = "give another store"
         if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
-            both = sorted({*there, *asked}, key=lambda value: (value is None, value))
-            advice = f"give {setting.spelling(both)} to have both, or another store"
+            both = sorted({*stored, *asked}, key=lambda value: (value is None, value))
+            advice = f"give {setting.override(both)} to have both, or another store"
         raise ConfigurationError(
-            f"{setting.called} is {', '.join(map(spelt, asked))}, but the store {path!r} has "
-            f"{', '.join(map(spelt, lacking))}: {advice}"
+            f"{setting.message_name} is {', '.join(map(format_value, asked))}, but the store "
+            f"{path!r} has {', '.join(map(format_value, lacking))}: {advice}"
         )
     texts = replace(
         before,
@@ -189,13 +189,13 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
         if not set(texts.points(joint.keys)) <= points:
             raise ConfigurationError(
                 f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
-                "together; have these among those that run together, too, or give another store"
+                "together; include these points in those that run together, or give another store"
             )
     now = {"code": plan.code, "versions": versions(plan)}
     for kind, word in (("code", "code of"), ("versions", "version of")):
         for name, value in old.get(kind, {}).items():
             if now[kind].get(name, value) != value:
-                differs = ", ".join(dict(why(plan, old)).get(name, ())[:3])
+                differs = ", ".join(dict(differences(plan, old)).get(name, ())[:3])
                 named = f"{name} ({differs})" if differs else name
                 raise ConfigurationError(
                     f"store is {path!r}, which was made by another {word} {named}; give another "

@@ -18,35 +18,35 @@ from typing import Any
 import numpy as np
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import CLOSED, Objects, make_folder
-from sweeps.engine.cache.packs import MISSING, cells_of, declared, each_cell
+from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, make_folder
+from sweeps.engine.cache.packs import NO_PACK, array_kinds, iter_cells, open_packs
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.failures import Failure, reason, traceback_of
-from sweeps.engine.declare.places import PathOrUrl
-from sweeps.engine.declare.storable import nested, plain
-from sweeps.engine.resolve.code import place_of
-from sweeps.engine.resolve.keys import distinct
-from sweeps.engine.resolve.modules import within
+from sweeps.engine.declare.failures import Failure, format_traceback, one_line
+from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.declare.storable import decode_attrs, encode_attrs
+from sweeps.engine.resolve.code import module_and_name
+from sweeps.engine.resolve.keys import unique_keys
+from sweeps.engine.resolve.modules import is_within
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice, Executor
-from sweeps.engine.run.executors import executor
+from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
 from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, unless_stopped
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Task, Watch
-from sweeps.engine.run.tasks import Damaged, Outcome, Report, run_batches, uneven
+from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches, uneven_error
 from sweeps.engine.store.cube import Cube
-from sweeps.engine.store.folders import check_apart, check_cache, check_target
-from sweeps.engine.store.locks import locked, used
+from sweeps.engine.store.locks import cache_lock, store_lock
 from sweeps.engine.store.manifest import verify
-from sweeps.engine.store.provenance import EVERYWHERE, check_extends, provenance, why
+from sweeps.engine.store.provenance import SHARED_ATTRIBUTES, check_extends, differences, provenance
+from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes, recover, write_store
 
-ROUNDS = 20  # of computing damaged results again, before blaming the disk
-AHEAD = 2  # tasks queued for each worker, so that it never waits for the next
-HERE = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
-OF_TABLES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers compute
-QUICK = 1.0  # s of work that finishes before worker processes would have started
+MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
+QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
+LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
+TABLE_MODULES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers compute
+INLINE_SECONDS = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
 
@@ -72,8 +72,8 @@ class RunOptions:
 
     @property
     def packs(self) -> Objects:
-        """Where results are kept."""
-        return cells_of(self.cache)
+        """The packs of the cache."""
+        return open_packs(self.cache)
 
 
 @dataclass
@@ -91,8 +91,8 @@ class Finished:
     axes: Mapping[str, int] = field(default_factory=dict)
 
 
-def existing(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
-    """Return attributes of the store that a sweep extends; None if there is none."""
+def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | None:
+    """Return the attributes of the store that a sweep extends; None if it is new."""
     attributes = read_attributes(path)
     if attributes is not None:
         check_extends(plan.experiment, str(path), attributes, plan)
@@ -112,30 +112,30 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     start = time.perf_counter()
     with ExitStack() as stack:
         stack.enter_context(environment(plan.choices.variables))
-        check_target(options.store)
-        check_cache(options.cache)
-        check_apart([options.store], options.cache, lambda store: ())
-        check = stack.enter_context(locked(options.store))
+        check_store_path(options.store)
+        check_cache_path(options.cache)
+        check_disjoint([options.store], options.cache, lambda store: ())
+        check = stack.enter_context(store_lock(options.store))
         recover(options.store)
-        if isinstance(packs := options.packs.place, Path):
-            make_folder(packs, CLOSED)
-        stack.enter_context(used(packs))
+        if isinstance(packs := options.packs.path, Path):
+            make_folder(packs, PRIVATE_MODE)
+        stack.enter_context(cache_lock(packs))
         index = CellIndex(options.packs, watch.say, plan.identity.values())
-        old = existing(options.store, plan)
+        old = extended_attributes(options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
-            for name, found in why(plan, old or {}):
+            for name, found in differences(plan, old or {}):
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
-        if old is not None and is_whole(plan, options.store, old, watch.say):
+        if old is not None and is_complete(plan, options.store, old, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
             finished = _unchanged(plan, index, watch)
         elif options.partial and old is not None and PARTIAL not in old:
             raise ConfigurationError(
-                f"store is {str(options.store)!r}, which is not partial, and would lose what the "
-                "cache has no longer; give another path for partial=true"
+                f"store is {str(options.store)!r}, a complete store; partial=true would drop "
+                "results that the cache has lost; give another store="
             )
         else:
-            tried = _tried(plan, old or {})
-            finished = _until_undamaged(plan, options, index, watch, check, tried)
+            crash_free = _crash_free(plan, old or {})
+            finished = _compute_and_write(plan, options, index, watch, check, crash_free)
         size = 0
         with suppress(OSError):  # the store is written, whatever the cache does now
             size = sum(options.packs.sizes().values()) if finished.written else 0
@@ -146,14 +146,14 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
                 f"{options.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
                 f"`{prune}` deletes the oldest"
             )
-    finished.seconds, finished.axes = time.perf_counter() - start, plan.swept
+    finished.seconds, finished.axes = time.perf_counter() - start, plan.axis_lengths
     return finished
 
 
-def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
-    """Return stages declared in packages that a store, by its attributes, has of the same code.
+def _crash_free(plan: Plan, old: Mapping[str, Any]) -> set[str]:
+    """Return the stages of packages that a store, by its attributes, was made with.
 
-    Calls of these end no process: they may run in the command. A script's function may do anything.
+    Their calls have ended no process, so they may run in the command; a script's may not.
     """
     if "failures" in old:
         return set()
@@ -161,37 +161,38 @@ def _tried(plan: Plan, old: Mapping[str, Any]) -> set[str]:
         bound.name
         for bound in plan.bound.values()
         if bound.name in old.get("code", ())
-        and declared(bound.stage.outputs)
-        and within(place_of(bound.stage.function)[0], plan.experiment.code)
+        and array_kinds(bound.stage.outputs)
+        and is_within(module_and_name(bound.stage.function)[0], plan.experiment.code)
     }
 
 
-def _until_undamaged(
+def _compute_and_write(
     plan: Plan,
     options: RunOptions,
     index: CellIndex,
     watch: Watch,
     check: Callable[[], None],
-    tried: Collection[str],
+    crash_free: Collection[str],
 ) -> Finished:
-    """Compute and write all cells, and again those that are damaged when they are read back."""
+    """Compute and write all cells; compute those again that cannot be read back."""
     # The thread starts and ends workers while this one plans and writes.
     with ThreadPoolExecutor(1, "cluster") as thread:
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
-                failures, workers = _compute(schedule, options, index, watch, thread, stack, tried)
-                if options.cluster.kind in HERE:  # which end meanwhile
+                how = (thread, stack, crash_free)
+                failures, workers = _compute(schedule, options, index, watch, *how)
+                if options.cluster.kind in LOCAL_KINDS:  # which end meanwhile
                     thread.submit(stack.close)
                     workers = None
                 failures += _write(schedule, options, index, watch, check, workers)
-            except Damaged as error:
-                damaged = sorted(_damaged(schedule, index.cells).union(error.args))
+            except DamagedResults as error:
+                damaged = sorted(_damaged_keys(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 lost = f"{len(damaged):,} results in the cache are damaged"
                 watch.say(f"{lost} and are computed again")
-                index.forget(keys)
+                index.drop(keys)
             else:
                 return Finished(schedule.progress, failures, written=True)
             finally:
@@ -206,17 +207,17 @@ def _compute(
     watch: Watch,
     thread: ThreadPoolExecutor,
     stack: ExitStack,
-    tried: Collection[str],
+    crash_free: Collection[str],
 ) -> tuple[Failures, Executor | None]:
-    """Compute missing cells on workers, which a stack ends; return them, if any were started.
+    """Compute missing cells on workers, which `stack` ends; return failures and workers, if any.
 
-    Little work of stages that were `tried` before is done here instead of in local workers.
-    Returns and raises what `execute` does.
+    Little work of stages that are `crash_free` is done here instead of in local workers.
+    Returns and raises as `execute` does.
     """
     plan, choice = schedule.plan, options.cluster
     with interruptible():
-        schedule.resolve(index)
-        missing = schedule.missing_cells()
+        schedule.look_up(index)
+        missing = schedule.missing_cells
     cells = sum(number for _, number, _ in missing)
     total = sum(one.total for one in schedule.progress.values())
     if options.partial:
@@ -224,32 +225,30 @@ def _compute(
         return [], None
     watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
     for bound, number, calls in missing:
-        LOG.debug(
-            "%s: %d cells are in no pack, and computed by %d calls", bound.name, number, calls
-        )
+        LOG.debug("%s: %d cells are computed by %d calls", bound.name, number, calls)
     watch.step(schedule)
     if not missing:
         return [], None
     if choice.kind == "local":
         check_guard()
-        safe = all(bound.name in schedule.costs and bound.name in tried for bound, *_ in missing)
-        if safe and sum(schedule.work_left().values()) < QUICK:
+        safe = all(one.name in schedule.costs and one.name in crash_free for one, *_ in missing)
+        if safe and sum(schedule.remaining_seconds().values()) < INLINE_SECONDS:
             choice = ClusterChoice("inline")
-    entered = executor(
+    entered = open_executor(
         choice,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
-        modules=sorted({place_of(one.stage.function)[0] for one in plan.bound.values()}),
+        modules=sorted({module_and_name(one.stage.function)[0] for one in plan.bound.values()}),
         packs=index.cells,
         say=watch.say,
     )
     starting = thread.submit(stack.enter_context, entered)
-    if choice.kind in HERE:
+    if choice.kind in LOCAL_KINDS:
         plan.experiment.prepare(plan.choices, unless_stopped(watch.say))
     with interruptible():
         workers = starting.result()
     if plan.experiment.tables and choice.kind != "inline":
-        for name in OF_TABLES:
+        for name in TABLE_MODULES:
             thread.submit(import_module, name)
     return execute(schedule, workers, index, watch), workers
 
@@ -257,7 +256,7 @@ def _compute(
 def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
     """Run all calls of a schedule, and record finished cells in the index, whose packs have them.
 
-    Returns the names of cells that failed, with the reasons. Raises `Damaged`, when all is done, if
+    Returns the names of cells that failed, with the reasons. Raises `DamagedResults` at the end if
     cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
     without a value to pad them with, and OSError if results cannot be written.
     """
@@ -268,68 +267,68 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     # A worker that dies, for example out of memory, takes other tasks with it. So each of their
     # calls is run again, alone, when nothing else is left to run.
     suspects: deque[Task] = deque()
-    alone = False  # whether what is under way is a suspect
+    isolated = False  # whether the running task is a suspect
     numbers = count()
 
-    def hand_out(task: Task) -> None:
+    def submit(task: Task) -> None:
         number, batches = next(numbers), tuple(one.batch for one in task.batches)
         executor.submit(number, run_batches, batches, task.order, index.cells)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
-        if not under_way and (alone := bool(suspects) and not schedule.ready):
-            hand_out(suspects.popleft())
-        most = 0 if alone else AHEAD * executor.workers
+        if not under_way and (isolated := bool(suspects) and not schedule.ready):
+            submit(suspects.popleft())
+        most = 0 if isolated else QUEUED_TASKS * executor.worker_count
         while schedule.ready and len(under_way) < most:
-            if (task := schedule.next_task(executor.workers)).batches:
-                hand_out(task)
+            if (task := schedule.next_task(executor.worker_count)).batches:
+                submit(task)
         with interruptible():
             finished = executor.finished()
         for number, report, error in finished:
             task = under_way.pop(number)
-            if error is not None and not alone:
-                suspects += schedule.each(task)
+            if error is not None and not isolated:
+                suspects += schedule.split_task(task)
                 continue
             if error is not None:
-                lost = Failure("", reason(error), traceback=traceback_of(error))
+                lost = Failure("", one_line(error), traceback=format_traceback(error))
                 cells = range(len(task.batches[0].cells))
                 report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
-            if report.unwritten is not None:
-                raise report.unwritten
+            if report.write_error is not None:
+                raise report.write_error
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):
-                damaged.update(*outcome.lacking.values())
-                pack = MISSING if outcome.pack is None else index.add(outcome.pack)
-                for failure in schedule.finish(planned, outcome, pack, split=error is None):
+                damaged.update(*outcome.lost_inputs.values())
+                pack = NO_PACK if outcome.pack is None else index.add(outcome.pack)
+                for failure in schedule.record(planned, outcome, pack, split=error is None):
                     failures.append(failure[:2])
                     watch.failed(failure)
             for stage, output, shape in report.shapes:
                 first = shapes.setdefault((stage, output), shape)
                 if shape != first:
-                    raise uneven(stage, output, shape, first)
+                    raise uneven_error(stage, output, shape, first)
         watch.step(schedule)
     if damaged:
-        raise Damaged(*sorted(damaged))
+        raise DamagedResults(*sorted(damaged))
     return failures
 
 
-def _damaged(schedule: Schedule, packs: Objects) -> set[bytes]:
-    """Return keys of all cells that cannot be read back, so that one round mends them."""
+def _damaged_keys(schedule: Schedule, packs: Objects) -> set[bytes]:
+    """Return the keys of all cells that cannot be read back."""
     locations = schedule.locations[schedule.locations.present]
     locations = locations[np.lexsort((locations.row, locations.pack))]
-    cells = zip(locations.keys, each_cell(packs, locations), strict=True)
+    cells = zip(locations.keys, iter_cells(packs, locations), strict=True)
     return {key.tobytes() for key, arrays in cells if arrays is None}
 
 
 # the store --------------------------------------------------------------------------------------
 
 
-def is_whole(
+def is_complete(
     plan: Plan, path: PathOrUrl, old: Mapping[str, object], say: Callable[[str], None]
 ) -> bool:
-    """Return whether a store already has all of a plan, and is undamaged."""
+    """Return whether an undamaged store has all results of a plan."""
     # As read back from a store.
     raise_if_stopped()
-    new = nested(plain(provenance(plan)))
+    new = decode_attrs(encode_attrs(provenance(plan)))
     if "failures" in old or dict(old) != new:
         keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
         LOG.debug("store is written again: its %s differ", ", ".join(keys))
@@ -346,8 +345,8 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
     index.refresh()
     for bound in plan.targets:
         keys = plan.keys(bound)
-        plan.forget_keys(bound)
-        total = len(distinct(keys)[0])
+        plan.drop_keys(bound)
+        total = len(unique_keys(keys)[0])
         progress[bound.name] = Progress(total, total)
     cells = sum(one.total for one in progress.values())
     watch.say(f"0 cells to compute, {cells:,} are in the store")
@@ -362,15 +361,15 @@ def _write(
     check: Callable[[], None],
     workers: Executor | None,
 ) -> Failures:
-    """Assemble the store with its tables, and write it; return tables that failed.
+    """Write the store with its tables; return the tables that failed.
 
-    Chunks of cells are written by `workers` that are elsewhere.
+    Remote `workers` write chunks of cells.
     """
     raise_if_stopped()
     plan, failed = schedule.plan, schedule.failed
     cube = Cube(schedule, index.cells)
     failures = {
-        plan.described(bound, cell): failed[results[cell]]
+        plan.cell_name(bound, cell): failed[results[cell]]
         for bound in plan.bound.values()
         if failed and (results := schedule.results.get(bound)) is not None
         for cell in np.flatnonzero(np.isin(results, [*failed])).tolist()
@@ -382,17 +381,16 @@ def _write(
             from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
 
             found = add_tables(plan, groups)
-    lost = {failure.what: failure.why for failure in found}
+    lost = {failure.name: failure.reason for failure in found}
     for failure in found:
         watch.failed(failure)
     attributes = provenance(plan, failures | lost)
-    everywhere: tuple[str, ...] = EVERYWHERE
+    shared: tuple[str, ...] = SHARED_ATTRIBUTES
     if options.partial:
-        every = Progress.over(schedule.progress.values())
+        every = Progress.sum(schedule.progress.values())
         attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
-        everywhere = (*EVERYWHERE, PARTIAL)
-    how: dict[str, Any] = {"everywhere": everywhere, "check": check, "writers": workers}
-    write_store(options.store, groups, attributes, **how)
+        shared = (*SHARED_ATTRIBUTES, PARTIAL)
+    write_store(options.store, groups, attributes, shared=shared, check=check, writers=workers)
     return list(lost.items())
 
 
@@ -409,16 +407,16 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     ConfigurationError
         If the sweep would be refused.
     """
-    old = existing(options.store, plan)
-    if old is not None and is_whole(plan, options.store, old, lambda sentence: None):
+    old = extended_attributes(options.store, plan)
+    if old is not None and is_complete(plan, options.store, old, lambda sentence: None):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
     packs = replace(options.packs, make=False)
     index = CellIndex(packs, lambda sentence: None, plan.identity.values())
     schedule, costs = Schedule(plan), index.costs()
-    schedule.resolve(index)
+    schedule.look_up(index)
     stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}
-    calls = sum(number for *_, number in schedule.missing_cells())
+    calls = sum(number for *_, number in schedule.missing_cells)
     if not calls:
         return stages, "nothing to compute: all cells are in the cache"
     size = work = "unknown"

@@ -20,18 +20,18 @@ from xarray.core.indexing import (
     explicit_indexing_adapter,
 )
 
-from sweeps.engine.cache.packs import raise_shortage
+from sweeps.engine.cache.packs import raise_resource_error
 from sweeps.engine.declare.display import ATTRIBUTE
-from sweeps.engine.declare.errors import DeclarationError, located
-from sweeps.engine.declare.failures import RAISED, Failure, reason, traceback_of
-from sweeps.engine.declare.places import PathOrUrl
-from sweeps.engine.declare.storable import nested
+from sweeps.engine.declare.errors import DeclarationError, locate
+from sweeps.engine.declare.failures import RAISED, Failure, format_traceback, one_line
+from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.resolve.plan import Plan
-from sweeps.engine.run.tasks import Damaged
+from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.arrays import SCALARS, Array, Group, metadata
 from sweeps.engine.store.writing import zarr_store
 
-MOST_ROWS = 20  # of a table at the end of a sweep
+MAX_ROWS = 20  # of a table at the end of a sweep
 
 
 def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
@@ -49,26 +49,25 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
             continue
         try:
             if table.when(plan.choices):
-                given = [dataset_of(groups[one]) for one in table.of]
+                given = [to_dataset(groups[one]) for one in table.of]
                 made = table.make(*given, plan.choices)
                 if not isinstance(made, xr.Dataset | None):
                     kind = type(made).__name__
-                    raise TypeError(
-                        f"its function returned a {kind}, but must return a data set or None"
-                    )
+                    wrong = f"its function returned a {kind}"
+                    raise TypeError(f"{wrong}, but must return a data set or None")
                 if made is None and not _returns(table.make):
                     sentence = "its function has no return, but must return a data set or None"
-                    raise TypeError(located(table.make, sentence))
+                    raise TypeError(locate(table.make, sentence))
                 if made is not None:
                     if table.displays:
-                        shown = [display.written(plan.choices) for display in table.displays]
-                        made = made.assign_attrs({ATTRIBUTE: shown})
-                    groups[table.group] = group_of(made)
-        except (Damaged, DeclarationError):  # of cells, not of the table
+                        displays = [one.as_attribute(plan.choices) for one in table.displays]
+                        made = made.assign_attrs({ATTRIBUTE: displays})
+                    groups[table.group] = from_dataset(made)
+        except (DamagedResults, DeclarationError):  # of cells, not of the table
             raise
         except RAISED as error:
-            raise_shortage(error)
-            failed[name] = Failure(name, reason(error), traceback=traceback_of(error))
+            raise_resource_error(error)
+            failed[name] = Failure(name, one_line(error), traceback=format_traceback(error))
     return list(failed.values())
 
 
@@ -82,36 +81,39 @@ def _returns(function: Callable[..., Any]) -> bool:
     return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
 
 
-def texts(place: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
+def format_tables(path: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
     """Yield tables of a store as texts, long ones without their middle."""
     for name in groups:
         with suppress(KeyError, FileNotFoundError):  # a table that has nothing, or failed
-            table = xr.open_zarr(zarr_store(place), group=name, consolidated=False)
+            table = xr.open_zarr(zarr_store(path), group=name, consolidated=False)
             table = table.drop_vars([one for one in table.coords if not table[one].dims])
             units = {one: table[one].attrs.get("units", "1") for one in table.variables}
             heads = {one: f"{one} [{unit}]" for one, unit in units.items() if unit != "1"}
-            some = table.isel({dim: slice(MOST_ROWS) for dim in table.dims})
+            some = table.isel({dim: slice(MAX_ROWS) for dim in table.dims})
             rows = some.to_dataframe() if table.dims else some.to_pandas().to_frame().T
             rows = rows.rename_axis(index=heads).rename(columns=heads)
-            yield rows.to_string(max_rows=MOST_ROWS, float_format="{:.4g}".format)
+            yield rows.to_string(max_rows=MAX_ROWS, float_format="{:.4g}".format)
 
 
-class Values(BackendArray):
+class LazyArray(BackendArray):
     """Values of an array, which are all read when some are wanted."""
 
     def __init__(self, array: Array) -> None:
-        self.shape, self.dtype, self._array = array.shape, array.stored, array
+        self.shape, self.dtype, self._array = array.shape, array.stored_dtype, array
 
     def __getitem__(self, key: ExplicitIndexer) -> NDArray[Any]:
-        values = self._array.whole()
+        values = self._array.load()
         return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, values.__getitem__)
 
 
-def dataset_of(group: Group) -> xr.Dataset:
+def to_dataset(group: Group) -> xr.Dataset:
     """Return the data set that xarray would open of a written group; variables are read lazily."""
     variables = {  # with their dtype, else xarray makes objects of texts
         name: xr.Variable(
-            one.dims, LazilyIndexedArray(Values(one)), one.attributes, {"dtype": one.stored}
+            one.dims,
+            LazilyIndexedArray(LazyArray(one)),
+            one.attributes,
+            {"dtype": one.stored_dtype},
         )
         for name, one in group.arrays.items()
     }
@@ -121,7 +123,7 @@ def dataset_of(group: Group) -> xr.Dataset:
 def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
     """Return a group of a store with the scalar coordinates that are attributes there."""
     attrs = dict(dataset.attrs)
-    about = nested({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
+    about = decode_attrs({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
     scalars = {}
     for name, given in about.items():
         value = attrs.pop(name, math.nan)
@@ -132,10 +134,10 @@ def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
     return found
 
 
-def group_of(dataset: xr.Dataset) -> Group:
+def from_dataset(dataset: xr.Dataset) -> Group:
     """Return the group of a store that holds a data set; TypeError if it cannot be stored."""
     arrays = {
-        str(name): Array.of(
+        str(name): Array.from_values(
             tuple(map(str, one.dims)), one.values, one.attrs, coordinate=name in dataset.coords
         )
         for name, one in dataset.variables.items()

@@ -20,159 +20,160 @@ from itertools import accumulate, islice
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.cache.objects import AT_ONCE, Objects, readable
+from sweeps.engine.cache.objects import REQUESTS, Objects, world_readable
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import PathOrUrl, real_place
-from sweeps.engine.declare.storable import nested, plain
+from sweeps.engine.declare.paths import PathOrUrl, resolve_path
+from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped
 from sweeps.engine.store.arrays import (
+    KEY_PREFIXES,
     METADATA,
-    SPACES,
     Array,
     Group,
     Region,
     chunk_name,
     encode,
+    iter_chunks,
     metadata,
-    regions,
 )
-from sweeps.engine.store.folders import check_target
-from sweeps.engine.store.manifest import MANIFEST, Manifest, manifest_of, read_manifest
+from sweeps.engine.store.manifest import MANIFEST, Manifest, read_manifest, require_manifest
+from sweeps.engine.store.targets import check_store_path
 
 LOG = logging.getLogger(__name__)
-MOST_SENT = 64  # chunks of a task of another process
+MAX_SENT = 64  # chunks of a task of another process
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
 
 def write_store(
-    place: PathOrUrl,
+    path: PathOrUrl,
     groups: Mapping[str, Group],
     attributes: Mapping[str, Any],
     *,
-    everywhere: tuple[str, ...] = (),
+    shared: tuple[str, ...] = (),
     check: Callable[[], None] = lambda: None,
     writers: Executor | None = None,
 ) -> None:
-    """Write a store, or what differs from the one that is there.
+    """Write a store, or the changes of an existing one.
 
-    Hold its lock meanwhile (`locked`), whose `check` is called before readers see a change. Memory
-    holds a few chunks. If anything fails before that, the store is as it was. Readers of the old
-    store must open it again. Files are left to the operating system to flush: `verify` finds those
-    that a power cut has lost. `groups` are by path, as
-    'classification/acn'; parents need not be given. `attributes` are those of the root, of which
-    all groups repeat those named `everywhere`. Chunks that other processes can make are written by
-    `writers`.
+    The caller holds the lock of the store (`store_lock`), and has called `recover`. `check`, of the
+    lock, is called before readers see a change; if anything fails before that, the store is
+    unchanged. Readers must open the store again. The operating system flushes files: `verify` finds
+    those that a power cut has lost. Memory holds a few chunks.
+
+    `groups` are by path, such as 'classification/acn', without parents. `attributes` are those of
+    the root; all groups repeat those named in `shared`. `writers` write chunks that other processes
+    can make.
     """
-    check_target(place)
-    groups = {name: group.stored(everywhere) for name, group in groups.items()}
-    with readable():
-        recover(place)
-        objects, old = Objects(place, make=True), read_manifest(place) or Manifest()
+    check_store_path(path)
+    groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
+    with world_readable():
+        objects, old = Objects(path, make=True), read_manifest(path) or Manifest()
         arrays = {
-            f"{name}/{inner}": array.settled()
+            f"{name}/{inner}": array.with_fill()
             for name, group in groups.items()
             for inner, array in group.arrays.items()
         }
-        laid = {path: _layout(path, array, old) for path, array in arrays.items()}
-        described = {path: metadata(array, laid[path][0]) for path, array in arrays.items()}
-        nodes = _nodes(groups, described, attributes, everywhere)
-        chunks = [chunk for _, of_array in laid.values() for chunk in of_array]
-        there = objects.sizes()
-        kept = {one.name: there.get(one.name) for one in chunks if one.is_kept(old, there)}
-        new = [chunk for chunk in chunks if chunk.name not in kept]
+        layouts = {path: _lay_out(path, array, old) for path, array in arrays.items()}
+        described = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
+        nodes = _make_nodes(groups, described, attributes, shared)
+        chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
+        sizes = objects.sizes()
+        same = [one.name for one in chunks if one.is_unchanged(old, sizes)]
+        unchanged = {name: sizes.get(name) for name in same}
+        new = [chunk for chunk in chunks if chunk.name not in unchanged]
         coming = [chunk.name for chunk in new]
         intent = replace(old, coming=coming)
         try:
             intent.put(objects)
-            made = dict(kept)
+            made = dict(unchanged)
             if writers is not None:
-                made |= _written_elsewhere(objects, new, writers)
+                made |= _write_remotely(objects, new, writers)
             with interruptible():
                 made |= _write_chunks(objects, [one for one in new if one.name not in made])
             files = {name: size for name, size in made.items() if size is not None}
-            check_target(place)  # another process may have written something there
+            check_store_path(path)  # another process may have written something there
             check()
         except BaseException:
             with suppress(OSError):
-                _undo(objects, intent)
+                _roll_back(objects, intent)
             raise
-        files |= {name: len(content) for name, content in _documents(nodes).items()}
-        files = dict(sorted(files.items()))  # whoever wrote them
-        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(kept))
+        files |= {name: len(content) for name, content in _metadata_objects(nodes).items()}
+        files = dict(sorted(files.items()))  # in an order that does not depend on the writers
+        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(unchanged))
         made_of = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
-            for path, (space, of_array) in laid.items()
+            for path, (space, of_array) in layouts.items()
             if of_array
         }
         finished = Manifest(files, made_of, coming, nodes, old.files)
         finished.put(objects)
-        _finish(objects, finished, check)
+        _commit(objects, finished, check)
 
 
-def recover(place: PathOrUrl) -> None:
-    """Finish or undo what a killed writer began; hold the lock of the store meanwhile."""
-    manifest = read_manifest(place)
+def recover(path: PathOrUrl) -> None:
+    """Finish or undo the change of a killed writer; the caller holds the lock of the store."""
+    manifest = read_manifest(path)
     if manifest is not None and (manifest.nodes or manifest.coming):
-        objects = Objects(place, make=True)
-        objects.tidy()
+        objects = Objects(path, make=True)
+        objects.delete_unfinished()
         if manifest.nodes:
-            _finish(objects, manifest, lambda: None)
+            _commit(objects, manifest, lambda: None)
         else:
-            _undo(objects, manifest)
+            _roll_back(objects, manifest)
 
 
-def _finish(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
-    """Put all metadata in place, the root's last, and delete what they no longer refer to."""
-    documents = _documents(manifest.nodes)
+def _commit(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> None:
+    """Put all metadata in place, the root's last, and delete unreferenced objects."""
+    documents = _metadata_objects(manifest.nodes)
     root = documents.pop(METADATA)
-    objects.each(lambda one: objects.put(*one), documents.items())
+    objects.map(lambda one: objects.put(*one), documents.items())
     check()
     objects.put(METADATA, root)
     objects.delete(sorted({*manifest.before, *manifest.coming}.difference(manifest.files)))
     replace(manifest, coming=[], nodes={}, before={}).put(objects)
 
 
-def _undo(objects: Objects, manifest: Manifest) -> None:
-    """Remove the chunks of a store that was not finished; all of a new one."""
+def _roll_back(objects: Objects, manifest: Manifest) -> None:
+    """Remove the chunks of an unfinished change; everything of a new store."""
     objects.delete(name for name in manifest.coming if name not in manifest.files)
     if manifest.files:
         replace(manifest, coming=[]).put(objects)
     else:
         objects.delete([MANIFEST])
-        objects.leave()
+        objects.remove_empty_folders()
 
 
-def read_attributes(place: PathOrUrl) -> dict[str, Any] | None:
-    """Return attributes of the root of a store, nested ones as such; None if there is none yet.
+def read_attributes(path: PathOrUrl) -> dict[str, Any] | None:
+    """Return the decoded attributes of the root of a store; None if there is none yet.
 
     Raises ConfigurationError if it is not a store, or its metadata are damaged.
     """
-    objects, manifest = Objects(place), read_manifest(place)
+    objects, manifest = Objects(path), read_manifest(path)
     if manifest is None and not objects.sizes():
         return None
-    content, manifest = objects.get(METADATA), manifest or manifest_of(place)
+    content, manifest = objects.get(METADATA), manifest or require_manifest(path)
     if content is None and manifest.allows(METADATA, None):
         return None  # its first writer did not finish
     try:
         if content is None or not manifest.allows(METADATA, len(content)):
             raise ValueError("its size differs")
-        return nested(json.loads(content)["attributes"])
+        return decode_attrs(json.loads(content)["attributes"])
     except ValueError as error:
         raise ConfigurationError(
-            f"store is {str(place)!r}, whose {METADATA} cannot be read; "
+            f"store is {str(path)!r}, whose {METADATA} cannot be read; "
             "give another path or remove it"
         ) from error
 
 
-def zarr_store(place: PathOrUrl) -> Any:
-    """Return a place as zarr and xarray open it, to be read."""
+def zarr_store(path: PathOrUrl) -> Any:
+    """Return the store of a path that zarr and xarray open, read-only."""
     from zarr.storage import LocalStore, ObjectStore  # takes long
 
-    if isinstance(place, Path):  # threads of obstore that answer when Python ends would abort it
-        return LocalStore(place, read_only=True)
-    return ObjectStore(Objects(place).store, read_only=True)
+    if isinstance(path, Path):  # threads of obstore that answer when Python ends would abort it
+        return LocalStore(path, read_only=True)
+    return ObjectStore(Objects(path).store, read_only=True)
 
 
 # chunks -------------------------------------------------------------------------------------------
@@ -189,20 +190,20 @@ class Chunk:
     digest: str
     known: bool
 
-    def is_kept(self, old: Manifest, there: Mapping[str, int]) -> bool:
+    def is_unchanged(self, old: Manifest, sizes: Mapping[str, int]) -> bool:
         """Return whether an undamaged chunk is there already, or need not be, being empty."""
-        return self.known and old.allows(self.name, there.get(self.name))
+        return self.known and old.allows(self.name, sizes.get(self.name))
 
 
-def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
+def _lay_out(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
     """Return the key space and the chunks of an array.
 
     If all chunks that it had are among them, these stay where they are.
     """
-    made = [(index, region, array.digest(region)) for index, region in regions(array)]
-    space, known = old.chunks.get(path, (SPACES[0], {}))
+    made = [(index, region, array.digest(region)) for index, region in iter_chunks(array)]
+    space, known = old.chunks.get(path, (KEY_PREFIXES[0], {}))
     if not known.items() <= {(index, digest) for index, _, digest in made}:
-        space, known = next(one for one in SPACES if one != space), {}
+        space, known = next(one for one in KEY_PREFIXES if one != space), {}
     return space, [
         Chunk(chunk_name(path, space, index), index, array, region, digest, index in known)
         for index, region, digest in made
@@ -212,39 +213,39 @@ def _layout(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
 def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | None]:
     """Write chunks, several at once; return their sizes by name, None of empty ones."""
     files: dict[str, int | None] = {}
-    with ThreadPoolExecutor(AT_ONCE) as pool:
+    with ThreadPoolExecutor(REQUESTS) as pool:
         under_way: deque[Future[None]] = deque()
         for chunk in chunks:
             content = encode(chunk.array, chunk.region)
             files[chunk.name] = None if content is None else len(content)
             if content is not None:
                 under_way.append(pool.submit(objects.put, chunk.name, content))
-            if len(under_way) > 2 * AT_ONCE:
+            if len(under_way) > 2 * REQUESTS:
                 under_way.popleft().result()
         for putting in under_way:
             putting.result()
     return files
 
 
-def _written_elsewhere(
+def _write_remotely(
     objects: Objects, chunks: Sequence[Chunk], writers: Executor
 ) -> dict[str, int | None]:
-    """Have other processes write new chunks, each by one of them; return what `put_chunks` does.
+    """Let other processes write new chunks; return the sizes of those written.
 
-    What they do not write, as where they do not see the store, is left to this process.
+    This process writes the others, such as those of workers that do not see the store.
     """
-    objects = Objects(real_place(objects.place))  # which no worker makes
-    new = [chunk for chunk in chunks if chunk.array.sent is not None]
-    size = min(MOST_SENT, len(new) // (4 * writers.workers) + 1)
+    objects = Objects(resolve_path(objects.path))  # which no worker makes
+    new = [chunk for chunk in chunks if chunk.array.remote_read is not None]
+    size = min(MAX_SENT, len(new) // (4 * writers.worker_count) + 1)
     parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
     files: dict[str, int | None] = {}
     under_way = 0
     try:
         while True:
             raise_if_stopped()
-            for number, part in islice(parts, 2 * writers.workers - under_way):
-                sent = [(one.name, one.array.alone(one.region), one.region) for one in part]
-                writers.submit(number, put_chunks, objects, sent)
+            for number, part in islice(parts, 2 * writers.worker_count - under_way):
+                sent = [(one.name, one.array.for_worker(one.region), one.region) for one in part]
+                writers.submit(number, write_chunks, objects, sent)
                 under_way += 1
             if not under_way:
                 return files
@@ -252,20 +253,20 @@ def _written_elsewhere(
                 under_way -= 1
                 files |= written or {}
     except Stopped:
-        while under_way:  # nothing is written after what is there is removed
+        while under_way:  # so that nothing is written after the roll-back
             under_way -= len(writers.finished())
         raise
 
 
-def put_chunks(
+def write_chunks(
     objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
 ) -> dict[str, int | None]:
-    """Write chunks that a store awaits; return their sizes by name, None of empty ones."""
+    """Write chunks that the manifest announces; return their sizes by name, None of empty ones."""
     files: dict[str, int | None] = {}
-    with readable():
+    with world_readable():
         for name, array, region in chunks:
             content = encode(array, region)
-            manifest = read_manifest(objects.place)
+            manifest = read_manifest(objects.path)
             if manifest is not None and name in manifest.coming:
                 if content is not None:
                     objects.put(name, content)
@@ -276,19 +277,19 @@ def put_chunks(
 # metadata -----------------------------------------------------------------------------------------
 
 
-def _nodes(
+def _make_nodes(
     groups: Mapping[str, Group],
     arrays: Mapping[str, dict[str, Any]],
     attributes: Mapping[str, Any],
-    everywhere: tuple[str, ...],
+    shared: tuple[str, ...],
 ) -> Nodes:
     """Return the metadata of the root, groups and arrays by path, the root's being empty."""
-    shared = plain({name: attributes[name] for name in everywhere})
-    nodes = {"": _group_node(plain(attributes))}
+    repeated = encode_attrs({name: attributes[name] for name in shared})
+    nodes = {"": _group_node(encode_attrs(attributes))}
     for name, group in groups.items():
         for parent in accumulate(name.split("/"), "{}/{}".format):
-            nodes.setdefault(parent, _group_node(shared))
-        nodes[name] = _group_node({**shared, **group.attributes})
+            nodes.setdefault(parent, _group_node(repeated))
+        nodes[name] = _group_node({**repeated, **group.attributes})
     for path, array in arrays.items():
         if path in nodes:
             raise ValueError(f"{path!r} is a group and an array")
@@ -309,7 +310,7 @@ def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) ->
     }
 
 
-def _documents(nodes: Nodes) -> dict[str, bytes]:
+def _metadata_objects(nodes: Nodes) -> dict[str, bytes]:
     """Return the objects of the metadata of all nodes, by name."""
     # zarr reads the children of a group only if they follow each other.
     ordered = sorted(nodes, key=lambda name: (name.count("/"), name.rpartition("/")[0]))

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sweeps.engine.declare.places import PathOrUrl, path_beside
+from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of

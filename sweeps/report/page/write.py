@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import sweeps.report
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.declare.places import PathOrUrl
+from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 from sweeps.report import explain
 from sweeps.report.frames import Frame

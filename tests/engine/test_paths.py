@@ -12,7 +12,7 @@ from small_stores import below
 from sweeps.engine.cache import objects as places
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.places import path_or_url
+from sweeps.engine.declare.paths import path_or_url
 
 
 def test_objects_of_either_kind_behave_alike(place):
@@ -33,13 +33,13 @@ def test_objects_of_either_kind_behave_alike(place):
 
 def test_an_object_of_a_bucket_is_written_if_it_is_of_a_version(bucket):
     there = Objects(bucket)
-    assert there.versioned("a") is None
+    assert there.get_versioned("a") is None
     one = there.put_if("a", b"one", None)
-    assert there.versioned("a") == (b"one", one)
+    assert there.get_versioned("a") == (b"one", one)
     assert there.put_if("a", b"two", None) is None
     two = there.put_if("a", b"two", one)
     assert there.put_if("a", b"three", one) is None
-    assert there.versioned("a") == (b"two", two)
+    assert there.get_versioned("a") == (b"two", two)
 
 
 def test_a_folder_that_is_read_is_not_made(tmp_path):
@@ -81,7 +81,7 @@ def test_absent_buckets_and_refused_keys_are_failures(bucket, monkeypatch):
     for method, given in (("sizes", ()), ("get", ("a",)), ("put", ("a", b""))):
         with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
             getattr(Objects(bucket), method)(*given)
-        assert failed.value.errno == places.UNREACHED
+        assert failed.value.errno == places.UNREACHABLE
         assert not isinstance(failed.value, FileNotFoundError)
         assert failed.value.filename == bucket
         assert SECRET not in str(failed.value)

@@ -30,11 +30,11 @@ from tornado.ioloop import PeriodicCallback
 
 from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.run.cluster import import_jobqueue
-from sweeps.engine.run.forking import ENVIRONMENT, interrupts_held
+from sweeps.engine.run.forking import ENVIRONMENT, interrupts_blocked
 from sweeps.engine.run.process import environment, one_thread, relax_gc
-from sweeps.engine.run.shared import UNSHARED, Shared
+from sweeps.engine.run.shared import REQUIREMENT_ERRORS, Requirements
 
-SETTINGS = {
+DASK_SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
     "distributed.admin.low-level-log-length": 0,  # of messages, which have all of a task
     "distributed.admin.system-monitor.interval": "5s",
@@ -51,28 +51,29 @@ SETTINGS = {
 # Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
 SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 
-COUNTED = 1.0  # s between looks at how many workers a running cluster has
-ANSWER, ARRIVAL, CHECKED = 10, 60, 1.0  # s: for a scheduler's answer, its first worker; of checks
-JOBS_CHECKED = 10.0  # s between checks whether a job has ended, for example by its time limit
-LOST = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
-VAIN = 3  # checks that find jobs ended, and no worker, until jobs are submitted no more
-GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
+COUNT_INTERVAL = 1.0  # s between looks at how many workers a running cluster has
+ANSWER_SECONDS, ARRIVAL_SECONDS = 10, 60  # for a scheduler's answer; for its first worker
+CHECK_INTERVAL = 1.0  # s between checks of workers
+JOB_INTERVAL = 10.0  # s between checks whether a job has ended, for example by its time limit
+LOST_SECONDS = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
+MAX_VAIN_CHECKS = 3  # checks that find jobs ended, and no worker, until jobs are submitted no more
+SCHEDULER_GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
 
 SCRATCH = "temporary-directory"
 # Removing a scratch folder must not fail for a file that a dying worker still writes.
-FORGIVING: dict[str, Any] = {"ignore_cleanup_errors": True}
+CLEANUP: dict[str, Any] = {"ignore_cleanup_errors": True}
 
-# Runs all tasks of this process; a daemon, unlike those of `concurrent.futures`.
+# Runs all tasks of this process; a daemon thread, unlike those of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
-Outcome = tuple[int, Any, Exception | None]
+TaskResult = tuple[int, Any, Exception | None]
 Say = Callable[[str], None]
 
 
-def run_task(shared: Shared, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+def run_task(shared: Requirements, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     """Call a function in the task thread of this process, with one thread for numerical libraries.
 
-    Raises what `Shared.check` does if this process has other code or folders.
+    Raises `REQUIREMENT_ERRORS` if this process has other code or another cache.
     """
     shared.check()
     relax_gc()
@@ -87,22 +88,22 @@ def run_task(shared: Shared, function: Callable[..., Any], arguments: tuple[Any,
 class DaskExecutor:
     """Executor on the workers of a dask cluster with the same code. See `cluster.Executor`."""
 
-    def __init__(self, client: Client, workers: int | None, shared: Shared) -> None:
+    def __init__(self, client: Client, workers: int | None, shared: Requirements) -> None:
         self._client = client
-        self._workers, self._present, self._due = workers, 1, 0.0
+        self._workers, self._counted, self._due = workers, 1, 0.0
         self._shared = shared
-        self._cancelled: Exception = SweepIncomplete(GONE)
+        self._cancelled: Exception = SweepIncomplete(SCHEDULER_GONE)
         self._completed = as_completed(loop=client.loop)
         self._running: dict[Future, int] = {}
 
     @property
-    def workers(self) -> int:
+    def worker_count(self) -> int:
         """Number of processes started or, of a running cluster, present a moment ago."""
         if self._workers is None and time.monotonic() >= self._due:  # asked for with every task
             with suppress(OSError):  # of a scheduler that is gone, as `finished` finds out
-                self._present = max(1, len(self._client.nthreads()))
-            self._due = time.monotonic() + COUNTED
-        return self._workers or self._present
+                self._counted = max(1, len(self._client.nthreads()))
+            self._due = time.monotonic() + COUNT_INTERVAL
+        return self._workers or self._counted
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
         """Send a task to the scheduler."""
@@ -110,7 +111,7 @@ class DaskExecutor:
         self._running[future] = number
         self._completed.add(future)
 
-    def finished(self) -> list[Outcome]:
+    def finished(self) -> list[TaskResult]:
         """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
         if not self._running:
             return []
@@ -128,7 +129,7 @@ class DaskExecutor:
         self._cancelled = ConfigurationError(why)
         await self._client.cancel([*self._running], asynchronous=True)
 
-    def _outcome(self, future: Future, results: Mapping[Future, Any]) -> Outcome:
+    def _outcome(self, future: Future, results: Mapping[Future, Any]) -> TaskResult:
         number = self._running.pop(future)
         if future in results:
             return number, results[future], None
@@ -139,7 +140,7 @@ class DaskExecutor:
         except KilledWorker:
             why = "the worker process died whenever it ran this task (out of memory?)"
             return number, None, RuntimeError(why)
-        except UNSHARED as error:  # of a worker that joined later
+        except REQUIREMENT_ERRORS as error:  # of a worker that joined later
             raise ConfigurationError(f"a worker of the cluster {error}") from None
         except Exception as error:
             return number, None, error
@@ -147,11 +148,11 @@ class DaskExecutor:
 
 @contextmanager
 def local(
-    *, workers: int | None, tasks: int, say: Say, shared: Shared, method: str = "spawn"
+    *, workers: int | None, tasks: int, say: Say, shared: Requirements, method: str = "spawn"
 ) -> Iterator[DaskExecutor]:
     """Start worker processes on this machine, which end with this process in any case.
 
-    `method` is the start method of `multiprocessing`; see `forking.start_method`.
+    `method` is the start method of `multiprocessing`; see `forking.start_fork_server`.
     """
     count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
@@ -159,11 +160,11 @@ def local(
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
         # In dask's common scratch folder, all would wait for a lock that any user may hold.
-        scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **FORGIVING))
+        scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **CLEANUP))
         settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
-        stack.enter_context(_started_with(SETTINGS | settings, ENVIRONMENT | quiet))
+        stack.enter_context(_started_with(DASK_SETTINGS | settings, ENVIRONMENT | quiet))
         try:
-            with interrupts_held():
+            with interrupts_blocked():
                 cluster = stack.enter_context(
                     LocalCluster(
                         n_workers=count,
@@ -183,24 +184,25 @@ def local(
                 "cluster.kind is local, but no worker process can be started here "
                 f"({cause}); it may be inline"
             ) from error
-        stack.enter_context(_workers_replaced(cluster, count, every=CHECKED))
+        stack.enter_context(_replacing_workers(cluster, count, every=CHECK_INTERVAL))
         yield DaskExecutor(stack.enter_context(Client(cluster)), count, shared)
 
 
 @contextmanager
 def address(
-    *, tasks: int, say: Say, shared: Shared, address: str, **files: str | None
+    *, tasks: int, say: Say, shared: Requirements, address: str, **files: str | None
 ) -> Iterator[DaskExecutor]:
     """Connect to a running scheduler. Each of its worker processes runs one task at a time."""
     host = urlsplit(address).hostname or ""
     if files["ca_file"] is None and not (host in {"localhost", "::1"} or host.startswith("127.")):
         say(f"the traffic with {address} is neither encrypted nor authenticated")
     with ExitStack() as stack:
-        stack.enter_context(_started_with({"distributed.comm.timeouts.connect": f"{ANSWER}s"}, {}))
+        timeout = {"distributed.comm.timeouts.connect": f"{ANSWER_SECONDS}s"}
+        stack.enter_context(_started_with(timeout, {}))
         security = Security() if files["ca_file"] is None else _security(**files)
         try:
             _check_scheduler(address, security)
-            client = stack.enter_context(Client(address, security=security, timeout=ANSWER))
+            client = stack.enter_context(Client(address, security=security, timeout=ANSWER_SECONDS))
         except Exception as error:  # of any kind, since any server may listen there
             raise ConfigurationError(
                 f"cluster.address is {address}, but no scheduler answers there "
@@ -208,23 +210,22 @@ def address(
             ) from error
         say(f"waiting for a worker of {address}")
         try:
-            client.wait_for_workers(1, timeout=ARRIVAL)
+            client.wait_for_workers(1, timeout=ARRIVAL_SECONDS)
         except TimeoutError as error:
-            raise ConfigurationError(
-                f"cluster.address is {address}, but its scheduler has no workers"
-            ) from error
+            wrong = f"cluster.address is {address}, but its scheduler has no workers"
+            raise ConfigurationError(wrong) from error
         for worker, wrong in client.run(shared.check, on_error="return").items():
             if wrong is not None:
-                reason = wrong if isinstance(wrong, UNSHARED) else f"cannot be asked: {wrong}"
-                raise ConfigurationError(
-                    f"cluster.address is {address}, but its worker {worker} {reason}"
-                )
+                known = isinstance(wrong, REQUIREMENT_ERRORS)
+                reason = wrong if known else f"cannot be asked: {wrong}"
+                wrong = f"its worker {worker} {reason}"
+                raise ConfigurationError(f"cluster.address is {address}, but {wrong}")
         yield DaskExecutor(client, None, shared)
 
 
 @contextmanager
 def slurm(
-    *, workers: int, tasks: int, say: Say, shared: Shared, **asked: Any
+    *, workers: int, tasks: int, say: Say, shared: Requirements, **options: Any
 ) -> Iterator[DaskExecutor]:
     """Submit Slurm jobs with some settings, and cancel them at the end.
 
@@ -233,23 +234,22 @@ def slurm(
     """
     jobs = max(1, min(workers, tasks))
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
-    settings = SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST}s"}
+    settings = DASK_SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST_SECONDS}s"}
     with ExitStack() as stack:
-        private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **FORGIVING)
+        private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **CLEANUP)
         folder = stack.enter_context(private)
         stack.enter_context(_started_with(settings | {SCRATCH: folder}, ENVIRONMENT))
         try:
-            with interrupts_held():
-                cluster = stack.enter_context(_slurm_cluster(Path(folder), asked))
+            with interrupts_blocked():
+                cluster = stack.enter_context(_slurm_cluster(Path(folder), options))
             _submit(cluster, jobs)
         except RuntimeError as error:  # Slurm's own words, if they are its
             reason = " ".join(str(error).rpartition("stderr:")[2].split())
-            raise ConfigurationError(
-                f"cluster.kind is slurm, but no job starts: {reason}"
-            ) from error
+            wrong = f"cluster.kind is slurm, but no job starts: {reason}"
+            raise ConfigurationError(wrong) from error
         run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
-        look = _Queue(cluster, run, Path(folder), say).look
-        stack.enter_context(_workers_replaced(cluster, jobs, every=JOBS_CHECKED, look=look))
+        look = _SlurmQueue(cluster, run, Path(folder), say).look
+        stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_INTERVAL, look=look))
         yield run
 
 
@@ -261,16 +261,16 @@ def _check_scheduler(url: str, security: Security) -> None:
 
     async def ask() -> str:
         async with rpc(url, connection_args=security.get_connection_args("client")) as peer:
-            return (await asyncio.wait_for(peer.identity(), ANSWER))["type"]
+            return (await asyncio.wait_for(peer.identity(), ANSWER_SECONDS))["type"]
 
-    # in its own thread, since that of a notebook has a running event loop
+    # in another thread: a notebook's has a running event loop
     kind = _thread.submit(asyncio.run, ask()).result()
     if not kind.endswith("Scheduler"):
         raise ValueError(f"{url} is a {kind}")
 
 
 def _security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
-    """Return the certificates of all roles, of which this process is the client."""
+    """Return the certificates of client, scheduler and workers."""
     roles = ("client", "scheduler", "worker")
     own = {f"tls_{role}_cert": cert for role in roles}
     own |= {f"tls_{role}_key": private_key for role in roles}
@@ -285,13 +285,13 @@ def _security(ca_file: str | None, cert: str | None, private_key: str | None) ->
     return security
 
 
-def _slurm_cluster(folder: Path, asked: Mapping[str, Any]) -> Any:
+def _slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
     """Return a cluster without jobs, whose certificate, logs and scratch files are in a folder."""
     made, certificate, key = Security.temporary(), folder / "certificate.pem", folder / "key.pem"
     certificate.write_text(made.tls_client_cert, encoding="ascii")
     key.write_text(made.tls_client_key, encoding="ascii")
     return import_jobqueue()(
-        **asked,
+        **options,
         cores=1,
         processes=1,
         local_directory=str(folder),
@@ -322,12 +322,12 @@ def _submit(cluster: Any, jobs: int) -> None:
         raise
 
 
-class _Queue:
+class _SlurmQueue:
     """Slurm's queue: which jobs have ended, and why others wait."""
 
     def __init__(self, cluster: Any, run: DaskExecutor, folder: Path, say: Say) -> None:
         self._cluster, self._run, self._folder, self._say = cluster, run, folder, say
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._vain = 0  # checks, since there was a worker, that found jobs ended
 
     async def look(self) -> None:
@@ -347,35 +347,31 @@ class _Queue:
             self._vain = 0
             return
         self._vain += bool(ended)
-        if self._vain == VAIN:
+        if self._vain == MAX_VAIN_CHECKS:
             logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
             last = logs[-1].read_text(errors="replace").split("\n") if logs else []
             why = next((line.strip() for line in reversed(last) if line.strip()), "no message")
-            await self._run.abandon(
-                f"cluster.kind is slurm, but its jobs end before they have a worker ({why})"
-            )
-        reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._told
+            wrong = f"its jobs end before they have a worker ({why})"
+            await self._run.abandon(f"cluster.kind is slurm, but {wrong}")
+        reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._reported
         for reason in sorted(reasons):
-            self._told.add(reason)
+            self._reported.add(reason)
             self._say(f"no job of Slurm has a worker yet ({reason})")
 
 
-async def _nothing() -> None:
-    """Wait for nothing."""
-
-
 @contextmanager
-def _workers_replaced(
-    cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] = _nothing
+def _replacing_workers(
+    cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] | None = None
 ) -> Iterator[None]:
-    """Replace workers that are gone, checking every few seconds, after a look at what is there.
+    """Replace dead workers, checking every few seconds.
 
     Dask restarts a worker process that dies, but gives up if it dies during its start, as by a task
     that it gets at once. It does not replace a job that ended.
     """
 
     async def restore() -> None:
-        await look()
+        if look is not None:
+            await look()
         for name, worker in list(cluster.workers.items()):
             if worker.status in {Status.closed, Status.failed}:
                 del cluster.workers[name], cluster.worker_spec[name]

@@ -9,25 +9,25 @@ import pytest
 from small_stores import array, files, opened, small
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.store.folders import check_apart, check_cache, check_target
-from sweeps.engine.store.locks import locked
+from sweeps.engine.store.locks import store_lock
+from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import write_store
 
 
 @pytest.mark.parametrize(
     ("path", "reason"),
     [
-        *((f"{scheme}://x/y", "URLs are not supported") for scheme in ("ftp", "file", "http")),
-        ("simplecache::s3://x/y", "URLs are not supported"),
-        (Path("s3://x/y"), "URLs are not supported"),
+        *((f"{scheme}://x/y", "must be a folder or a URL") for scheme in ("ftp", "file", "http")),
+        ("simplecache::s3://x/y", "must be a folder or a URL"),
+        (Path("s3://x/y"), "must be a folder or a URL"),
         ("", "must be the name"),
         ("/", "must be the name"),
         ("a\0b", "null byte"),
         ("n" * 214, "File name too long"),
         ("n" * 300 + "/x", "File name too long"),
-        ("dangling", "link to nothing"),
-        ("dangling/x", "link to nothing"),
-        ("loop", "link to nothing"),
+        ("dangling", "dangling symlink"),
+        ("dangling/x", "dangling symlink"),
+        ("loop", "dangling symlink"),
         ("file", "no"),
         ("file/x", "is not a folder"),
         ("file/x/y", "is not a folder"),
@@ -41,9 +41,9 @@ def test_impossible_paths_are_refused(tmp_path, monkeypatch, path, reason):
     Path("file").write_text("mine")
     before = sorted(os.listdir())
     with pytest.raises(ConfigurationError, match=rf"^store is [^\n]*{reason}[^\n]*$"):
-        check_target(path)
+        check_store_path(path)
     with pytest.raises(ConfigurationError, match=rf"^cache is [^\n]*{reason}[^\n]*$"):
-        check_cache(path)
+        check_cache_path(path)
     assert sorted(os.listdir()) == before
 
 
@@ -52,14 +52,14 @@ def test_impossible_paths_are_refused(tmp_path, monkeypatch, path, reason):
 def test_a_cache_that_others_own_or_may_write_is_refused(tmp_path, monkeypatch, which, bits):
     folder = tmp_path / which
     folder.mkdir(parents=True)
-    check_cache(tmp_path / "cache")
+    check_cache_path(tmp_path / "cache")
     if bits:
         folder.chmod(0o700 | bits)
     else:
         monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
     sentence = r"^cache is .*, but others own .* or may write there; .*: chmod go-w, or give"
     with pytest.raises(ConfigurationError, match=sentence):
-        check_cache(tmp_path / "cache")
+        check_cache_path(tmp_path / "cache")
 
 
 @pytest.mark.parametrize("appears", [False, True])
@@ -77,7 +77,7 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
         groups["one"].arrays["x"] = array(np.zeros((1, 6), "f4"), chunks=(1, 6), read=put)
     else:
         put()
-    reason = "no sweep wrote 'zarr.json'" if appears else "exists but is not a store"
+    reason = "which contains 'zarr.json'" if appears else "exists but is not a store"
     with pytest.raises(ConfigurationError, match=reason):
         write_store(path, groups, {})
     assert files(path) == {"zarr.json": b"mine"}
@@ -89,7 +89,7 @@ def test_stores_caches_and_reports_are_apart(tmp_path):
         def beside(store):
             return [store.with_name(f"{store.name.removesuffix('.zarr')}-tables")]
 
-        check_apart([tmp_path / name for name in names], tmp_path / cache, beside)
+        check_disjoint([tmp_path / name for name in names], tmp_path / cache, beside)
 
     def refused(sentence, *names, cache="cache"):
         with pytest.raises(ConfigurationError, match=sentence):
@@ -117,7 +117,11 @@ def test_a_store_behind_a_link_is_locked_and_replaced_where_it_is(tmp_path):
     path, link = tmp_path / "s.zarr", tmp_path / "link.zarr"
     link.symlink_to(path)
     write_store(path, small(1), {})
-    with locked(path), pytest.raises(ConfigurationError, match="being written"), locked(link):
+    with (
+        store_lock(path),
+        pytest.raises(ConfigurationError, match="being written"),
+        store_lock(link),
+    ):
         pytest.fail("two writers")
     write_store(link, small(2), {})
     assert link.is_symlink()

@@ -1,0 +1,139 @@
+"""Checks of the paths and URLs of stores and caches, before anything is written."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.packs import CELLS_FOLDER
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.paths import (
+    PathOrUrl,
+    ancestors,
+    is_private,
+    join,
+    path_beside,
+    path_or_url,
+    resolve_path,
+)
+from sweeps.engine.store.arrays import METADATA
+from sweeps.engine.store.manifest import read_manifest
+
+ZARR_FILES = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
+LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # of names beside a store one of the longest
+
+
+def check_store_path(path: PathOrUrl) -> None:
+    """Refuse a path that is neither new nor a store with a readable manifest and no other files.
+
+    A store inside another one is refused, too.
+    """
+    resolved = _resolve_checked("store", path, inside=True)
+    try:
+        found = set(Objects(resolved).sizes())
+    except OSError as error:
+        raise _invalid("store", resolved, f"which cannot be read: {error.strerror}") from error
+    if found:
+        manifest = read_manifest(resolved)
+        if manifest is None:
+            reason = "which exists but is not a store of a sweep; give a new path or such a store"
+            raise _invalid("store", path, reason)
+        if foreign := sorted(found - manifest.known):
+            more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
+            reason = f"which contains {foreign[0]!r}{more}, not part of the store; move it"
+            raise _invalid("store", path, reason)
+
+
+def check_cache_path(path: PathOrUrl) -> None:
+    """Refuse a cache that is in a store, cannot be a folder, or is writable by others.
+
+    Permissions of a bucket are not checked.
+    """
+    resolved = _resolve_checked("cache", path, inside=False)
+    for folder in (resolved, join(resolved, CELLS_FOLDER)):
+        if isinstance(folder, Path) and not is_private(folder):
+            reason = f"but others own {str(folder)!r} or may write there; a cache must be private"
+            raise _invalid("cache", path, f"{reason}: chmod go-w, or give another folder")
+
+
+def check_disjoint(
+    stores: Iterable[PathOrUrl], cache: PathOrUrl, beside: Callable[[Path], Iterable[Path]]
+) -> None:
+    """Refuse stores of one command inside each other, around its cache, or in the way of reports.
+
+    `check_store_path` and `check_cache_path` refuse stores that exist. `beside` returns the paths
+    that the report of a store writes to, which may also be an existing store.
+    """
+    stores_by_path = {resolve_path(path): path for path in stores}
+    reports: dict[Path, PathOrUrl] = {}
+    for path in stores_by_path.values():
+        for written in beside(path_beside(path)):
+            if resolve_path(written) in stores_by_path or is_store(written):
+                reason = f"whose report would be written into the store {str(written)!r}"
+                raise _invalid("store", path, f"{reason}; give another path")
+            if (other := reports.setdefault(written, path)) != path:
+                reason = f"whose report would replace that of {str(other)!r}"
+                raise _invalid("store", path, f"{reason}; give another name")
+    for key, path in (("cache", cache), *(("store", path) for path in stores_by_path.values())):
+        resolved = resolve_path(path)
+        outside = [resolved, *ancestors(resolved)][key == "store" :]
+        if store := next((stores_by_path[one] for one in outside if one in stores_by_path), None):
+            raise _invalid(key, path, f"but must not be in the store {str(store)!r}")
+
+
+def is_store(path: PathOrUrl) -> bool:
+    """Return whether a path is a zarr store or part of one."""
+    with suppress(OSError):  # unreadable
+        return any(Objects(path).get(name) is not None for name in ZARR_FILES)
+    return False
+
+
+def _invalid(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
+    return ConfigurationError(f"{key} is {str(path)!r}, {reason}")
+
+
+def _resolve_checked(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
+    """Return the real path; refuse an impossible one, or one in a store.
+
+    With `inside`, the path itself may be a store.
+    """
+    path = path_or_url(key, given)
+    resolved = _resolve_folder(key, given, path, inside=inside) if isinstance(path, Path) else path
+    if store := next(filter(is_store, [resolved, *ancestors(resolved)][inside:]), None):
+        raise _invalid(key, given, f"but must not be in the store {str(store)!r}")
+    return resolved
+
+
+def _resolve_folder(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> Path:
+    """Return the real path; refuse an impossible name or an unwritable folder."""
+    try:
+        resolved = Path(os.path.realpath(path))
+        with suppress(FileNotFoundError, NotADirectoryError):
+            os.lstat(
+                resolved.with_name(LONGEST_NAME.format(resolved.name))
+                if resolved.name
+                else resolved
+            )
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise _invalid(key, given, f"which cannot be used: {reason}") from error
+    for link in (path, *path.parents):
+        if link.is_symlink() and not link.exists():
+            raise _invalid(key, given, f"but {str(link)!r} is a dangling symlink")
+    if not str(given) or not resolved.name:
+        raise _invalid(key, given, "but must be the name of a folder")
+    nearest = next(part for part in (resolved, *resolved.parents) if part.exists())
+    if not nearest.is_dir():
+        raise _invalid(key, given, f"but {str(nearest)!r} is not a folder")
+    if inside and nearest == resolved:
+        nearest = resolved.parent
+    try:
+        tempfile.TemporaryFile(dir=nearest).close()
+    except OSError as error:
+        reason = f"but nothing can be written in {str(nearest)!r}: {error.strerror}"
+        raise _invalid(key, given, reason) from error
+    return resolved
