@@ -219,7 +219,7 @@ def figures(replicates: int = 8) -> Report:
     """Compare the source's statements on its Figures 3, 4, 5, 19 and 20 with ours."""
     profiles_of = [
         *("grid.frame_count=[1,4,8,16]", f"grid.replicate={replicates}"),
-        "ladar.target_free_ifovs=[0,4000]",
+        *("ladar.target_free_ifovs=[0,4000]", "ladar.place=corner"),  # noise alone, not the place
     ]
     silhouettes_of = [*INFRARED, "grid.range=25", "infrared.super_resolution=none"]
     profiles, formed = swept(profiles_of, ["range_profile", "classification/acn"]).values()

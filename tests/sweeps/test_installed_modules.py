@@ -63,7 +63,7 @@ def package(tmp_path, monkeypatch):
         (site / "sounder.py").write_text(source)
         (site / "sounder_conf" / "experiment" / "sounding.yaml").write_text(
             "# @package _global_\n# Depths at two aspects.\n"
-            "sensor: sounder\ngrid:\n  ship: duncan\n  aspect: {step: 90}\n"
+            "sensor: sounder\ngrid:\n  ship: duncan\n  aspect: [0, 90]\n"
         )
         monkeypatch.syspath_prepend(str(site))
         monkeypatch.delitem(sys.modules, "sounder", raising=False)

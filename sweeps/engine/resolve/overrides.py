@@ -50,6 +50,7 @@ from sweeps.engine.declare.settings import (
 from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
+LIST_OVER_MAPPING = "Cannot merge DictConfig with ListConfig"  # says OmegaConf
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
 SIMILARITY = 0.66  # least similarity of a key that may have been meant
 
@@ -116,11 +117,37 @@ def hydra_context(experiment: Experiment) -> Iterator[None]:
 
 def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
     """Return the configuration of some overrides."""
+    given = clear_before_set(experiment, overrides)
     try:
-        given = clear_before_set(experiment, overrides)
-        return hydra.compose(config_name(experiment), overrides=given)
+        try:
+            return hydra.compose(config_name(experiment), overrides=given)
+        except HydraException as error:
+            if LIST_OVER_MAPPING not in str(error):
+                raise
+            return _compose_lists(experiment, given)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
         raise ConfigurationError(f"{error_message(error)} (of {' '.join(overrides)})") from error
+
+
+def _compose_lists(experiment: Experiment, overrides: list[str]) -> DictConfig:
+    """Return the configuration where a file has a list in place of a default in steps.
+
+    OmegaConf does not merge them, so these defaults come after the files, where none has a value.
+    """
+    known, schema = ConfigStore.instance(), _schema(nested(experiment.by_key))
+    steps = [one for one in experiment.declared if isinstance(one.default_input, Mapping)]
+    without = OmegaConf.create(schema)
+    for setting in steps:
+        OmegaConf.update(without, setting.key, None, merge=False)
+    known.store(name=SCHEMA, node=OmegaConf.to_container(without))
+    try:
+        config = hydra.compose(config_name(experiment), overrides=overrides)
+    finally:
+        known.store(name=SCHEMA, node=schema)
+    for setting in steps:
+        if OmegaConf.select(config, setting.key) is None:
+            OmegaConf.update(config, setting.key, setting.default_input, merge=False)
+    return config
 
 
 def clear_before_set(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
