@@ -7,7 +7,7 @@ BIN := .venv/bin
 test benchmark lint format: GROUPS = dev
 docs: GROUPS = docs
 
-sweep: setup        ## the source's whole experiment; further overrides in ARGS
+sweep: setup        ## the article's whole experiment; further overrides in ARGS
 	$(BIN)/ncti-sweep +experiment=paper store=paper.zarr $(ARGS)
 
 smoke: setup        ## the same in seconds

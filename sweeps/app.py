@@ -79,12 +79,12 @@ def command(*modules: Any) -> Command:
     relax_gc()
     raise_if_stopped()
     from sweeps.experiment import EXPERIMENT, MODULES, about, assemble
-    from sweeps.report.places import beside
+    from sweeps.report.places import report_paths
 
     raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, report, beside, partial(about, (*MODULES, *modules)))
+    return Command(experiment, report, report_paths, partial(about, (*MODULES, *modules)))
 
 
 def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:

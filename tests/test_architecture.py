@@ -1,4 +1,4 @@
-"""Imports follow `rooms.yaml`."""
+"""Imports follow `layers.yaml`."""
 
 import ast
 import re
@@ -9,7 +9,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 
-ROOMS = yaml.safe_load(Path(__file__).with_name("rooms.yaml").read_text())
+ROOMS = yaml.safe_load(Path(__file__).with_name("layers.yaml").read_text())
 OTHERS = ("ncti.*", "studies.*")  # packages that have no rule of their own
 OURS = ("ncti", "studies", "sweeps")
 PROJECT = {"ncti", "studies", "sweeps", "benchmarks", "docs"}

@@ -1,4 +1,4 @@
-"""Parameters fitted to the source's figures, and checked against its other figures."""
+"""Parameters fitted to the article's figures, and checked against its other figures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 
 GROUPS = ("0-27°", "30-57°", "60-90°")
-FRAMES = (32, 16, 8, 4)  # the rows of the source's Tables 2 and 4
+FRAMES = (32, 16, 8, 4)  # the rows of the article's Tables 2 and 4
 VIEW = ("ship", "aspect")
 DRAWN = ("seed", "replicate", "phase", "order", "draw")
 
@@ -67,18 +67,18 @@ def mean_and_error(draws: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
 
 @dataclass(frozen=True)
 class Part:
-    """Some figures of the source, and ours for every value of a parameter.
+    """Some figures of the article, and ours for every value of a parameter.
 
     Attributes
     ----------
     name : str
         Heading.
     ours : DataArray
-        Percent, along the parameter, draws, and the dimensions of the source's figures.
+        Percent, along the parameter, draws, and the dimensions of the article's figures.
     source : array_like
-        The source's figures, in percent.
+        The article's figures, in percent.
     over : tuple of str
-        Dimensions of the source's figures.
+        Dimensions of the article's figures.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Part:
     def distance(self, parameter: str) -> tuple[Floats, Floats]:
         """Return root mean square distances for every value of the parameter.
 
-        Of the mean to the source, and what is expected of a single draw to the mean.
+        Of the mean to the article, and what is expected of a single draw to the mean.
         """
         source = xr.DataArray(np.asarray(self.source, dtype=np.float64), dims=self.over)
         draws = [dim for dim in DRAWN if dim in self.ours.dims]
@@ -146,7 +146,7 @@ def fit_report(
 
 
 DISTANCES = (
-    "Root mean square distance to the source's figures [points], in brackets that of a single "
+    "Root mean square distance to the article's figures [points], in brackets that of a single "
     "draw from the mean; * the smallest of a column. Others: percent correct ± two standard "
     "errors of the mean over draws. "
 )

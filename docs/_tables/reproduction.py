@@ -1,4 +1,4 @@
-"""The source's other figures beside ours: effects of assumptions, and results."""
+"""The article's other figures beside ours: effects of assumptions, and results."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def axis_of(values: xr.DataArray) -> str:
 
 
 def protocol(fresh: int = 10, replicates: int = 8) -> Report:
-    """Compare the source's protocol with aspects absent from training."""
+    """Compare the article's protocol with aspects absent from training."""
     common = [
         *("sensor=both", f"classifier.name=[{','.join(CLASSIFIERS)}]", "grid.frame_count=16"),
         *(f"grid.replicate={replicates}", "infrared.range=[25,50]", "infrared.vigilance=0.87"),
@@ -131,7 +131,7 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
         "Training aspects and aspects absent from training",
         (
             Column("what", "16 frames, 30 ns"),
-            Column("on", "learned aspects, learning on in the test (source's protocol) [%]"),
+            Column("on", "learned aspects, learning on in the test (article's protocol) [%]"),
             Column("off", "learned aspects, learning off [%]"),
             Column("random", "random aspects, learning off [%]"),
         ),
@@ -212,11 +212,11 @@ def alike(first: Floats, second: Floats) -> float:
     return max(float(profile_correlation(np.roll(first, shift), second)) for shift in shifts)
 
 
-Said = tuple[str, str, str, str]  # figure, what, the source's words, ours
+Said = tuple[str, str, str, str]  # figure, what, the article's words, ours
 
 
 def figures(replicates: int = 8) -> Report:
-    """Compare the source's statements on its Figures 3, 4, 5, 19 and 20 with ours."""
+    """Compare the article's statements on its Figures 3, 4, 5, 19 and 20 with ours."""
     profiles_of = [
         *("grid.frame_count=[1,4,8,16]", f"grid.replicate={replicates}"),
         *("ladar.target_free_ifovs=[0,4000]", "ladar.place=corner"),  # noise alone, not the place
@@ -241,7 +241,7 @@ def figures(replicates: int = 8) -> Report:
     ]
     names = ("figure", "what", "source", "ours")
     return Report(
-        "The source's statements on its figures, and ours measured",
+        "The article's statements on its figures, and ours measured",
         tuple(Column(name, name) for name in names),
         [dict(zip(names, one, strict=True)) for one in said],
         [

@@ -15,7 +15,7 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ncti.classify.constraints import Interval, fit_context
-from ncti.classify.directions import NO_CATEGORY, SAME_DIRECTION, polar
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, SAME_DIRECTION, polar
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -32,7 +32,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         1 - 1e-12) share a category.
     learning_rate : float, default=0.1
         Fraction of the way by which a category moves towards each vector that joins it, in (0, 1].
-    max_passes : int, default=100
+    max_passes : int, default=200
         Largest number of presentations of the training set.
 
     Attributes
@@ -55,7 +55,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
 
     See Also
     --------
-    cluster : The same network for many vigilances and orders of presentation at once.
+    cluster : The same network from cosines, which further vigilances and orders share.
     ncti.features.profile_vector : Profiles as vectors.
     ncti.evaluate.category_formation : Categories by ship and aspect.
 
@@ -116,7 +116,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
     }
 
     def __init__(
-        self, *, vigilance: float = 0.95, learning_rate: float = 0.1, max_passes: int = 100
+        self, *, vigilance: float = 0.95, learning_rate: float = 0.1, max_passes: int = MAX_PASSES
     ) -> None:
         self.vigilance = vigilance
         self.learning_rate = learning_rate

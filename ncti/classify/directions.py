@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NO_CATEGORY = -1
+MAX_PASSES = 200  # presentations of a training set, by default
 
 # Rounding leaves a cosine uncertain by some 1e-13. A vector that agrees with a category to this
 # level joins it whatever the vigilance; otherwise it would found the same category in every pass.

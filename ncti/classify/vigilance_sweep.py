@@ -1,4 +1,4 @@
-"""The Adaptive Clustering Network for many vigilances and orders of presentation at once."""
+"""The Adaptive Clustering Network from cosines, which further vigilances and orders share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_shape
 from ncti.classify.blocks import ROWS
-from ncti.classify.directions import NO_CATEGORY, SAME_DIRECTION, polar
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, SAME_DIRECTION, polar
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -187,7 +187,7 @@ def cluster(
     *,
     vigilance: float,
     learning_rate: float = 0.1,
-    max_passes: int = 200,
+    max_passes: int = MAX_PASSES,
     order: Indices | None = None,
 ) -> Clustering:
     """Return the categories that `AdaptiveClusteringNetwork` forms, from cosines alone.

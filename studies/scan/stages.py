@@ -18,8 +18,7 @@ from ncti.evaluate import wilson_interval
 from ncti.labels import data_set
 from ncti.ladar import RangeExtent, banded_frame_moments
 from ncti.ladar.window import EDGE
-from studies import scan as search
-from studies.scan import Box, Field, Imager, Laser, Rates, Survey, Target
+from studies.scan import Box, Field, Imager, Laser, Rates, Survey, Target, box, most_pulses, observe
 from studies.scan.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, Unit, count, number, word
@@ -140,7 +139,7 @@ def scan_decoy(
     rng: np.random.Generator,
 ) -> Arrays:
     """Return the view of the decoy, empty if there is none."""
-    barge = search.box(decoy_length, decoy_beam, decoy_height)
+    barge = box(decoy_length, decoy_beam, decoy_height)
     arrays = survey.arrays(survey.target(barge, aspect, rng))
     return arrays if decoy != NO_DECOY else {**arrays, "fraction": 0 * arrays["fraction"]}
 
@@ -183,7 +182,7 @@ detected = FIELD.stage(
     reads={"imager": "scan_imager"},
     stream=Stream((Grid.range, Grid.replicate), "scan_detected"),
     name="detected",
-)(search.observe)
+)(observe)
 
 
 # Visits of the laser radar
@@ -280,7 +279,7 @@ def check(choices: Choices) -> Choices:
     views.require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
     views.require(choices, Ladar.reflectance, "projected_area", f"with the sensor {SENSOR}")
     far = Grid.range.in_si(max(choices[Grid.range])) * (1 + max(choices[Scan.depth]))
-    most, pulses = search.most_pulses(far), max(choices[Scan.pulse_rate])
+    most, pulses = most_pulses(far), max(choices[Scan.pulse_rate])
     if pulses > most:
         reason = f"for pulses to be back from {far * 1e-3:g} km before the next ones leave"
         refuse(Scan.pulse_rate, pulses, f"at most {most:.0f} Hz {reason}")

@@ -13,7 +13,7 @@ import xarray as xr
 
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
-from sweeps.report.beside import with_comparisons
+from sweeps.report.article_columns import with_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
 from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of, words_of
 

@@ -9,7 +9,7 @@ from sweeps.engine.declare.paths import PathOrUrl, path_beside
 SUFFIX = ".zarr"
 
 
-def beside(path: PathOrUrl) -> tuple[Path, Path]:
+def report_paths(path: PathOrUrl) -> tuple[Path, Path]:
     """Return the folder of tables and the file of the page of a store."""
     return tables_folder(path), page_file(path)
 

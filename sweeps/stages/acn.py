@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify.blocks import HELD_ROWS, row_blocks
-from ncti.classify.directions import NO_CATEGORY
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY
 from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 from ncti.evaluate import category_formation
 from sweeps.engine.declare.settings import Run, Settings, count, draws, number, switch, word
@@ -42,7 +42,7 @@ class Network(Settings, key="classifier", single="coordinate"):
 
     learning_rate = number(0.1, 1e-6, 1, label="learning rate in training")
     max_passes = count(
-        200, 1, 10**6, label="largest number of presentations of the training set", single=""
+        MAX_PASSES, 1, 10**6, label="largest number of presentations of the training set", single=""
     )
     learn_in_test = switch(
         False,

@@ -115,7 +115,7 @@ def silhouette_constants(
     Output("profile_outlier_fraction", ("template",), "f8"),
     uses=(Grid, Likelihood),
     along=(Grid.frame_count,),
-    # Of its first name, so that it draws as it always did.
+    # Named as when the published figures were drawn, which a new name would draw anew.
     stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), "profile_doubt"),
 )
 def profile_outlier_fraction(
@@ -132,7 +132,7 @@ def profile_outlier_fraction(
     from ncti.classify.calibration import fit_outlier_fraction
 
     seed, (templates, _) = int(rng.integers(2**63)), profile_templates
-    # Of equal draws for each number of frames.
+    # Use the same draws for every frame count.
     return np.stack(
         [
             fit_outlier_fraction(

@@ -57,7 +57,7 @@ PROFILES = (
     "classifier.gain_sigma=[0,1]",
 )
 """Four ships learned every 1.5 and every 3 degrees and two that are not, at learned and at random
-aspects, as the source's sensor sees them at 100 km."""
+aspects, as the article's sensor sees them at 100 km."""
 
 BOTH = (
     "sensor=both",
@@ -106,7 +106,7 @@ def named_by(store):
 
 
 def shares_of_profiles(store):
-    """Right answers at learned aspects, of the source's protocol and of denser templates."""
+    """Right answers at learned aspects, of the article's protocol and of denser templates."""
     network = answers(store, "acn", template_spacing=3.0)
     network = network.sel(aspect=is_multiple(network.aspect, 3))
     found = {

@@ -1,4 +1,4 @@
-"""The network on the source's task: 124 profiles without noise to learn, averages to name."""
+"""The network on the article's task: 124 profiles without noise to learn, averages to name."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The source's statements on design: closed forms, and simulated frames beside them."""
+"""The article's statements on design: closed forms, and simulated frames beside them."""
 
 import numpy as np
 import pytest

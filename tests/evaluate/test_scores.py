@@ -1,4 +1,4 @@
-"""Wilson intervals against scipy, aspect bins against the source's tables."""
+"""Wilson intervals against scipy, aspect bins against the article's tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The source's own chain beside ours: what its order and its equations leave behind."""
+"""The article's own chain beside ours: what its order and its equations leave behind."""
 
 import numpy as np
 import pytest

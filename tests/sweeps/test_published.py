@@ -1,4 +1,4 @@
-"""Settings that the source prints, read from `article.yaml` or worked out from it.
+"""Settings that the article prints, read from `article.yaml` or worked out from it.
 
 `docs/settings.md` has all other defaults, and `test_declarations` compares it with them.
 """

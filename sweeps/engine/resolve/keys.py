@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 Keys = NDArray[np.uint64]  # (..., 2)
 
 HASH_BYTES = 16
-# Part of the keys of random results. Raise it with any change of `cell_rng` or `Plan.stream`.
+# Part of all keys, since a stage without `rng` may call `cell_rng`. Raise it with any change of
+# `cell_rng` or of `Plan.stream`.
 STREAM_VERSION = 1
 
 

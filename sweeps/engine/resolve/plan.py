@@ -387,7 +387,8 @@ class Plan:
         self, bound: BoundStage, cells: Cells, known: Callable[[BoundStage], Keys]
     ) -> Keys:
         """Return the keys of cells, from those of their inputs, which `known` returns."""
-        keys = np.tile(hash_texts([self.identity[bound.name]]), (len(cells), 1))
+        identity = f"{STREAM_VERSION} {self.identity[bound.name]}"
+        keys = np.tile(hash_texts([identity]), (len(cells), 1))
         for name, source in bound.arguments.items():
             if isinstance(source, Setting) or source.stage.is_plain:
                 values, codes = self.factorise(bound, source, cells)
@@ -403,7 +404,7 @@ class Plan:
                 fold(keys, hash_texts([f"{name}:"]))
                 fold(keys, words[codes])
         if bound.random:
-            versions = (STREAM_VERSION, np.__version__, self._stream_name(bound))
+            versions = (np.__version__, self._stream_name(bound))
             fold(keys, hash_texts([repr(versions)]))
             settings = [("", Run.seed, False), *self._stream_settings(bound)]
             for label, setting, optional in settings:

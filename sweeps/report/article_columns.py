@@ -46,7 +46,7 @@ OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns tha
 @lru_cache
 def _beside() -> list[dict[str, Any]]:
     """Return where figures of the article stand beside those of a sweep."""
-    text = files("sweeps.report").joinpath("beside.yaml").read_text(encoding="utf-8")
+    text = files("sweeps.report").joinpath("article_columns.yaml").read_text(encoding="utf-8")
     where: list[dict[str, Any]] = yaml.safe_load(text)["beside"]
     return where
 
