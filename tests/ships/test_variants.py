@@ -11,7 +11,7 @@ from ncti import ships
 from ncti.ships import build, perturbation, sheets
 from ncti.ships.perturbation import Variant, build_variant, carriage, perturbed
 
-DRAWS = dict.fromkeys(ships.names(), 3) | {"spruance": 10}  # a second each
+DRAWS = dict.fromkeys(ships.names(), 2) | {"spruance": 10}  # a second each
 
 
 def parsed(document) -> sheets.Sheet:
