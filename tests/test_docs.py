@@ -80,7 +80,7 @@ def bucket(smoke_store, monkeypatch):
         for name, value in environment.items():
             monkeypatch.setenv(name, value)
         there, here = Objects(f"s3://{buckets.BUCKET}/sweep.zarr"), Objects(smoke_store)
-        there.each(lambda name: there.put(name, here.get(name)), here.sizes())
+        there.map(lambda name: there.put(name, here.get(name)), here.sizes())
         yield
 
 

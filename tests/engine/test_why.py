@@ -97,4 +97,4 @@ def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, 
     more = told((1, 2, 3))
     assert "square differs from the store in: few.size" in more
     assert "square: 1 cells are computed by 1 calls" in more
-    assert "store is written again: its cells, configuration differ" in more
+    assert "store is written again: its cells, configuration, swept differ" in more

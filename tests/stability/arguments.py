@@ -57,10 +57,10 @@ GOOD = {
     "render.mask.ship_mask": VIEW | {"pixel": 0.5},
     "render.line_image": VIEW,
     "render.cast_rays": {"mesh": BOX, "origin": np.ones((4, 3)), "direction": np.ones((4, 3))},
-    "search.Field": {"width": 0.3, "height": 0.1, "ifov": 150e-6},
-    "search.detect": {"image": np.zeros((2, 2)), "threshold": 1.0, "reach": (1, 1)},
-    "search.position_count": {"width": 1.0, "height": 1.0, "element": 1.0},
-    "search.most_pulses": {"slant_range": 1e5},
+    "scan.Field": {"width": 0.3, "height": 0.1, "ifov": 150e-6},
+    "scan.detect": {"image": np.zeros((2, 2)), "threshold": 1.0, "reach": (1, 1)},
+    "scan.position_count": {"width": 1.0, "height": 1.0, "element": 1.0},
+    "scan.most_pulses": {"slant_range": 1e5},
     "features.log_polar": {"mask": np.eye(4)},
     "features.cyclic_similarity": {"a": np.ones((4, 2)), "b": np.ones((4, 2))},
     "features.profile_vector": {"profile": np.arange(9.0), "floor": 0.0},
@@ -106,7 +106,7 @@ GOOD = {
     "evaluate.posterior_weights": {"chi_square": [1.0, 2.0]},
     "evaluate.reached": {"simulated": [[50.0]], "given": [40.0], "variance": [[25.0]]},
     "reproduction.assumed": {"number": 0},
-    "reproduction.figures": {"aspects": [0.0, 45.0, 90.0]},
+    "article.figures": {"aspects": [0.0, 45.0, 90.0]},
     "irar.Correction": {},
     "irar.Flight": {"slant_range": 3900.0, "ship_heading": 0.0},
     "irar.azimuth_shift": SHIFT,
@@ -289,8 +289,8 @@ OTHERS = {
     "render.range_image": {"slant_range": [0.0, 40.0]},
     "render.mask.ship_mask": {"slant_range": [0.0, 40.0]},
     "render.line_image": {"slant_range": [0.0, 40.0], "spacing": [1e-9]},
-    "search.Field": {"ifov": [1e-7]},
-    "search.detect": {"reach": [(1, -1)]},
+    "scan.Field": {"ifov": [1e-7]},
+    "scan.detect": {"reach": [(1, -1)]},
     "features.segment": {
         **{"image": [np.zeros(4), np.zeros((0, 4))], "contrast": [None, -1.0]},
     },
@@ -326,7 +326,7 @@ OTHERS = {
         **{"variance": [[25.0], [[0.0]]]},
     },
     "reproduction.assumed": {"number": [-1, 0.5, 10**12], "seed": [-1, 0.5]},
-    "reproduction.figures": {"aspects": [[0.0, 45.0]]},
+    "article.figures": {"aspects": [[0.0, 45.0]]},
     "irar.Flight": {
         **{
             "slant_range": [99, 0, 1e30, None],
@@ -373,10 +373,13 @@ OTHERS = {
 }
 
 
+STUDIES = ("scan", "reproduction")
+
+
 def found(path):
-    """What a dotted name below `ncti` is."""
+    """What a dotted name below `ncti`, or of a study, is."""
     *modules, name = path.split(".")
-    thing = importlib.import_module("ncti")
+    thing = importlib.import_module("studies" if modules[0] in STUDIES else "ncti")
     for part in (*modules, name):
         if not hasattr(thing, part):
             importlib.import_module(f"{thing.__name__}.{part}")

@@ -31,7 +31,9 @@ def test_every_value_is_the_same_alone_and_in_company():
         for overrides in sweeps:
             choices = chosen(*FAST, *overrides)
             several = {
-                bound.name for bound, axes in Plan(EXPERIMENT, choices).together.items() if axes
+                bound.name
+                for bound, axes in Plan(EXPERIMENT, choices).along_strides.items()
+                if axes
             }
             found = check_pure(EXPERIMENT, choices, most=MOST)
             compared.update({name: cells for name, cells in found.items() if name in several})
