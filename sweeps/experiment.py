@@ -11,7 +11,7 @@ group `sweeps.modules`. A module declares groups of settings, and of the followi
 - `check_first` and `check`: refuse inconsistent choices or complete them, the first before any ship
   is built
 - `loops`: returns the compiled loops that its stages run
-- `about`: returns lines on what is swept
+- `about`: returns lines to print before a sweep
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         prepare=compile_loops,
         attributes=attributes,
         conf=conf_folder(),
-        added_conf=tuple(module.CONF for module in modules if hasattr(module, "CONF")),
+        added_conf=tuple(Path(module.CONF) for module in modules if hasattr(module, "CONF")),
         code=(*PACKAGES, *code),
     )
 
@@ -141,7 +141,7 @@ def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
 
 
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
-    """Return lines on what is swept, of some modules and of classifiers without any use."""
+    """Return the lines to print before a sweep: classifiers without use, and those of modules."""
     asked = {Classifier.name.key, Classifier.key} & set(choices.given)
     sensors = ",".join(choices.one(Sweep.sensor))
     return [

@@ -43,7 +43,7 @@ REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
         lambda asked: coverage.measure(),
     ),
     "bounds": (
-        "bounds.md: percent correct of the likelihood, by what it takes as known",
+        "bounds.md: percent correct of the likelihood, by known parameters",
         lambda asked: bounds.measure(),
     ),
     "budget": (
@@ -84,7 +84,7 @@ REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
         lambda asked: design.measure(),
     ),
     "reproduced": (
-        "reproduction.md: the article's tables over what it leaves open",
+        "reproduction.md: the article's tables over unstated parameters",
         lambda asked: reproduced.measure(),
     ),
     "fit_tolerance": (

@@ -72,19 +72,8 @@ def measure(
 ) -> Report:
     """Return time and error of range extents by pixels, by lines, and by lines to a tolerance.
 
-    Parameters
-    ----------
-    repeats : int
-        How often every view is timed, the ways taking turns.
-    ships : sequence of str
-        Names.
-    aspects : sequence of float
-        Views [deg].
-
-    Returns
-    -------
-    Report
-        One row per way; medians, lowest and highest of all views.
+    Each view of `ships` and `aspects` [deg] is timed `repeats` times, the ways in turn; a row has
+    medians, lowest and highest of all views.
     """
     ways = _ways()
     found: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
@@ -125,19 +114,7 @@ def measure_rays(
 ) -> Report:
     """Return times of views by lines and by as many of embree's rays, end-on to abeam.
 
-    Parameters
-    ----------
-    repeats : int
-        How often every view is timed, both ways in turn.
-    ships : sequence of str
-        Names.
-    aspects : sequence of float
-        Views [deg].
-
-    Returns
-    -------
-    Report
-        One row per aspect; medians, lowest and highest of all ships.
+    As `measure`, with one row an aspect.
     """
     rows: list[dict[str, Any]] = []
     with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):

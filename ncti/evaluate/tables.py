@@ -42,6 +42,8 @@ def percent_table(accuracy: AspectAccuracy) -> pd.DataFrame:
     frame = accuracy.to_pandas()
     percent = [
         f"{100 * one.fraction:.0f} [{100 * one.ci_low:.0f}-{100 * one.ci_high:.0f}]"
+        if one.n
+        else ""
         for one in frame.itertuples()
     ]
     return frame.assign(**{"percent correct": percent})[["percent correct", "n"]]

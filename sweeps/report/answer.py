@@ -124,7 +124,7 @@ def _fewer(table: Table, frame: Frame, axis: str) -> list[str]:
 
 
 def _narrowed(table: Table, width: int) -> tuple[Table, str]:
-    """Return a table that fits in a width, without intervals or last columns, and what it lacks."""
+    """Return a table cut to a width, by its intervals, then last columns, and a note on the cut."""
     if fitting(table, width) == len(table.heads):
         return table, ""
     cells = [[Entry(cell.text) for cell in line.cells] for line in table.lines]

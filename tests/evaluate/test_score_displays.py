@@ -21,6 +21,8 @@ def test_accuracies_are_tables_by_bin_with_their_intervals():
     shown = accuracy._repr_html_()
     low, high = (100 * each[0] for each in (accuracy.ci_low, accuracy.ci_high))
     assert f"75 [{low:.0f}-{high:.0f}]" in shown
+    unanswered = accuracy_by_aspect(RIGHT, ASPECTS, answered=np.array(ASPECTS) != 80)
+    assert "nan" not in unanswered._repr_html_().lower()
 
 
 def test_leading_axes_stay_axes_and_are_not_drawn():

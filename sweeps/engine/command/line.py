@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -292,11 +291,11 @@ class Command:
     def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         from sweeps.engine.store.tables import format_tables  # imports xarray, which takes long
 
-        scripts = entry_points(group="console_scripts") if self.experiment.tables else ()
-        reports = [one for one in scripts if one.value.startswith("sweeps.report.")]
+        # Modules with `answer`, by the commands that print more.
+        reports = entry_points(group="sweeps.reports") if self.experiment.tables else ()
         for one in reports:
             with suppress(ConfigurationError):  # no table is there
-                for sentence in import_module(one.module).answer(store):
+                for sentence in one.load().answer(store):
                     show(f"{sentence}\n")
         for text in format_tables(store, [table.group for table in self.experiment.tables]):
             show(f"{text}\n")

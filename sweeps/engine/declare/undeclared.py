@@ -37,7 +37,7 @@ class Undeclared(Output):
     """Undeclared results of a function; a single variable has this name."""
 
     pad: complex | str | None = np.nan
-    infer_dtype: bool = True  # the dtype is that of each variable, of numbers f8 or c16
+    infer_dtype: bool = True  # each variable keeps its dtype; numbers become f8 or c16
     names: tuple[str, ...] = ()  # of the elements of a tuple
     dims_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # where not `dims`
     reserved: frozenset[str] = frozenset()  # names of arguments and of their dimensions
