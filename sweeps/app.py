@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sweeps.engine.run.collector import relax_gc, skip_final_gc
 from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, signals_deferred
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []
+REPORT_MODULES = ("sweeps.report.summary", "sweeps.report.page.write")
 MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
 
 
@@ -37,6 +39,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     *modules : module
         Sensors and classifiers besides the project's; see `sweeps.experiment`.
     """
+    relax_gc()
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "--version" in given:
         print(f"{NAME} {version(NAME)}")
@@ -61,6 +64,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
             status = 2
         if arguments is None:  # this process ends, and a signal that comes too late is only noted
             _until_exit.append(signals.pop_all())
+            skip_final_gc()
     sys.exit(status)
 
 
@@ -74,17 +78,14 @@ def command(*modules: Any) -> Command:
     """Return the command of the experiment, with further modules if any."""
     raise_if_stopped()
     from sweeps.engine.command.line import Command
-    from sweeps.engine.run.process import relax_gc
-
-    relax_gc()
-    raise_if_stopped()
     from sweeps.experiment import EXPERIMENT, MODULES, about, assemble
     from sweeps.report.places import report_paths
 
     raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    return Command(experiment, report, report_paths, partial(about, (*MODULES, *modules)))
+    of_modules = partial(about, (*MODULES, *modules))
+    return Command(experiment, report, report_paths, of_modules, REPORT_MODULES)
 
 
 def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:

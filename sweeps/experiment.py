@@ -18,12 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ncti.machine_code import Loops
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import Kind, SetOf, Word
 from sweeps.engine.declare.settings import Choices, Setting, Settings
@@ -104,14 +106,16 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         given = {label: words for label, words in transforms.items() if words}
         return {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
 
-    def compile_loops(choices: Choices, say: Callable[[str], None]) -> None:
+    def compile_loops(
+        choices: Choices, say: Callable[[str], None]
+    ) -> list[Callable[[], object]]:
         needed = (module.loops(choices) for module in modules if hasattr(module, "loops"))
-        for loops in dict.fromkeys(one for several in needed for one in several):
-            if loops.are_missing():
-                say(f"compiling the loops of {loops.of} (once, a few seconds)")
-                from ncti.compiled import keep  # numba takes long to import
-
-                keep(loops)
+        distinct = dict.fromkeys(one for several in needed for one in several)
+        missing = [loops for loops in distinct if loops.are_missing()]
+        if missing:
+            names = ", ".join(loops.of for loops in missing)
+            say(f"compiling the loops of {names} (once, up to half a minute)")
+        return [partial(_compile, loops) for loops in missing]
 
     return Experiment(
         "ncti-sweep",
@@ -124,6 +128,12 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         added_conf=tuple(Path(module.CONF) for module in modules if hasattr(module, "CONF")),
         code=(*PACKAGES, *code),
     )
+
+
+def _compile(loops: Loops) -> None:
+    from ncti.compiled import keep  # numba takes long to import
+
+    keep(loops)
 
 
 def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:

@@ -20,7 +20,7 @@ from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.run.process import one_thread
 from sweeps.engine.run.schedule import MAX_TASK_CELLS, Schedule, Watch
 from sweeps.engine.run.tasks import drop_objects, run_batches
-from sweeps.engine.store.sweeping import execute
+from sweeps.engine.store.sweeping import call_each, execute
 
 
 def check_pure(
@@ -50,8 +50,9 @@ def check_pure(
         index = CellIndex(open_packs(Path(folder)), _ignore)
         schedule = Schedule(Plan(experiment, choices))
         schedule.look_up(index)
-        experiment.prepare(choices, _ignore)
-        failures = execute(schedule, InlineExecutor(), index, Watch(_ignore))
+        executor = InlineExecutor()
+        call_each(experiment.prepare(choices, _ignore), executor)
+        failures = execute(schedule, executor, index, Watch(_ignore))
         found = [f"{name} failed: {why}" for name, why in failures]
         compared: Counter[str] = Counter()
         for bound, results in schedule.results.items():

@@ -8,16 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from manifold3d import Manifold
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.ships.fairing import MonotoneCubic
 from ncti.ships.lofting import loft
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PchipInterpolator
 
 FLARE_POWER = 1.2  # half-breadth grows from the waterline to the deck as height to this power
 STEM_HEIGHT = 0.25  # the stem's face at its head [m]
@@ -42,19 +39,14 @@ class Hull:
     transom_angle: float
 
     @cached_property
-    def _deck(self) -> PchipInterpolator:
-        # Imported where it is used: scipy.interpolate takes half a second.
-        from scipy.interpolate import PchipInterpolator
-
-        return PchipInterpolator(self.stations[:, 0], self.stations[:, 1:3])
+    def _deck(self) -> MonotoneCubic:
+        return MonotoneCubic.through(self.stations[:, 0], self.stations[:, 1:3])
 
     @cached_property
-    def _waterline(self) -> PchipInterpolator:
-        from scipy.interpolate import PchipInterpolator
-
-        x, half = self.stations[:, 0], self.stations[:, 3]
-        wet = ~np.isnan(half)
-        return PchipInterpolator(x[wet], half[wet])
+    def _waterline(self) -> MonotoneCubic:
+        x, half = self.stations[:, 0], self.stations[:, 3:]
+        wet = ~np.isnan(half[:, 0])
+        return MonotoneCubic.through(x[wet], half[wet])
 
     def deck_edge(self, x: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return half-breadth and height of the weather deck at side [m].
@@ -88,7 +80,7 @@ class Hull:
         x = np.sort(np.concatenate([every_metre[fresh], given, [self.loa + 0.5]]))
         half_deck, deck = self.deck_edge(x)
         wet = self.stations[~np.isnan(self.stations[:, 3]), 0]
-        half_water = self._waterline(np.clip(x, wet[0], wet[-1]))
+        half_water = self._waterline(np.clip(x, wet[0], wet[-1]))[:, 0]
         dry = x < self.stem_foot
         half_water[dry] = half_deck[0]
         stem = (deck[0] - STEM_HEIGHT) * (1 - x / self.stem_foot)

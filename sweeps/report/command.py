@@ -17,6 +17,9 @@ def main() -> None:
     Exits with 1 if another file is in the place of one to be written, or the output cannot be, and
     with 2 if the store cannot be read.
     """
+    from sweeps.engine.run.collector import relax_gc, skip_final_gc
+
+    relax_gc()
     arguments = _parser().parse_args()
     from sweeps.engine.run.process import tolerant_output
     from sweeps.report.screen import complain
@@ -26,6 +29,7 @@ def main() -> None:
         if why := lost():
             complain(f"tables cannot be printed: {why}")
             status = status or 1
+    skip_final_gc()
     if status:
         sys.exit(status)
 

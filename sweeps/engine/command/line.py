@@ -30,7 +30,7 @@ from sweeps.engine.declare.failures import FailureLog, one_line
 from sweeps.engine.declare.kinds import Value
 from sweeps.engine.declare.paths import PathOrUrl, path_beside, path_or_url
 from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
-from sweeps.engine.declare.stage import Experiment
+from sweeps.engine.declare.stage import BoundStage, Experiment, bind
 from sweeps.engine.resolve.overrides import (
     DEFAULT_STORE,
     Job,
@@ -43,8 +43,9 @@ from sweeps.engine.resolve.overrides import (
     register,
     shell_quoted,
 )
-from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.resolve.plan import Plan, modules_of, stored_stages, with_inputs
 from sweeps.engine.run.cluster import ClusterChoice
+from sweeps.engine.run.forking import preloaded_modules, start_fork_server
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
 from sweeps.engine.run.process import environment, say, show, tolerant_output
 from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
@@ -71,13 +72,14 @@ class Command:
 
     By default, it prints the tables, the store, and how to see more.
     `beside` returns the paths that the report of a store writes to, and `about` lines on what is
-    swept, printed before it starts.
+    swept, printed before it starts. `imports` are modules of the report that take long to import.
     """
 
     experiment: Experiment
     report: Report | None = None
     beside: Callable[[Path], Iterable[Path]] = lambda store: ()
     about: Callable[[Choices], Iterable[str]] = lambda choices: ()
+    imports: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -187,6 +189,7 @@ class Command:
 
     def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
         """Return the checked sweeps of some jobs; an invalid one stops them all."""
+        self._start_fork_server(jobs)
         with interruptible():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
@@ -204,6 +207,19 @@ class Command:
                     extended_attributes(store, plan)
                 sweeps.append((plan, options))
         return sweeps
+
+    def _start_fork_server(self, jobs: Sequence[Job]) -> None:
+        """Let local workers of new stores import their modules while this process checks jobs."""
+        stages: dict[str, BoundStage] = {}
+        for job in jobs:
+            one = job.choices.one
+            stays = one(Run.dry_run) or one(Run.partial) or Path(job.store).exists()
+            if one(Cluster.kind) == "local" and not stays:
+                every = bind(self.experiment, job.choices.joint)
+                stages |= with_inputs(stored_stages(every.values(), job.choices), every)
+        modules = modules_of(stages.values())
+        if modules and "__main__" not in modules:  # a script, which must be guarded first
+            start_fork_server(preloaded_modules(modules))
 
     def _why(self, words: Sequence[str]) -> None:
         """Print how the keys of each stage differ from those of a store."""
@@ -237,6 +253,7 @@ class Command:
             ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
             int(choices.one(Run.cache_limit) * 1e9),
             partial=bool(choices.one(Run.partial)),
+            imports=self.imports,
         )
 
     # running --------------------------------------------------------------------------------

@@ -328,9 +328,9 @@ class Experiment:
     # nothing uses.
     check: Callable[[Choices], Choices] = lambda choices: choices
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # of its stores
-    # Called before stages run on this machine, with a function that prints a sentence: for work
-    # that one process does for all.
-    prepare: Callable[[Choices, Say], None] = lambda choices, say: None
+    # Called before stages run on this machine, with a function that prints a sentence. Returns
+    # functions for the workers to call first, side by side: work that one does for all.
+    prepare: Callable[[Choices, Say], Sequence[Callable[[], object]]] = lambda choices, say: ()
     conf: Path | None = None  # folder of its Hydra configuration
     # Folders of other packages with more files of its groups, such as `experiment/mine.yaml`.
     added_conf: tuple[Path, ...] = ()

@@ -6,7 +6,7 @@ they take follow by arithmetic with arrays of such numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import prod
@@ -78,6 +78,28 @@ class InputCells(NamedTuple):
         return np.unique(self.first[cells])[:, None] + self.offsets.ravel()
 
 
+def stored_stages(stages: Iterable[BoundStage], choices: Choices) -> tuple[BoundStage, ...]:
+    """Return the stages whose results the store of a sweep has."""
+    groups = ((bound, bound.stage.group) for bound in stages)
+    return tuple(bound for bound, group in groups if group.path and group.when(choices))
+
+
+def with_inputs(
+    targets: Iterable[BoundStage], stages: Mapping[str, BoundStage]
+) -> dict[str, BoundStage]:
+    """Return some stages and all that they need, by name, in order."""
+    wanted = set(targets)
+    for bound in reversed(stages.values()):  # each comes after those that it needs
+        if bound in wanted:
+            wanted.update(bound.inputs)
+    return {name: bound for name, bound in stages.items() if bound in wanted}
+
+
+def modules_of(stages: Iterable[BoundStage]) -> list[str]:
+    """Return the names of the modules that define some stages."""
+    return sorted({module_and_name(bound.stage.function)[0] for bound in stages})
+
+
 class Plan:
     """Plan of a sweep: stages, cells and keys."""
 
@@ -91,16 +113,8 @@ class Plan:
             for position, setting in enumerate(axis.settings)
         }
         self._all_stages = bind(experiment, choices.joint)
-        self.targets = tuple(
-            bound
-            for bound in self._all_stages.values()
-            if bound.stage.group.path and bound.stage.group.when(choices)
-        )
-        wanted = set(self.targets)
-        for bound in reversed(self._all_stages.values()):  # each comes after those that it needs
-            if bound in wanted:
-                wanted.update(bound.inputs)
-        self.bound = {name: bound for name, bound in self._all_stages.items() if bound in wanted}
+        self.targets = stored_stages(self._all_stages.values(), choices)
+        self.bound = with_inputs(self.targets, self._all_stages)
         self._strides = {bound: self._axis_strides(bound) for bound in self.bound.values()}
         self.along_strides = {bound: self._along_strides(bound) for bound in self.bound.values()}
         # Filled on demand.

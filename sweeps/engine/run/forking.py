@@ -33,6 +33,9 @@ IMPORTS = "IMPORTS"
 """Name of a module's list of the modules that its stages import when called."""
 
 
+SERVER = "sweeps.engine.run.server"
+
+
 def check_guard() -> None:
     """Refuse to start workers from an unguarded line of a script, which they would run, too."""
     ways = get_preparation_data("")
@@ -74,7 +77,7 @@ def start_fork_server(modules: Iterable[str]) -> str:
     if not os.path.exists(main.get("__file__") or "."):  # '<stdin>', which no worker can run
         del main["__file__"]
     imported = [] if hasattr(sys, "ps1") else modules
-    multiprocessing.set_forkserver_preload(["distributed", *imported])
+    multiprocessing.set_forkserver_preload([SERVER, "distributed", *imported])
     try:
         with environment(ENVIRONMENT), interrupts_blocked():
             forkserver.ensure_running()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import threading
@@ -134,14 +133,6 @@ def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]
     finally:
         ended.set()
         thread.join()
-
-
-def relax_gc() -> None:
-    """Raise the threshold of the garbage collector to 50,000 allocations.
-
-    At its default, 700, a tenth of a sweep's time went into scanning imported modules.
-    """
-    gc.set_threshold(50_000)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import errno
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
@@ -27,7 +27,7 @@ from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.keys import unique_keys
 from sweeps.engine.resolve.modules import is_within
-from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.resolve.plan import Plan, modules_of
 from sweeps.engine.run.cluster import ClusterChoice, Executor
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
@@ -45,7 +45,7 @@ from sweeps.engine.store.writing import read_attributes, recover, write_store
 MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
 QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
 LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
-TABLE_MODULES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers compute
+TABLE_MODULES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers start
 INLINE_SECONDS = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
@@ -61,7 +61,8 @@ Failures = list[tuple[str, str]]
 class RunOptions:
     """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
 
-    A `partial` store has the cells that are in the cache; nothing is computed.
+    A `partial` store has the cells that are in the cache; nothing is computed. `imports` are modules
+    that the command needs at the end, imported while workers start.
     """
 
     store: PathOrUrl
@@ -69,6 +70,7 @@ class RunOptions:
     cluster: ClusterChoice = field(default_factory=ClusterChoice)
     cache_limit: int = 20 * 10**9
     partial: bool = False
+    imports: tuple[str, ...] = ()
 
     @property
     def packs(self) -> Objects:
@@ -238,19 +240,36 @@ def _compute(
         choice,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
-        modules=sorted({module_and_name(one.stage.function)[0] for one in plan.bound.values()}),
+        modules=modules_of(plan.bound.values()),
         packs=index.cells,
         say=watch.say,
     )
     starting = thread.submit(stack.enter_context, entered)
-    if choice.kind in LOCAL_KINDS:
-        plan.experiment.prepare(plan.choices, unless_stopped(watch.say))
+    here = choice.kind in LOCAL_KINDS
+    first = plan.experiment.prepare(plan.choices, unless_stopped(watch.say)) if here else ()
+    if choice.kind != "inline":
+        tables = TABLE_MODULES if plan.experiment.tables else ()
+        for name in (*tables, *options.imports):
+            raise_if_stopped()
+            import_module(name)
     with interruptible():
         workers = starting.result()
-    if plan.experiment.tables and choice.kind != "inline":
-        for name in TABLE_MODULES:
-            thread.submit(import_module, name)
+    call_each(first, workers)
     return execute(schedule, workers, index, watch), workers
+
+
+def call_each(functions: Sequence[Callable[[], object]], executor: Executor) -> None:
+    """Call functions on workers, side by side, and wait; RuntimeError if one fails."""
+    for number, function in enumerate(functions):
+        executor.submit(number, function)
+    left = len(functions)
+    while left:
+        with interruptible():
+            finished = executor.finished()
+        for _, _, error in finished:
+            if error is not None:
+                raise RuntimeError(f"workers cannot be prepared: {one_line(error)}") from error
+        left -= len(finished)
 
 
 def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
