@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []
-REPORT_MODULES = ("sweeps.report.summary", "sweeps.report.page.write")
+REPORT_MODULES = ("sweeps.report.summary", "sweeps.report.page.write", "matplotlib.figure")
 MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
 
 
