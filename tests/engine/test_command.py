@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ import yaml
 from small_stores import files
 from toys import CALLS, SPRINGS, go
 
+from sweeps.engine.command import line
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.kinds import format_value
 
@@ -87,12 +89,49 @@ def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     assert "springs: 0 cells to compute, 74 are in the store" in capsys.readouterr().err
 
 
-def test_what_is_prepared_before_cells_is_said(capsys, tmp_path, monkeypatch):
+@pytest.mark.parametrize("kind", ["inline", "local"])
+def test_workers_prepare_before_the_first_cell(kind, capsys, tmp_path, monkeypatch):
+    """Two functions are called once each, by a worker, after the sentence on them."""
     monkeypatch.chdir(tmp_path)
-    compiling = replace(SPRINGS, prepare=lambda choices, say: say("compiling the loops"))
-    assert Command(compiling).main(["cache=cache", "cluster=inline"]) == 0
+
+    def prepare(choices, say):
+        say("compiling the loops")
+        return [partial(Path.touch, tmp_path / name, exist_ok=False) for name in "ab"]
+
+    compiling = replace(SPRINGS, prepare=prepare)
+    assert Command(compiling).main(["cache=cache", f"cluster={kind}"]) == 0
     said = capsys.readouterr().err.splitlines()
     assert said.index("springs: compiling the loops") < len(said) - 1 and "computed" in said[-1]
+    assert Path("a").exists() and Path("b").exists()
+
+
+def test_a_preparation_that_fails_is_one_sentence(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    missing = partial(Path.unlink, tmp_path / "loops")
+    failing = replace(SPRINGS, prepare=lambda choices, say: [missing])
+    assert Command(failing).main(["cache=cache", "cluster=inline"]) == 1
+    assert "springs: workers cannot be prepared: FileNotFoundError" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "starts"),
+    [
+        (["store=new.zarr"], True),
+        (["store=there.zarr"], False),
+        (["store=new.zarr", "dry_run=true"], False),
+        (["store=new.zarr", "cluster=inline"], False),
+        (["store=new.zarr", "spring.mass=-1"], False),
+    ],
+)
+def test_the_fork_server_starts_before_choices_are_checked(words, starts, tmp_path, monkeypatch):
+    """It imports modules while the command builds what its check asks for, if workers follow."""
+    monkeypatch.chdir(tmp_path)
+    Path("there.zarr").mkdir()
+    order = []
+    monkeypatch.setattr(line, "start_fork_server", lambda modules: order.append("toys" in modules))
+    checked = replace(SPRINGS, check=lambda choices: order.append("check") or choices)
+    Command(checked).main(["cache=cache", *words])
+    assert order[:2] == [True, "check"] if starts else True not in order
 
 
 def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):

@@ -155,6 +155,7 @@ class Command:
         if not any(map(_is_for_hydra, given)):
             overrides = [word for word in given if word not in MULTIRUN]
             jobs = read_jobs(experiment, overrides, several=len(overrides) < len(given))
+            self._start_fork_server(jobs)
             self._run_all(self.prepare(jobs), {key for job in jobs for key in job.overrides})
             return
         register(experiment)
@@ -189,7 +190,6 @@ class Command:
 
     def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
         """Return the checked sweeps of some jobs; an invalid one stops them all."""
-        self._start_fork_server(jobs)
         with interruptible():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)

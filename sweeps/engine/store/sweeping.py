@@ -20,7 +20,7 @@ import numpy as np
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, make_folder
 from sweeps.engine.cache.packs import NO_PACK, array_kinds, iter_cells, open_packs
-from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
@@ -259,7 +259,7 @@ def _compute(
 
 
 def call_each(functions: Sequence[Callable[[], object]], executor: Executor) -> None:
-    """Call functions on workers, side by side, and wait; RuntimeError if one fails."""
+    """Call functions on workers, side by side, and wait; SweepIncomplete if one fails."""
     for number, function in enumerate(functions):
         executor.submit(number, function)
     left = len(functions)
@@ -268,7 +268,7 @@ def call_each(functions: Sequence[Callable[[], object]], executor: Executor) -> 
             finished = executor.finished()
         for _, _, error in finished:
             if error is not None:
-                raise RuntimeError(f"workers cannot be prepared: {one_line(error)}") from error
+                raise SweepIncomplete(f"workers cannot be prepared: {one_line(error)}") from error
         left -= len(finished)
 
 
