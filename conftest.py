@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ for variable in ("SWEEP_CACHE", "NUMBA_CACHE_DIR"):  # which would come first
 for library in ("OMP", "MKL", "OPENBLAS"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+gc.set_threshold(50_000)  # at the default, tests spend a tenth of their time looking for garbage
 
 LONG = (
     *("claims/test_claims", "sweeps/test_experiments", "test_docs", "engine/test_survival"),

@@ -10,8 +10,23 @@ Examples
 `profile.plot()` draws it, and `profile.expected.plot()` adds the average of many frames.
 """
 
-from ncti.simulate.flights import flight
-from ncti.simulate.images import infrared_image
-from ncti.simulate.profiles import range_profile
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ncti.simulate.flights import flight
+    from ncti.simulate.images import infrared_image
+    from ncti.simulate.profiles import range_profile
 
 __all__ = ["flight", "infrared_image", "range_profile"]
+
+MODULES = {"flight": "flights", "infrared_image": "images", "range_profile": "profiles"}
+"""Module of each function, imported when it is first asked for: a profile needs no flights."""
+
+
+def __getattr__(name: str) -> Any:
+    if name in MODULES:
+        return getattr(import_module(f"{__name__}.{MODULES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
