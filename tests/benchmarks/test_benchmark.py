@@ -14,7 +14,7 @@ TINY = 2.0  # pixels [m]
 
 @pytest.fixture(scope="module")
 def timed_views():
-    return views.measure("duncan", repeats=1, aspects=(30.0, 60.0), pixel=TINY)
+    return views.measure("duncan", repeats=1, aspects=(30.0,), pixel=TINY)
 
 
 def lacks_peer(row):
@@ -32,7 +32,7 @@ def test_every_method_has_figures_or_a_reason(timed_views):
             continue
         assert "absent" not in row, row
         for key in ("wall_ms", "cpu_ms", "ratio", "no_pulse_percent"):
-            assert row[key].n == 2
+            assert row[key].n == 1
             assert 0 <= row[key].low <= row[key].median <= row[key].high
 
 

@@ -34,7 +34,7 @@ OTHERS = [
 ANY = [
     (name, aspect, depression)
     for number, name in enumerate(ncti.ships.names())
-    for aspect, depression in np.random.default_rng(number).uniform((0, 0.3), (180, 12.7), (6, 2))
+    for aspect, depression in np.random.default_rng(number).uniform((0, 0.3), (180, 12.7), (4, 2))
 ]
 
 
@@ -190,7 +190,7 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
     assert np.all(bars <= tolerance)
     assert np.sum(errors > bars) <= most_misses(len(ANY))
     assert np.sum(errors > tolerance) <= most_misses(len(ANY))
-    assert np.median(bars / errors) < 2.4  # 2.0 of many views; a median of 36 scatters by 0.15
+    assert np.median(bars / errors) < 2.4  # 2.0 of many views; a median of 24 scatters by 0.2
     assert np.median(bars) > tolerance / 3
 
 
