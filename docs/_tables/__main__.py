@@ -67,7 +67,7 @@ REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
         lambda asked: scale.measure(most=asked.most),
     ),
     "design": (
-        "design_claims.md: the article's statements on the design of its sensors",
+        "article_figures.md: the article's statements on the design of its sensors",
         lambda asked: design.measure(),
     ),
     "reproduced": (
