@@ -1,28 +1,41 @@
-"""The page of all settings, made of their declarations; as a script, it is written."""
+"""Table of all settings, made from their declarations; as a script, it is written."""
 
+import csv
+import io
+import re
 from pathlib import Path
 
 from sweeps.engine.declare.kinds import format_value
 from sweeps.experiment import EXPERIMENT
 
-PAGE = Path(__file__).resolve().parents[1] / "settings.md"
+TABLE = Path(__file__).resolve().parents[1] / "tables" / "settings.csv"
+SHORTER = (
+    (r"a (?:finite )?number (?=from|at least)", ""),
+    (r"a whole number from (\S+) to (\S+)", r"\1 to \2, whole"),
+    (r"\bfrom (\S+) to ", r"\1 to "),
+    (r"a text that is not empty", "text"),
+    (r"(?<!each )one of ", ""),
+)
+"""Words of error messages that a column of allowed values does without."""
 
 
-def page() -> str:
-    """Return the page: a table of key, default, allowed values with their unit, and meaning.
+def table() -> str:
+    """Return the table as CSV: key, default, allowed values with their unit, axis, and meaning.
 
     Keys of a mapping that may be a value of a setting follow that setting.
     """
-    rows = [("key", "default", "allowed", "meaning"), ("---",) * 4]
+    text = io.StringIO()
+    write = csv.writer(text, lineterminator="\n").writerow
+    write(("key", "default", "allowed", "axis", "meaning"))
     for one in (entry for setting in EXPERIMENT.declared for entry in (setting, *setting.entries)):
-        about = "; ".join(filter(None, (one.label, one.help)))
-        axis = f"one value: {one.fixed}" if one.fixed else ""
-        null = "null or " if one.fallback is not None else ""
-        allowed = "; ".join(filter(None, (f"{null}{one.kind.allowed}", axis)))
-        rows.append((f"`{one.key}`", format_value(one.default_input), allowed, about))
-    lines = (f"| {' | '.join(row)} |" for row in rows)
-    return "\n".join(("# Settings", "", *lines, ""))
+        allowed = one.kind.allowed
+        for words, less in SHORTER:
+            allowed = re.sub(words, less, allowed)
+        axis = f"no; {one.fixed}" if one.fixed else "yes"
+        meaning = "; ".join(filter(None, (one.label, one.help)))
+        write((one.key, format_value(one.default_input), allowed, axis, meaning))
+    return text.getvalue()
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    TABLE.write_text(table(), encoding="utf-8")

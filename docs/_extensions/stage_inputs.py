@@ -1,6 +1,8 @@
-"""The table of inputs of a stage in `own_sensor.md`, made of declarations; a script writes it."""
+"""Table of the inputs of a stage, made from declarations; as a script, it is written."""
 
+import csv
 import inspect
+import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,9 +13,7 @@ from sweeps.engine.declare.stage import Stage
 from sweeps.experiment import stages_of
 from sweeps.stages import infrared, ladar, views
 
-PAGE = Path(__file__).resolve().parents[1] / "own_sensor.md"
-BEGIN = "<!-- inputs: python docs/_extensions/stage_inputs.py -->\n"
-END = "<!-- end of inputs -->"
+TABLE = Path(__file__).resolve().parents[1] / "tables" / "stage_inputs.csv"
 SI = {"km": "m", "ns": "s", "urad": "rad", "um": "m", "dB km-1": "dB m-1"}
 TYPES = {Count: "int", Draws: "int", Number: "float", Switch: "bool"}
 MOST = 4  # arrays that are listed
@@ -83,16 +83,12 @@ def _unit(unit: str) -> str:
 
 
 def table() -> str:
-    """Return the table, in Markdown."""
-    heads = (("argument", "type and shape", "unit", "meaning"), ("---",) * 4)
-    return "\n".join(f"| {' | '.join(row)} |" for row in (*heads, *rows()))
-
-
-def page() -> str:
-    """Return the page with the table as it is now."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    return f"{before}{BEGIN}\n{table()}\n\n{END}{rest.partition(END)[2]}"
+    """Return the table as CSV."""
+    text = io.StringIO()
+    heads = ("argument", "type and shape", "unit", "meaning")
+    csv.writer(text, lineterminator="\n").writerows((heads, *rows()))
+    return text.getvalue()
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    TABLE.write_text(table(), encoding="utf-8")

@@ -17,7 +17,6 @@ from docs._tables import (
     dataset,
     design,
     fits,
-    lines,
     mismatch,
     operate,
     pages,
@@ -62,25 +61,13 @@ REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
         "accuracy.md: bounds that images of pixels state, against the reference",
         lambda asked: tolerances.measure_pixels(),
     ),
-    "lines": (
-        "lines.md: time of a view against error, by pixels, lines and a tolerance",
-        lambda asked: lines.measure(),
-    ),
-    "line_rays": (
-        "lines.md: time of a view by lines and by embree's rays, end-on to abeam",
-        lambda asked: lines.measure_rays(),
-    ),
-    "line_names": (
-        "lines.md: percent correct by pixels, lines and a tolerance",
-        lambda asked: lines.measure_names(),
-    ),
     "dataset": ("datasets.md: rows of a data set a second", lambda asked: dataset.measure()),
     "scale": (
         "scale.md: time, memory, files and bytes of a sweep by number of views, up to --most",
         lambda asked: scale.measure(most=asked.most),
     ),
     "design": (
-        "design_claims.md: the article's statements on the design of its sensors",
+        "article_figures.md: the article's statements on the design of its sensors",
         lambda asked: design.measure(),
     ),
     "reproduced": (

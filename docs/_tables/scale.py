@@ -37,10 +37,6 @@ RANGES = (25, 50, 75, 100, 150, 200, 250, 300, 400, 500)
 DRAWN_AT_RANGES = (35, 541, 6140)
 """Numbers of random aspects in every 30 degrees there, for some 10^4, 10^5 and 10^6 views."""
 
-BEFORE = {3_606: (18, None), 10_806: (48, 2_600), 21_606: (68, 8_900)}
-"""Time [s] and largest process [MB] by number of views, all learned, before matching was in blocks;
-a view took 7 ms of processor time."""
-
 LEARNED, RANDOM = "all learned", f"every {SPACING}° learned"
 AT_RANGES = f"{RANDOM}, {len(RANGES)} ranges"
 MOST = 12_000  # views of a sweep, unless asked otherwise
@@ -58,8 +54,6 @@ COLUMNS = (
     Column("averages", "averages [%]", ".0f"),
     Column("matching", "matching [%]", ".0f"),
     Column("others", "other stages [%]", ".0f"),
-    Column("before_s", "time before [s]", ".0f"),
-    Column("before_mb", "largest before [MB]", ",.0f"),
     Column("driver_mib", "command [MiB]", ".0f"),
     Column("worker_mib", "largest worker [MiB]", ".0f"),
     Column("tables_s", "tables [s]", ".1f"),
@@ -97,8 +91,7 @@ def measure(*, most: int = MOST, scene: Sequence[str] = SCENE) -> Report:
             "percentages are shares of the time of all calls of stages. Memory is the most that "
             "the command's own process held, and the largest of its workers. Files are those of "
             "the store, and the cache begins empty. Tables are those of `ncti-report`, the page "
-            "that of `ncti-report --html`, with their processor time. Before: on another day, when "
-            "all views were matched with all. Every sweep is measured once."
+            "that of `ncti-report --html`, with their processor time. Every sweep is measured once."
         ],
     )
 
@@ -131,11 +124,9 @@ def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
         run = sweep([*arguments, f"grid.ship=[{','.join(SHIPS)}]"], folder).run
         files = _sizes(folder / "sweep.zarr")
         tables, page = (report(folder / "sweep.zarr", *how) for how in ((), ("--html",)))
-        before = dict(zip(("before_s", "before_mb"), BEFORE.get(views, ()), strict=False))
         return {
             "kind": kind,
             "views": views,
-            **{name: value for name, value in before.items() if value and kind == LEARNED},
             "wall_s": run.seconds,
             "cpu_ms": 1e3 * run.cpu / views,
             **shares(folder / "sweep-tables" / "stages.csv"),

@@ -12,6 +12,7 @@ from docs._tables.pages import to_markdown
 
 LONGEST = 12  # rows of a table on a page; longer ones are CSV files
 SHORT = ("results", "reproduction", "operate", "benchmark")
+DECLARED = {"settings", "stage_inputs"}  # of declarations: tests/sweeps/test_declarations.py
 TABLES = sorted((pages.ROOT / "docs" / "tables").glob("*.csv"))
 REPORT = Report(
     "title",
@@ -81,7 +82,8 @@ def test_every_table_of_a_page_has_its_command(page):
 
 @pytest.mark.parametrize("path", TABLES, ids=lambda path: path.stem)
 def test_every_csv_file_has_a_command_a_link_and_columns_of_different_names(path):
-    assert any(path.stem == name or path.stem.startswith(f"{name}_") for name in command.REPORTS)
+    names = {*command.REPORTS, *DECLARED}
+    assert any(path.stem == name or path.stem.startswith(f"{name}_") for name in names)
     linked = f"](tables/{path.name})"
     assert any(linked in page.read_text(encoding="utf-8") for page in pages.pages())
     headings, *rows = csv.reader(path.open(encoding="utf-8"))

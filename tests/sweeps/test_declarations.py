@@ -93,18 +93,18 @@ def test_every_setting_is_read_by_a_stage_or_says_where_to_run():
 
 def test_the_table_in_the_docs_is_current(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
-    from settings_table import PAGE, page
+    from settings_table import TABLE, table
 
-    assert PAGE.read_text(encoding="utf-8") == page(), (
+    assert TABLE.read_text(encoding="utf-8") == table(), (
         "not current: python docs/_extensions/settings_table.py"
     )
 
 
 def test_the_table_of_inputs_of_a_stage_is_current(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
-    from stage_inputs import PAGE, page, rows
+    from stage_inputs import TABLE, rows, table
 
-    assert PAGE.read_text(encoding="utf-8") == page(), (
+    assert TABLE.read_text(encoding="utf-8") == table(), (
         "not current: python docs/_extensions/stage_inputs.py"
     )
     units = {name: unit for names, _, unit, _ in rows() for name in re.findall(r"\w+", names)}

@@ -1,6 +1,6 @@
 """Settings that the article prints, read from `article.yaml` or worked out from it.
 
-`docs/settings.md` has all other defaults, and `test_declarations` compares it with them.
+`docs/tables/settings.csv` has all other defaults, and `test_declarations` compares it with them.
 """
 
 import inspect
