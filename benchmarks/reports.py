@@ -6,12 +6,14 @@ import json
 import os
 import platform
 import statistics
+import timeit
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -74,6 +76,23 @@ def machine() -> dict[str, str]:
         "python": platform.python_version(),
         **{name: version(name) for name in ("numpy", "pyrender", "embreex", "trimesh")},
     }
+
+
+def cache_size() -> str:
+    """Return the size of the largest cache of the processor, as Linux states it."""
+    sizes = Path("/sys/devices/system/cpu/cpu0/cache").glob("index*/size")
+    found = [one.read_text().strip() for one in sizes]
+    return max(
+        found, key=lambda size: int(size.rstrip("KM")) << 10 * size.endswith("M"), default="?"
+    )
+
+
+def copy_rate() -> float:
+    """Return the rate at which one core reads and writes memory that no cache holds [GB/s]."""
+    source = np.ones(2**25)
+    copy = np.empty_like(source)
+    seconds = min(timeit.repeat(lambda: np.copyto(copy, source), number=1, repeat=5))
+    return 2e-9 * source.nbytes / seconds
 
 
 def show(report: Report, console: Console) -> None:

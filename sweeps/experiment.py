@@ -106,9 +106,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         given = {label: words for label, words in transforms.items() if words}
         return {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
 
-    def compile_loops(
-        choices: Choices, say: Callable[[str], None]
-    ) -> list[Callable[[], object]]:
+    def compile_loops(choices: Choices, say: Callable[[str], None]) -> list[Callable[[], object]]:
         needed = (module.loops(choices) for module in modules if hasattr(module, "loops"))
         distinct = dict.fromkeys(one for several in needed for one in several)
         missing = [loops for loops in distinct if loops.are_missing()]

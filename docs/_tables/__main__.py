@@ -17,6 +17,7 @@ from docs._tables import (
     dataset,
     design,
     fits,
+    lines,
     mismatch,
     operate,
     pages,
@@ -60,6 +61,14 @@ REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
     "pixels": (
         "accuracy.md: bounds that images of pixels state, against the reference",
         lambda asked: tolerances.measure_pixels(),
+    ),
+    "lines": (
+        "lines.md: time of a view against error, by pixels, lines and a tolerance",
+        lambda asked: lines.measure(),
+    ),
+    "line_rays": (
+        "lines.md: time of a view by lines and by embree's rays, end-on to abeam",
+        lambda asked: lines.measure_rays(),
     ),
     "dataset": ("datasets.md: rows of a data set a second", lambda asked: dataset.measure()),
     "scale": (

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from ncti.ships.fairing import MonotoneCubic
 from scipy.interpolate import PchipInterpolator
+
+from ncti.ships.fairing import MonotoneCubic
 
 HEIGHTS = st.floats(-50, 50).map(lambda y: round(y, 3))  # m: flat, steep and broken edges
 

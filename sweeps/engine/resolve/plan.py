@@ -89,7 +89,7 @@ def with_inputs(
 ) -> dict[str, BoundStage]:
     """Return some stages and all that they need, by name, in order."""
     wanted = set(targets)
-    for bound in reversed(stages.values()):  # each comes after those that it needs
+    for bound in reversed([*stages.values()]):  # each comes after those that it needs
         if bound in wanted:
             wanted.update(bound.inputs)
     return {name: bound for name, bound in stages.items() if bound in wanted}

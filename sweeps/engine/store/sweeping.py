@@ -61,8 +61,8 @@ Failures = list[tuple[str, str]]
 class RunOptions:
     """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
 
-    A `partial` store has the cells that are in the cache; nothing is computed. `imports` are modules
-    that the command needs at the end, imported while workers start.
+    A `partial` store has the cells that are in the cache; nothing is computed. `imports` are
+    modules that the command needs at the end, imported while workers start.
     """
 
     store: PathOrUrl
