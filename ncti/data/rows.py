@@ -29,15 +29,7 @@ from ncti.data.views import (
     simulated,
 )
 from ncti.features.map_vector import map_cells
-from ncti.infrared import (
-    CONTRAST_AT_ZERO,
-    EXTINCTION,
-    IFOV,
-    NEDT,
-    SPREAD,
-    SUPER_RESOLUTIONS,
-    Imager,
-)
+from ncti.infrared import IFOV, SUPER_RESOLUTIONS, Imager
 from ncti.labels import labelled
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
 from ncti.ladar.extent import bin_centres, bins_of
@@ -52,7 +44,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ANYWHERE = "random"
-IMAGER = Imager(0.25, CONTRAST_AT_ZERO, EXTINCTION, NEDT, SPREAD, SPREAD)
+IMAGER = Imager()
 MOST_ROWS = 10_000_000  # of a call: 10 GB of profiles
 MOST_FRAMES = 10_000
 NUMBERS = {

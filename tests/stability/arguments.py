@@ -40,6 +40,7 @@ GOOD = {
         "false_alarm": 0.01,
     },
     "infrared.pixel_sigma": {"spread": 0.1, "frame_count": 4},
+    "infrared.Imager": {},
     "infrared.image": {"image": IMAGE, "slant_range": 50e3, "frame_count": 16, "rng": RNG},
     "infrared.silhouette": {"image": IMAGE, "footprint": 3.75},
     "infrared.super_resolution.shift_and_add": {"samples": np.ones((2, 2))},
@@ -255,7 +256,7 @@ OTHERS = {
         "frame_count": [10**300, (4, 1.5), [[4, 16]], [[4, 16], 1], ()],
         "rng": [3],
         "phase": [0.5],
-        "extent": [(-1.0, 1.0, -1.0, 1.0), (-99.0, 99.0, -99.0), 99.0, (None, 9.0, -9.0, 9.0)],
+        "imager": [None, {"nedt": 0.1}],
     },
     "infrared.silhouette": {
         "footprint": [0.2],
