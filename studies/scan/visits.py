@@ -40,13 +40,14 @@ class Laser:
     """The laser radar of a search.
 
     `pulse_width` [s] is full width at 1/e^2; `cnr` [dB] that of a filled IFOV at `cnr_range` [m];
-    `extinction` [dB/m] of the air, one way.
+    `extinction` [dB/m] of the air, one way; `detector` counts elements along a side.
     """
 
     pulse_width: float
     cnr: float
     cnr_range: float
     extinction: float
+    detector: int
 
     def averages(
         self,
@@ -207,7 +208,6 @@ def known_similarity(
     *,
     frame_count: tuple[int, ...],
     aspect: tuple[float, ...],
-    detector: int,
     known_views: int,
     rng: np.random.Generator,
 ) -> Floats:
@@ -215,7 +215,7 @@ def known_similarity(
 
     Visits are cued by a single pixel, which makes them largest, at aspects between templates.
     """
-    columns, rows = cue(Box(0, 0, 1, 1), reach=survey.reach, detector=detector).size
+    columns, rows = cue(Box(0, 0, 1, 1), reach=survey.reach, detector=laser.detector).size
     averages = [
         laser.averages(
             survey.target(mesh, aspect, noise).extent, columns * rows, frame_count, noise
