@@ -12,14 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.features import profile_vector
-from ncti.ladar import (
-    RangeExtent,
-    banded_frame_moments,
-    carrier_to_noise,
-    cumulative_average,
-    frame_blocks,
-    no_return,
-)
+from ncti.ladar import RangeExtent, banded_frame_moments, carrier_to_noise, no_return
+from ncti.ladar.frames import averaged_frames
 from studies.scan.field import Box, Field, cue
 from studies.scan.schedule import Schedule, imaging_time, position_count, schedule
 from studies.scan.targets import Survey, Target
@@ -66,15 +60,14 @@ class Laser:
             reference_range=self.cnr_range,
             extinction=self.extinction,
         )
-        frames = frame_blocks(
+        return averaged_frames(
             extent,
+            frame_count,
             pulse_width=self.pulse_width,
             cnr=cnr,
-            frame_count=max(frame_count),
             rng=rng,
             target_free_ifovs=ifovs - len(extent.cell),
         )
-        return cumulative_average(frames, frame_count)
 
 
 @dataclass(frozen=True, eq=False)
