@@ -164,7 +164,9 @@ class ProfileMatch:
 
     Noise is Gaussian with the exact variance of each bin, (2 - pi/2) (CNR p + v) summed over IFOVs,
     over the number of frames, but with one correlation each for target and noise (`correlations`)
-    instead of one for every IFOV. The likelihood has one covariance for all templates,
+    instead of one for every IFOV. `ncti.classify.GaussianTemplates` factors a covariance for each
+    template, and where templates err anew for every number of frames; for thousands of settings,
+    this likelihood has one covariance for all templates,
 
         W = S / N + B,
 
