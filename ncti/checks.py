@@ -83,6 +83,13 @@ def require(
     raise ValueError(f"{name} is {said}, but must be {allowed}{unit}{meant}")
 
 
+def require_instance(name: str, value: Any, kind: type) -> None:
+    """Raise `ValueError` unless `value` is of a class that a package of the library exports."""
+    if not isinstance(value, kind):
+        package = ".".join(kind.__module__.split(".")[:2])
+        raise ValueError(f"{name} is {_line(value)}, but must be an {package}.{kind.__name__}")
+
+
 def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
     """Return numbers (...) as a float64 array, or raise for the first that `require` refuses."""
     try:

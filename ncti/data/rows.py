@@ -29,6 +29,7 @@ from ncti.data.views import (
 )
 from ncti.features.map_vector import map_cells
 from ncti.infrared import IFOV, Imager
+from ncti.infrared.imager import IMAGER
 from ncti.labels import labelled
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ANYWHERE = "random"
-IMAGER = Imager()
 MOST_ROWS = 10_000_000  # of a call: 10 GB of profiles
 MOST_FRAMES = 10_000
 NUMBERS = {

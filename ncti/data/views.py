@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require_word
+from ncti.checks import require_instance, require_word
 from ncti.features import segment, silhouette_map
 from ncti.infrared import SUPER_RESOLUTIONS, DetectorView, Hits, Imager, footprint
 from ncti.ladar.beam import Beam, Signal
@@ -70,8 +70,7 @@ class Recipe:
     def __post_init__(self) -> None:
         require_word("sensor", self.sensor, SENSORS)
         require_word("super_resolution", self.super_resolution, SUPER_RESOLUTIONS)
-        if not isinstance(self.imager, Imager):
-            raise ValueError(f"imager is {self.imager!r:.60}, but must be an ncti.infrared.Imager")
+        require_instance("imager", self.imager, Imager)
         bins_of(self.beam.window, self.beam.bin_width)
 
     def rng(self, key: int, row: int) -> np.random.Generator:

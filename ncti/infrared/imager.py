@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_each, require_word
+from ncti.checks import require, require_all, require_each, require_instance, require_word
 from ncti.infrared.radiometry import CONTRAST_AT_ZERO, EXTINCTION, IFOV, NEDT, SPREAD, contrast
 from ncti.infrared.silhouette import silhouette
 from ncti.infrared.super_resolution import shifted_images
@@ -198,8 +198,7 @@ def image(
             f"frame_count has shape {counts.shape}, but must be a number or a sequence of them"
         )
     require_each("phase", phase, 2, minimum=0.0, below=1.0)
-    if not isinstance(imager, Imager):
-        raise ValueError(f"imager is {imager!r:.60}, but must be an ncti.infrared.Imager")
+    require_instance("imager", imager, Imager)
     require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
     check_made_at(image.slant_range, slant_range)
     footprint = ifov * slant_range * (1.0 if super_resolution == "none" else 0.5)

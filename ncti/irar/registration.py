@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_word
+from ncti.checks import require, require_instance, require_word
 from ncti.irar.flight import Flight
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 
@@ -135,8 +135,7 @@ def azimuth_shift(
     0.75 pixels
     """
     for name, craft in (("aircraft", aircraft), ("ship", ship)):
-        if not isinstance(craft, Course):
-            raise ValueError(f"{name} is {craft!r:.60}, but must be an ncti.irar.Course")
+        require_instance(name, craft, Course)
     require("offset", offset)
     for name, value in (
         ("slant_range", slant_range),

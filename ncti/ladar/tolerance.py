@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ncti.checks import require
+from ncti.checks import require, require_instance
 from ncti.ladar.beam import Beam
 from ncti.ladar.extent import FARTHEST, RangeExtent, binned_extent, bins_of
 from ncti.ladar.pulse import SPEED_OF_LIGHT
@@ -115,6 +115,7 @@ def lines_within(
     0.01 0.45
     0.001 0.11
     """
+    require_instance("view", view, View)
     half_window, bin_count = bins_of(window, bin_width)
 
     def binned(lines: LineImage) -> Parts:
@@ -184,6 +185,8 @@ def extent_within(
     >>> extent.error_after(30e-9) < 0.001
     True
     """
+    require_instance("view", view, View)
+    require_instance("beam", beam, Beam)
     if view.slant_range is None:
         raise ValueError("view is of the far field, but must have a slant_range [m]")
     slant_range = view.slant_range

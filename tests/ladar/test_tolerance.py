@@ -73,3 +73,24 @@ def test_strands_that_agree_have_no_error_and_none_an_unknown_one():
     assert sampling_error(np.ones((16, 5)), 100, 0.0, bin_width=1.0) == pytest.approx(0, abs=1e-12)
     for strands in (np.zeros((16, 5)), np.eye(16)):
         assert math.isnan(sampling_error(strands, 0, 10e-9, bin_width=1.0))
+
+
+NEAR = View(33.0, 3.84, slant_range=20e3)
+
+
+@pytest.mark.parametrize(
+    ("function", "given", "said"),
+    [
+        (lines_within, {"view": (33.0, 3.84)}, "view is .* must be an ncti.render.View"),
+        (extent_within, {"view": None}, "view is None, but must be an ncti.render.View"),
+        (extent_within, {"view": View(33.0, 3.84)}, "view is of the far field"),
+        (extent_within, {"view": replace(NEAR, aspect=361.0)}, "aspect is 361.0 deg"),
+        (extent_within, {"beam": 150e-6}, "beam is 0.00015, but must be an ncti.ladar.Beam"),
+        (extent_within, {"beam": Beam(ifov=0.0)}, "ifov is 0.0 rad"),
+        (extent_within, {"beam": Beam(window=-1.0)}, "window is -1.0 m"),
+    ],
+)
+def test_views_and_beams_are_checked(function, given, said):
+    box = trimesh.creation.box((2.0, 1.0, 1.0))
+    with pytest.raises(ValueError, match=said):
+        function(box, **{"view": NEAR, "tolerance": 0.01, "pulse_width": 30e-9, **given})
