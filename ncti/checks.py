@@ -17,9 +17,10 @@ UNITS = {
         "earth_radius pulse_length spacing",
         "m^2": "area",
         "s": "pulse_width slew_time",
+        "m/s": "speed",
         "Hz": "frame_rate pulse_rate",
         "rad": "ifov",
-        "deg": "aspect mirror_angle roll aircraft_heading ship_heading tracked",
+        "deg": "aspect mirror_angle roll aircraft_heading heading ship_heading tracked",
         "dB": "decibels cnr_db",
         "dB/m": "extinction",
         "K": "contrast contrasts contrast_at_zero nedt deviation sea_sigma sea_spread "
@@ -80,6 +81,13 @@ def require(
     is_slip = "e" not in digits and inside(number * 10.0**power)  # not of a number with an exponent
     meant = f"; {digits} {other} is {digits}e{power}" if is_slip else ""
     raise ValueError(f"{name} is {said}, but must be {allowed}{unit}{meant}")
+
+
+def require_instance(name: str, value: Any, kind: type) -> None:
+    """Raise `ValueError` unless `value` is of a class that a package of the library exports."""
+    if not isinstance(value, kind):
+        package = ".".join(kind.__module__.split(".")[:2])
+        raise ValueError(f"{name} is {_line(value)}, but must be an {package}.{kind.__name__}")
 
 
 def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:

@@ -283,8 +283,6 @@ def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
     def templates(seen: Seen) -> Floats:
         return views.right(seen, views.averages) - best
 
-    between = partial(views.right, truth, views.averages_between, between=True)
-
     return [
         *(
             _row(
@@ -326,15 +324,21 @@ def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
             "against float64, lines of 1/16 m",
         ),
         _draws(views, best),
-        _row(
-            "template spacing",
-            f"{STEP:g}°",
-            _between(views),
-            between() - between(aspects=tuple(sorted((*views.aspects, *views.between)))),
-            f"{STEP / 2:g}° off, nearest template against the view itself; names: of views "
-            "between templates, against these learned, too",
-        ),
+        _spaced(views),
     ]
+
+
+def _spaced(views: Views) -> dict[str, Any]:
+    """Return the row of the spacing of templates."""
+    between = partial(views.right, truth, views.averages_between, between=True)
+    return _row(
+        "template spacing",
+        f"{STEP:g}°",
+        _between(views),
+        between() - between(aspects=tuple(sorted((*views.aspects, *views.between)))),
+        f"{STEP / 2:g}° off, nearest template against the view itself; names: of views "
+        "between templates, against these learned, too",
+    )
 
 
 def _row(name: str, setting: str, error: Sample, change: Floats, how: str) -> dict[str, Any]:

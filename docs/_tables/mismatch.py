@@ -19,14 +19,8 @@ from benchmarks.views import DEPRESSION
 from docs._tables.repeated import over_seeds
 from ncti.classify import AdaptiveClusteringNetwork, CorrelationNeighbour, GaussianTemplates
 from ncti.features import profile_vector
-from ncti.ladar import (
-    banded_frame_moments,
-    cumulative_average,
-    expected_profile,
-    frame_blocks,
-    range_extent,
-    spread_place,
-)
+from ncti.ladar import banded_frame_moments, expected_profile, range_extent, spread_place
+from ncti.ladar.frames import averaged_frames
 from ncti.ladar.places import TEMPLATE_PLACES
 from ncti.render import LineImage, line_image
 from ncti.render.view import ROLL
@@ -186,8 +180,7 @@ def _percent(
                 shift=(0.0, 0.0) if condition.corner else (right, up),
             )
             signal = SIGNAL | {"pulse_width": condition.pulse * SIGNAL["pulse_width"]}
-            frames = frame_blocks(extent, frame_count=FRAMES, rng=rng, **signal)
-            averages.append(cumulative_average(frames, [FRAMES])[0])
+            averages.append(averaged_frames(extent, [FRAMES], rng=rng, **signal)[0])
     return [100 * float(np.mean(classify(np.array(averages)) == true)) for classify in classifiers]
 
 

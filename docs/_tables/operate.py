@@ -21,6 +21,7 @@ from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_ext
 from ncti.render import LineImage
 from studies.operate import (
     ProfileMatch,
+    Radar,
     Seen,
     draw_views,
     fleet_order,
@@ -112,6 +113,7 @@ def compared(
     """
     side, width = 0.15 * setting.slant_range, setting.pulse_width * 1e-9
     pulse: dict[str, Any] = {"pulse_width": width, "cnr": setting.ratio}
+    radar = Radar(**pulse, bin_width=1.0)
     sigma = 0.0 if setting.known else 1.0
     made, extents, sampled = [], [], []
     for number, (lines, places) in enumerate(zip(views.lines, views.places, strict=True)):
@@ -152,8 +154,7 @@ def compared(
     normals = np.random.default_rng(setting.frames).standard_normal((draws, len(tests), 2, 250))
 
     def named(profiles: Floats, noise: Floats) -> NDArray[np.intp]:
-        given = learned, profiles, power, mean, ifovs, noise
-        match = ProfileMatch(*given, bin_width=1.0, floor_sigma=sigma, **pulse)
+        match = ProfileMatch(learned, profiles, power, mean, ifovs, noise, radar, floor_sigma=sigma)
         evidence = match.evidence(setting.frames, gain_sigma=sigma)
         return ship_evidence(evidence, ships).argmax(axis=1)
 

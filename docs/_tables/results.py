@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -139,20 +139,6 @@ def _variants(ships: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"{ship}@1.1x2" for ship in ships)
 
 
-PARTS = (
-    "new",
-    "known",
-    "track",
-    "sensors",
-    "learners",
-    "protocol",
-    "categories",
-    "unknown",
-    "pairs",
-    "flights",
-)
-
-
 @dataclass(frozen=True)
 class Sizes:
     """Sizes of the sweeps: as published, or smaller for a test.
@@ -253,122 +239,164 @@ def in_group(group: str, *names: str) -> tuple[str, ...]:
 
 def measure(sizes: Sizes) -> dict[str, Report]:
     """Return the tables by name, after the sweeps that they need."""
-    parts = sizes.parts or PARTS
     made: dict[str, Report] = {}
-    if "new" in parts:
-        answers = sizes.each(NEW, GROUPS, "new aspects")
-        shifted = sizes.each(SHIFTED, in_group("classification/", "fusion"), "shifted frames")
-        made |= new_aspects(answers) | {"fusion": fusion(answers, shifted)}
-    if "known" in parts:
-        groups = in_group("classification/", "likelihood")
-        made |= prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
-        made |= places(
-            {
-                f"{count} place{'s' * (count > 1)}": sizes.rejecting(
-                    [*KNOWN, f"classifier.template_places={count}"],
-                    CLASSIFIERS[2:],
-                    f"templates at {count} places",
-                    STEP,
-                )
-                for count in PLACES
-            }
-            | {
-                "at the corner": sizes.rejecting(
-                    [*KNOWN, *CORNER], CLASSIFIERS[2:], "templates and tests at the corner", STEP
-                )
-            }
-        )
-    if "track" in parts:
-        tracks = f"classifier.aspect_sigma={listed(TRACKS)}"
-        groups = in_group("classification/", "likelihood")
-        made |= tracked(
-            sizes.each(TRACKED, groups, "aspect unknown"),
-            sizes.each([*TRACKED, tracks], groups, "tracks"),
-        )
-    if "sensors" in parts:
-        near, far = (
-            swept_by_seed(
-                [*overrides, LINES, *sizes.more],
-                in_group("classification/", "fusion"),
-                seeds=sizes.draws,
-                learned=sizes.learned,
-                fresh=sizes.fresh,
-                label=label,
-                workers=sizes.workers,
-            )
-            for overrides, label in ((ABEAM, "both sensors, 25 km"), (SHIFTED, "shifted frames"))
-        )
-        made |= sensors(near, far)
+    for part in PARTS:
+        if part in (sizes.parts or PARTS):
+            made |= MEASURES[part](sizes)
     if "summary" in made and "known" in made:
         made["summary"] = with_known(made["summary"], made["known"])
-    if "learners" in parts:
-        made |= learners(
-            swept_anew(
-                [*LEARNERS, LINES, *sizes.more],
-                ["range_profile", "classification/mnn"],
-                seeds=sizes.draws,
-                learned=sizes.learned,
-                fresh=sizes.fresh,
-                label="other learners",
-                workers=sizes.workers,
-            )
-        )
-    if "protocol" in parts:
-        groups = in_group("classification/", *CLASSIFIERS, "mnn", "acn_infrared")
-        made |= protocol(sizes.alone(PROTOCOL, groups, "the article's protocol"))
-    if "categories" in parts:
-        made |= categories(sizes.alone(FORMED, in_group("classification/", "acn"), "categories"))
-    if "unknown" in parts:
-        sisters = of_unknown(*_variants(UNKNOWN_SHIPS))
-        looked_up, likely, against, themselves = (
-            sizes.rejecting([*overrides, *ships], names, label)
-            for overrides, ships, names, label in (
-                (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
-                (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
-                (AGAINST, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
-                (AGAINST, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
-            )
-        )
-        blind = [*of_unknown(), f"classifier.generated={sizes.generated}"]
-        every, calibrated, tracked_too = (
-            sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
-            for ships, label in (
-                (blind, "generated ships"),
-                ([*blind, *CALIBRATED], "generated ships, gain and floor known"),
-                ([*blind, *CALIBRATED, FOLLOWED], "generated ships, and a track"),
-            )
-        )
-        made |= unknown(
-            looked_up,
-            likely,
-            {
-                "blind": every,
-                "blind, gain and floor known": calibrated,
-                "blind, gain and floor known, aspect within 5°": tracked_too,
-            },
-            against,
-            themselves,
-        )
-    if "pairs" in parts:
-        made |= pairs(
-            {
-                pair: {
-                    alternative: sizes.rejecting(
-                        [*FAR, *overrides],
-                        CLASSIFIERS[2:],
-                        f"{' and '.join(pair)} unknown, alternative: {alternative}",
-                        SOURCE_STEP,
-                        seeds=min(sizes.draws, PAIR_SEEDS),
-                    )
-                    for alternative, overrides in against_pair(pair, sizes.generated).items()
-                }
-                for pair in sizes.pairs
-            }
-        )
-    if "flights" in parts:
-        made |= near_stern(sizes.past(MISSIONS, NEAR, "near-stern flights"))
-        made |= tilts(sizes.past(FLOWN, [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"], "clutter"))
-        made |= chains(sizes.flown(CHAINS, "chains of corrections"))
-        made |= sensitivity(sizes.flown(SENSITIVITY, "errors of navigation"))
-        made |= measured(sizes.flown(MEASURED, "measured profiles", "classification/measured"))
     return made
+
+
+def _new(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of new aspects, and of fusion."""
+    answers = sizes.each(NEW, GROUPS, "new aspects")
+    shifted = sizes.each(SHIFTED, in_group("classification/", "fusion"), "shifted frames")
+    return new_aspects(answers) | {"fusion": fusion(answers, shifted)}
+
+
+def _known(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of prior knowledge, and of places of templates."""
+    groups = in_group("classification/", "likelihood")
+    made = prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
+    at_places = {
+        f"{count} place{'s' * (count > 1)}": (
+            (f"classifier.template_places={count}",),
+            f"templates at {count} places",
+        )
+        for count in PLACES
+    } | {"at the corner": (CORNER, "templates and tests at the corner")}
+    return made | places(
+        {
+            name: sizes.rejecting([*KNOWN, *overrides], CLASSIFIERS[2:], label, STEP)
+            for name, (overrides, label) in at_places.items()
+        }
+    )
+
+
+def _track(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of tracks."""
+    tracks = f"classifier.aspect_sigma={listed(TRACKS)}"
+    groups = in_group("classification/", "likelihood")
+    return tracked(
+        sizes.each(TRACKED, groups, "aspect unknown"),
+        sizes.each([*TRACKED, tracks], groups, "tracks"),
+    )
+
+
+def _sensors(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of both sensors."""
+    near, far = (
+        swept_by_seed(
+            [*overrides, LINES, *sizes.more],
+            in_group("classification/", "fusion"),
+            seeds=sizes.draws,
+            learned=sizes.learned,
+            fresh=sizes.fresh,
+            label=label,
+            workers=sizes.workers,
+        )
+        for overrides, label in ((ABEAM, "both sensors, 25 km"), (SHIFTED, "shifted frames"))
+    )
+    return sensors(near, far)
+
+
+def _learners(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of other learners."""
+    return learners(
+        swept_anew(
+            [*LEARNERS, LINES, *sizes.more],
+            ["range_profile", "classification/mnn"],
+            seeds=sizes.draws,
+            learned=sizes.learned,
+            fresh=sizes.fresh,
+            label="other learners",
+            workers=sizes.workers,
+        )
+    )
+
+
+def _protocol(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of the article's protocol."""
+    groups = in_group("classification/", *CLASSIFIERS, "mnn", "acn_infrared")
+    return protocol(sizes.alone(PROTOCOL, groups, "the article's protocol"))
+
+
+def _categories(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of categories."""
+    return categories(sizes.alone(FORMED, in_group("classification/", "acn"), "categories"))
+
+
+def _unknown(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of unknown ships."""
+    sisters = of_unknown(*_variants(UNKNOWN_SHIPS))
+    looked_up, likely, against, themselves = (
+        sizes.rejecting([*overrides, *ships], names, label)
+        for overrides, ships, names, label in (
+            (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
+            (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
+            (AGAINST, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
+            (AGAINST, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
+        )
+    )
+    blind = [*of_unknown(), f"classifier.generated={sizes.generated}"]
+    every, calibrated, tracked_too = (
+        sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
+        for ships, label in (
+            (blind, "generated ships"),
+            ([*blind, *CALIBRATED], "generated ships, gain and floor known"),
+            ([*blind, *CALIBRATED, FOLLOWED], "generated ships, and a track"),
+        )
+    )
+    generated = {
+        "blind": every,
+        "blind, gain and floor known": calibrated,
+        "blind, gain and floor known, aspect within 5°": tracked_too,
+    }
+    return unknown(looked_up, likely, generated, against, themselves)
+
+
+def _pairs(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of pairs of unknown ships."""
+    return pairs(
+        {
+            pair: {
+                alternative: sizes.rejecting(
+                    [*FAR, *overrides],
+                    CLASSIFIERS[2:],
+                    f"{' and '.join(pair)} unknown, alternative: {alternative}",
+                    SOURCE_STEP,
+                    seeds=min(sizes.draws, PAIR_SEEDS),
+                )
+                for alternative, overrides in against_pair(pair, sizes.generated).items()
+            }
+            for pair in sizes.pairs
+        }
+    )
+
+
+def _flights(sizes: Sizes) -> dict[str, Report]:
+    """Return the tables of flights."""
+    cluttered = [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"]
+    return (
+        near_stern(sizes.past(MISSIONS, NEAR, "near-stern flights"))
+        | tilts(sizes.past(FLOWN, cluttered, "clutter"))
+        | chains(sizes.flown(CHAINS, "chains of corrections"))
+        | sensitivity(sizes.flown(SENSITIVITY, "errors of navigation"))
+        | measured(sizes.flown(MEASURED, "measured profiles", "classification/measured"))
+    )
+
+
+MEASURES: dict[str, Callable[[Sizes], dict[str, Report]]] = {
+    "new": _new,
+    "known": _known,
+    "track": _track,
+    "sensors": _sensors,
+    "learners": _learners,
+    "protocol": _protocol,
+    "categories": _categories,
+    "unknown": _unknown,
+    "pairs": _pairs,
+    "flights": _flights,
+}
+PARTS = tuple(MEASURES)

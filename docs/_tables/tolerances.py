@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # o
 import ncti.ships
 from benchmarks.reports import Column, Report, Sample
 from benchmarks.timing import patched
-from ncti.ladar import RangeExtent, extent_within, pixels, range_extent, sampling
+from ncti.ladar import Beam, RangeExtent, extent_within, pixels, range_extent, sampling
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import available_engines, line_image, range_image, threads
+from ncti.render import View, available_engines, line_image, range_image, threads
 
 Floats = NDArray[np.float64]
 
@@ -306,11 +306,10 @@ def _tolerated(
     taken, extent = _timed(
         lambda: extent_within(
             mesh,
-            aspect=asked.aspect,
-            depression=asked.depression,
+            View(**asked.view),
             tolerance=tolerance,
             pulse_width=asked.pulse_width,
-            **asked.binning,
+            beam=Beam(asked.binning["ifov"], asked.bin_width),
         )
     )
     bound = extent.error_after(asked.pulse_width)

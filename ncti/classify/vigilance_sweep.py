@@ -94,6 +94,11 @@ class Similarities:
         return replace(self, test=self.products(seen), answers=sizes > 0)
 
     @property
+    def are_few(self) -> bool:
+        """Whether the training vectors are one block."""
+        return len(self.lengths) <= BLOCK
+
+    @property
     def few_features(self) -> bool:
         """Whether features are fewer than training vectors."""
         return self.directions.shape[1] < len(self.directions)
@@ -251,22 +256,12 @@ def cluster(
     require("learning_rate", learning_rate, positive=True, maximum=1.0)
     require("max_passes", max_passes, minimum=1, whole=True)
     count = len(similarities.lengths)
-    turn = np.arange(count) if order is None else _places(order, count)
-    turn = turn[similarities.lengths[turn] > 0]
-    if not turn.size:
-        raise ValueError("order holds no vector with a direction, but must hold at least one")
-    # Each row holds the cosines of a category to a block of samples, then its coordinates, which
-    # follow the same rule and are updated together. Few samples are one block.
-    few = count <= BLOCK
+    turn = _presented(similarities, order)
+    few = similarities.are_few
     blocks = [np.arange(count)] if few else np.split(turn, range(BLOCK, len(turn), BLOCK))
-    coordinates, width = similarities.coordinates, min(count, BLOCK)
-    rows = np.zeros((32, width + coordinates.shape[1]))
-    owns = []  # rows of categories that are single samples
-    for block in blocks:
-        shown = similarities.directions[block]
-        between = similarities.between_few if few else shown @ shown.T
-        padding = np.zeros((len(block), width - len(block)))
-        owns.append(np.hstack([between, padding, coordinates[block]]))
+    width = min(count, BLOCK)
+    owns = _single(similarities, blocks, width)
+    rows = np.zeros((32, owns[0].shape[1]))
     lengths: list[float] = []
     threshold = min(vigilance, SAME_DIRECTION)
     assigned: list[int] = []
@@ -308,6 +303,32 @@ def cluster(
     labels = np.full(count, NO_CATEGORY)
     labels[turn] = category
     return Clustering(labels, rows[live, width:], passes, converged)
+
+
+def _presented(similarities: Similarities, order: Indices | None) -> Indices:
+    """Return the samples that have a direction in order of presentation."""
+    count = len(similarities.lengths)
+    turn = np.arange(count) if order is None else _places(order, count)
+    turn = turn[similarities.lengths[turn] > 0]
+    if not turn.size:
+        raise ValueError("order holds no vector with a direction, but must hold at least one")
+    return turn
+
+
+def _single(similarities: Similarities, blocks: list[Indices], width: int) -> list[Floats]:
+    """Return by block the rows of categories that are single samples.
+
+    Each holds the cosines of a category to a block of samples, then its coordinates, which follow
+    the same rule and are updated together. Few samples are one block.
+    """
+    coordinates = similarities.coordinates
+    owns = []
+    for block in blocks:
+        shown = similarities.directions[block]
+        between = similarities.between_few if similarities.are_few else shown @ shown.T
+        padding = np.zeros((len(block), width - len(block)))
+        owns.append(np.hstack([between, padding, coordinates[block]]))
+    return owns
 
 
 def _places(order: ArrayLike, count: int) -> Indices:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ncti.data.views import drawn_at, drawn_lines
 from ncti.labels import labelled
+from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import range_extent
@@ -17,6 +19,8 @@ from ncti.simulate.subject import mesh_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Floats = NDArray[np.float64]
 
 OF_VIEW = ("ship", "variant", "aspect", "depression", "slant_range", "pulse_width", "cnr")
 
@@ -59,43 +63,9 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
     import xarray as xr
 
     views, first = np.unique(rows.view.values, return_index=True)
-    centres, about = rows.down_range.values, rows.attrs
-    bin_width = float(centres[1] - centres[0])
-    drawn_as = rows["variant" if "variant" in rows.coords else "ship"].values
-    means, bands = [], []
-    for k in first.tolist():
-        aspect, depression, slant_range, pulse_width, cnr = (
-            float(rows[name][k]) for name in OF_VIEW[2:]
-        )
-        mesh, ifov = mesh_of(str(drawn_as[k])), about["ifov_urad"] * 1e-6
-        image = drawn_lines(
-            mesh,
-            aspect=aspect,
-            depression=depression,
-            slant_range=slant_range,
-            range_drawn=drawn_at(mesh, slant_range, about["far_field_error"]),
-            spacing=about["spacing_m"],
-            ifov=ifov,
-        )
-        signal = {
-            "pulse_width": pulse_width,
-            "cnr": power_ratio(cnr),
-            "target_free_ifovs": about["target_free_ifovs"],
-        }
-        extents = [
-            range_extent(
-                image,
-                slant_range=slant_range,
-                ifov=ifov,
-                bin_width=bin_width,
-                window=bin_width * len(centres),
-                shift=spread_place(number),
-            )
-            for number in range(places)
-        ]
-        means.append([expected_profile(extent, **signal) for extent in extents])
-        bands.append(banded_frame_moments(extents[0], **signal)[1])
-    whole = np.zeros((len(bands), max(map(len, bands)), len(centres)))
+    of_views = [_moments(rows.isel(row=k), places) for k in first.tolist()]
+    means, bands = zip(*of_views, strict=True)
+    whole = np.zeros((len(bands), max(map(len, bands)), rows.sizes["down_range"]))
     for of_view, band in zip(whole, bands, strict=True):
         of_view[: len(band)] = band
     coords = {
@@ -115,5 +85,30 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
             ),
         },
         coords,
-        about,
+        rows.attrs,
     )
+
+
+def _moments(row: xr.Dataset, places: int) -> tuple[list[Floats], Floats]:
+    """Return the means (bin,) of a view at some places, and its covariance (lag, bin)."""
+    centres, about = row.down_range.values, row.attrs
+    bin_width = float(centres[1] - centres[0])
+    aspect, depression, slant_range, pulse_width, cnr = (float(row[name]) for name in OF_VIEW[2:])
+    mesh = mesh_of(row["variant" if "variant" in row.coords else "ship"].item())
+    beam = Beam(about["ifov_urad"] * 1e-6, bin_width, bin_width * len(centres))
+    signal = vars(Signal(pulse_width, power_ratio(cnr), about["target_free_ifovs"]))
+    image = drawn_lines(
+        mesh,
+        aspect=aspect,
+        depression=depression,
+        slant_range=slant_range,
+        range_drawn=drawn_at(mesh, slant_range, about["far_field_error"]),
+        spacing=about["spacing_m"],
+        ifov=beam.ifov,
+    )
+    extents = [
+        range_extent(image, slant_range=slant_range, shift=spread_place(number), **vars(beam))
+        for number in range(places)
+    ]
+    means = [expected_profile(extent, **signal) for extent in extents]
+    return means, banded_frame_moments(extents[0], **signal)[1]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_word
+from ncti.checks import require
 from ncti.data.draws import Bounds, sampler, uniform_numbers
 from ncti.data.views import (
     OF_ROWS,
@@ -23,36 +23,28 @@ from ncti.data.views import (
     SENSORS,
     VIEW,
     Arrays,
-    Radar,
     Recipe,
     equal_rows,
     simulated,
 )
 from ncti.features.map_vector import map_cells
-from ncti.infrared import (
-    CONTRAST_AT_ZERO,
-    EXTINCTION,
-    IFOV,
-    NEDT,
-    SPREAD,
-    SUPER_RESOLUTIONS,
-    Imager,
-)
+from ncti.infrared import IFOV, Imager
+from ncti.infrared.imager import IMAGER
 from ncti.labels import labelled
+from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
-from ncti.ladar.extent import bin_centres, bins_of
+from ncti.ladar.extent import bin_centres
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.window import check_window
 from ncti.render.far_field import NEGLIGIBLE, reach_of
 from ncti.render.flight import DEPRESSION
-from ncti.simulate.profiles import LONGEST, TARGET_FREE_IFOVS
+from ncti.simulate.profiles import LONGEST
 from ncti.simulate.subject import FARTHEST, NEAREST, SPACING, Ship, check_sight, mesh_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 ANYWHERE = "random"
-IMAGER = Imager(0.25, CONTRAST_AT_ZERO, EXTINCTION, NEDT, SPREAD, SPREAD)
 MOST_ROWS = 10_000_000  # of a call: 10 GB of profiles
 MOST_FRAMES = 10_000
 NUMBERS = {
@@ -94,7 +86,7 @@ VARIABLES = {
     "silhouette": (("row", "angle", "radius"), "log-polar map of the segmented silhouette, 255ths"),
 }
 OF_RADAR: dict[str, Any] = {
-    "pulse_width": 30e-9,
+    "pulse_width": Signal.pulse_width,
     "cnr": None,
     "gain": 1.0,
     "floor": 0.0,
@@ -124,9 +116,9 @@ def dataset(
     floor: Any = OF_RADAR["floor"],
     rows_per_view: int = 25,
     ifov: float = IFOV,
-    bin_width: float = 1.0,
-    window: float = 250.0,
-    target_free_ifovs: int = TARGET_FREE_IFOVS,
+    bin_width: float = Beam.bin_width,
+    window: float = Beam.window,
+    target_free_ifovs: int = Signal.target_free_ifovs,
     spacing: float = SPACING,
     far_field_error: float = NEGLIGIBLE,
     expected: bool = OF_RADAR["expected"],
@@ -241,65 +233,47 @@ def dataset(
     >>> X.shape, len(set(groups))
     ((60, 250), 3)
     """
-    numbers = {
-        "count": count,
-        "seed": seed,
-        "first": first,
-        "workers": workers,
-        "rows_per_view": rows_per_view,
-        "target_free_ifovs": target_free_ifovs,
-        "spacing": spacing,
-        "far_field_error": far_field_error,
-    }
-    for name, value in numbers.items():
-        require(name, value, **vars(NUMBERS[name]))
-    require_word("sensor", sensor, SENSORS)
-    require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
-    if not isinstance(imager, Imager):
-        raise ValueError(f"imager is {imager!r:.60}, but must be an ncti.infrared.Imager")
-    bins_of(window, bin_width)
     names = _names(ships)
-    of_radar = {
-        "pulse_width": pulse_width,
-        "cnr": cnr,
-        "gain": gain,
-        "floor": floor,
-        "expected": expected,
-    }
-    if sensor == "infrared":
-        _check_unused(of_radar)
-    drawn = parameters(
-        np.arange(int(first), int(first) + int(count)),
-        len(names),
-        seed=int(seed),
-        rows_per_view=int(rows_per_view),
-        bin_width=bin_width,
-        aspect=aspect,
-        depression=depression,
-        slant_range=slant_range,
-        pulse_width=pulse_width,
-        cnr=cnr,
-        frames=frames,
-        gain=gain,
-        floor=floor,
+    count, first, workers, rows_per_view = _whole(
+        count=count, first=first, workers=workers, rows_per_view=rows_per_view
     )
-    check_sight(float(drawn["slant_range"].min()), ifov)
-    if sensor != "infrared":
-        _check_window(ships, names, window, float(drawn["pulse_width"].max()))
+    seed, free = _whole(seed=seed, target_free_ifovs=target_free_ifovs)
+    _check_numbers(spacing=spacing, far_field_error=far_field_error)
     recipe = Recipe(
         ships=tuple(ships),
-        seed=int(seed),
+        seed=seed,
         sensor=sensor,
-        radar=Radar(ifov, bin_width, window, int(target_free_ifovs)),
+        beam=Beam(ifov, bin_width, window),
+        target_free_ifovs=free,
         imager=imager,
         super_resolution=super_resolution,
         spacing=spacing,
         far_field_error=far_field_error,
         expected=bool(expected),
     )
-    arrays = _gathered(recipe, drawn, int(workers))
+    of_radar = {"pulse_width": pulse_width, "cnr": cnr, "gain": gain, "floor": floor}
+    if sensor == "infrared":
+        _check_unused(of_radar | {"expected": expected})
+    of_view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
+    given = of_view | of_radar | {"frames": frames, "bin_width": bin_width}
+    rows = np.arange(first, first + count)
+    drawn = parameters(rows, len(names), seed=seed, rows_per_view=rows_per_view, **given)
+    _check_views(recipe, names, drawn)
+    arrays = _gathered(recipe, drawn, workers)
     drawn["ship"] = np.array(names)[drawn["ship"]]
-    return _labelled(recipe, drawn | arrays, int(rows_per_view))
+    return _labelled(recipe, drawn | arrays, rows_per_view)
+
+
+def _check_numbers(**numbers: float) -> None:
+    """Raise `ValueError` for numbers out of the bounds of `NUMBERS`."""
+    for name, value in numbers.items():
+        require(name, value, **vars(NUMBERS[name]))
+
+
+def _whole(**numbers: float) -> list[int]:
+    """Return numbers as integers, or raise `ValueError` for those out of their bounds."""
+    _check_numbers(**numbers)
+    return [int(value) for value in numbers.values()]
 
 
 def _check_unused(of_radar: dict[str, Any]) -> None:
@@ -342,13 +316,15 @@ def _names(ships: Sequence[Ship]) -> list[str]:
     return names
 
 
-def _check_window(
-    ships: Sequence[Ship], names: list[str], window: float, pulse_width: float
-) -> None:
-    """Raise `ValueError` for a window that does not hold a ship, both its edges free."""
-    for ship, name in zip(ships, names, strict=True):
+def _check_views(recipe: Recipe, names: list[str], drawn: Arrays) -> None:
+    """Raise `ValueError` for a beam too narrow, or a window without room at both its edges."""
+    check_sight(float(drawn["slant_range"].min()), recipe.beam.ifov)
+    if "range" not in SENSORS[recipe.sensor]:
+        return
+    longest = float(drawn["pulse_width"].max())
+    for ship, name in zip(recipe.ships, names, strict=True):
         reach = reach_of(mesh_of(ship).vertices)
-        check_window(window, ship=name, reach=reach, pulse_width=pulse_width)
+        check_window(recipe.beam.window, ship=name, reach=reach, pulse_width=longest)
 
 
 def parameters(
@@ -357,7 +333,7 @@ def parameters(
     *,
     seed: int,
     rows_per_view: int,
-    bin_width: float = 1.0,
+    bin_width: float = Beam.bin_width,
     cnr: Any = OF_RADAR["cnr"],
     **given: Any,
 ) -> Arrays:
@@ -430,20 +406,20 @@ def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
-    radar = recipe.radar
+    beam = recipe.beam
     attributes: dict[str, Any] = {
         "seed": recipe.seed,
         "sensor": recipe.sensor,
         "rows_per_view": rows_per_view,
-        "ifov_urad": round(radar.ifov * 1e6, 9),
+        "ifov_urad": round(beam.ifov * 1e6, 9),
         "spacing_m": float(recipe.spacing),
         "far_field_error": float(recipe.far_field_error),
     }
     rows = dict(ROWS)
     coords: dict[str, Any] = {}
     if "range" in SENSORS[recipe.sensor]:
-        attributes["target_free_ifovs"] = radar.target_free_ifovs
-        bins = bin_centres(radar.window, radar.bin_width)
+        attributes["target_free_ifovs"] = recipe.target_free_ifovs
+        bins = bin_centres(beam.window, beam.bin_width)
         coords["down_range"] = labelled("down_range", bins, "m", "down-range")
     else:
         rows = {name: about for name, about in ROWS.items() if name not in ONLY_RADAR}

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.checks import require_instance, require_word
 from ncti.features import segment, silhouette_map
-from ncti.infrared import DetectorView, Hits, Imager, footprint
+from ncti.infrared import SUPER_RESOLUTIONS, DetectorView, Hits, Imager, footprint
+from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import power_ratio
 from ncti.ladar.expected import expected_profile
-from ncti.ladar.extent import bin_centres, range_extent
-from ncti.ladar.frames import cumulative_average, frame_blocks
+from ncti.ladar.extent import bins_of, range_extent
+from ncti.ladar.frames import averaged_frames
 from ncti.ladar.moments import frame_variance
 from ncti.ladar.pulse import noise_floor
 from ncti.render import LineImage, drawn_range, line_image
@@ -45,38 +47,31 @@ SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "in
 
 
 @dataclass(frozen=True)
-class Radar:
-    """The laser radar of a data set, common to all of its rows.
-
-    `ifov` [rad]; `bin_width` [m]; `window` [m], centred on the ship origin; each frame also
-    accumulates `target_free_ifovs`.
-    """
-
-    ifov: float
-    bin_width: float
-    window: float
-    target_free_ifovs: int
-
-
-@dataclass(frozen=True)
 class Recipe:
     """Settings that all rows of a data set share, wherever they are simulated.
 
-    `ships` are names, paths or meshes, and `sensor` is a word of `SENSORS`. The imager's pixels are
-    as wide as the IFOVs. Lines are `spacing` [m] apart, and `far_field_error` [1] is the largest
-    error of drawing the far field in place of a slant range. `expected` asks for expected profiles,
-    too.
+    `ships` are names, paths or meshes, and `sensor` is a word of `SENSORS`. Each frame accumulates
+    `target_free_ifovs` besides the ship's. The imager's pixels are as wide as the IFOVs. Lines are
+    `spacing` [m] apart, and `far_field_error` [1] is the largest error of drawing the far field in
+    place of a slant range. `expected` asks for expected profiles, too.
     """
 
     ships: tuple[Ship, ...]
     seed: int
     sensor: str
-    radar: Radar
+    beam: Beam
+    target_free_ifovs: int
     imager: Imager
     super_resolution: str
     spacing: float
     far_field_error: float
     expected: bool
+
+    def __post_init__(self) -> None:
+        require_word("sensor", self.sensor, SENSORS)
+        require_word("super_resolution", self.super_resolution, SUPER_RESOLUTIONS)
+        require_instance("imager", self.imager, Imager)
+        bins_of(self.beam.window, self.beam.bin_width)
 
     def rng(self, key: int, row: int) -> np.random.Generator:
         """Return the source of randomness of one row."""
@@ -115,7 +110,7 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
                 slant_range=slant_range,
                 range_drawn=sight[-1],
                 spacing=recipe.spacing,
-                ifov=recipe.radar.ifov,
+                ifov=recipe.beam.ifov,
             )
         of_rows = {name: values[rows] for name, values in drawn.items()}
         found: Arrays = {}
@@ -162,8 +157,8 @@ def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:
 
 def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays) -> Arrays:
     """Return the profiles of the rows of one view, with the expected ones if they are wanted."""
-    radar = recipe.radar
-    count, bins = len(drawn["row"]), bin_centres(radar.window, radar.bin_width).size
+    beam, free = recipe.beam, recipe.target_free_ifovs
+    count, bins = len(drawn["row"]), bins_of(beam.window, beam.bin_width)[1]
     found: Arrays = {
         name: np.empty((count, bins), dtype=np.float32)
         for name in ("profile", *(["expected"] if recipe.expected else []))
@@ -171,23 +166,11 @@ def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
     found["error_bound"] = np.empty(count)
     for k, row in enumerate(drawn["row"].tolist()):
         right, up = (drawn[name][k].item() for name in PLACE)
-        extent = range_extent(
-            image,
-            slant_range=slant_range,
-            ifov=radar.ifov,
-            bin_width=radar.bin_width,
-            window=radar.window,
-            shift=(right, up),
-        )
-        floor = (len(extent.fraction) + radar.target_free_ifovs) * noise_floor()
+        extent = range_extent(image, slant_range=slant_range, shift=(right, up), **vars(beam))
+        floor = (len(extent.fraction) + free) * noise_floor()
         pulse_width, cnr, frames, gain, shift = (drawn[name][k].item() for name in SIGNAL)
-        signal: dict[str, Any] = {
-            "pulse_width": pulse_width,
-            "cnr": power_ratio(cnr),
-            "target_free_ifovs": radar.target_free_ifovs,
-        }
-        blocks = frame_blocks(extent, frame_count=frames, rng=recipe.rng(SPECKLE, row), **signal)
-        [profile] = cumulative_average(blocks, [frames])
+        signal = vars(Signal(pulse_width, power_ratio(cnr), free))
+        [profile] = averaged_frames(extent, [frames], rng=recipe.rng(SPECKLE, row), **signal)
         change = np.zeros(profile.shape)
         if recipe.expected or gain != 1.0:
             mean = expected_profile(extent, **signal)
@@ -210,7 +193,7 @@ def silhouettes(
     """
     imager, method = recipe.imager, recipe.super_resolution
     patches = Hits.of(image).patches()
-    side, contrast = footprint(slant_range, recipe.radar.ifov), imager.contrast(slant_range)
+    side, contrast = footprint(slant_range, recipe.beam.ifov), imager.contrast(slant_range)
     images = []
     for row, frames in zip(drawn["row"].tolist(), drawn["frames"].tolist(), strict=True):
         rng = recipe.rng(IMAGE, row)

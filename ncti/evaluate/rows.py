@@ -195,24 +195,9 @@ def score(
     truth = require_labels("y", y)
     if truth.ndim != 1 or not truth.size:
         raise ValueError(f"y has shape {truth.shape}, but must be a non-empty sequence")
-    learned = np.unique(truth) if classes is None else require_labels("classes", classes)
-    values = None
-    if np.ndim(predicted) == 2:
-        if classes is None:
-            raise ValueError("classes is None, but must name the columns of predicted")
-        values = require_all("predicted", predicted)
-        require_shape("predicted", values, (truth.size, learned.size))
-        # Columns in the order of the classes, as those of scikit-learn are.
-        order = np.argsort(learned)
-        learned, values = learned[order], values[:, order]
-        named = learned[values.argmax(axis=1)]
-        similarity = values.max(axis=1) if similarity is None else similarity
-    else:
-        learned, named = np.unique(learned), require_labels("predicted", predicted)
-        require_shape("predicted", named, truth.shape)
-    if not np.isin(named, learned).all():
-        stray = named[~np.isin(named, learned)][0]
-        raise ValueError(f"predicted has {stray!r}, but must be among the classes, {learned}")
+    learned, named, values = _answers(truth, predicted, classes)
+    if values is not None and similarity is None:
+        similarity = values.max(axis=1)
     known = np.isin(truth, learned)
     if not known.any():
         raise ValueError(f"y has {truth[:1]}, but must have a row of the classes, {learned}")
@@ -245,6 +230,30 @@ def score(
         oscr=oscr,
         kept=kept,
     )
+
+
+def _answers(
+    truth: NDArray, predicted: ArrayLike, classes: ArrayLike | None
+) -> tuple[NDArray, NDArray, Floats | None]:
+    """Return the classes, sorted, those named (row,), and the values (row, class), if any."""
+    learned = np.unique(truth) if classes is None else require_labels("classes", classes)
+    values = None
+    if np.ndim(predicted) == 2:
+        if classes is None:
+            raise ValueError("classes is None, but must name the columns of predicted")
+        values = require_all("predicted", predicted)
+        require_shape("predicted", values, (truth.size, learned.size))
+        # Columns in the order of the classes, as those of scikit-learn are.
+        order = np.argsort(learned)
+        learned, values = learned[order], values[:, order]
+        named = learned[values.argmax(axis=1)]
+    else:
+        learned, named = np.unique(learned), require_labels("predicted", predicted)
+        require_shape("predicted", named, truth.shape)
+    if not np.isin(named, learned).all():
+        stray = named[~np.isin(named, learned)][0]
+        raise ValueError(f"predicted has {stray!r}, but must be among the classes, {learned}")
+    return learned, named, values
 
 
 def _are_probabilities(values: Floats) -> bool:

@@ -4,7 +4,7 @@ from ncti.infrared.bands import LONG_WAVE, MID_WAVE, band_contrast
 from ncti.infrared.detection import detection_probability, detection_threshold
 from ncti.infrared.detector_view import DetectorView, LargestWindow
 from ncti.infrared.hits import Hits
-from ncti.infrared.imager import Imager
+from ncti.infrared.imager import Imager, image
 from ncti.infrared.radiometry import (
     CONTRAST_AT_ZERO,
     EXTINCTION,
@@ -18,7 +18,7 @@ from ncti.infrared.radiometry import (
 )
 from ncti.infrared.silhouette import Silhouette, coverage_of, footprint, silhouette
 from ncti.infrared.super_resolution import reconstruction_error, shifted_images
-from ncti.infrared.synthesis import SUPER_RESOLUTIONS, image, pixel_sigma, thermal_images
+from ncti.infrared.synthesis import SUPER_RESOLUTIONS, pixel_sigma, thermal_images
 
 __all__ = [
     "CONTRAST_AT_ZERO",

@@ -13,8 +13,7 @@ from ncti.infrared.detection import detection_probability
 from ncti.infrared.hits import MARGIN, Patches
 from ncti.infrared.imager import Imager
 from ncti.infrared.silhouette import Silhouette, coverage_of, footprint
-from ncti.infrared.super_resolution import enlarge, reconstruction_error, shifted_images
-from ncti.infrared.synthesis import thermal_images
+from ncti.infrared.super_resolution import enlarge, reconstruction_error
 
 Floats = NDArray[np.float64]
 SubpixelOffset = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
@@ -132,7 +131,7 @@ class DetectorView:
     >>> from ncti.render import line_image
     >>> box = trimesh.creation.box((100, 12, 10)).apply_translation((0, 0, 5))
     >>> hits = Hits.of(line_image(box, aspect=90, depression=3.84, spacing=1.0))
-    >>> imager = Imager(0.25, 2.1585, 0.181e-3, 0.3, 0.1, 0.1)
+    >>> imager = Imager(nedt=0.3)
     >>> view = DetectorView(hits.patches(), 7.5, imager.contrast(50e3), imager,
     ...                     lambda stage, **more: np.random.default_rng(0))
     >>> view.detection_probability(1e-6, (0, 1), (1, 16)).round(2)
@@ -185,16 +184,13 @@ class DetectorView:
             rng = self.stream(stage="infrared", super_resolution=super_resolution)
             self._drawn[kept] = rng, []
         rng, drawn = self._drawn[kept]
-        draw = shifted_images if super_resolution == "shifted" else thermal_images
         for offset in range(len(drawn), max(subpixel_offsets) + 1):
-            images = draw(
+            images = self.imager.images(
                 self.shown(offset, HALVES[super_resolution]),
                 contrast=self.contrast,
                 frame_counts=frame_count,
                 rng=rng,
-                nedt=self.imager.nedt,
-                target_spread=self.imager.target_spread,
-                sea_spread=self.imager.sea_spread,
+                super_resolution=super_resolution,
             )
             drawn.append(images)
         return np.array([drawn[offset] for offset in subpixel_offsets])

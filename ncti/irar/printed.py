@@ -12,7 +12,7 @@ from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks
 from ncti.irar.mirror import mirror_rotation
-from ncti.irar.registration import azimuth_shift, rotated
+from ncti.irar.registration import Course, azimuth_shift, rotated
 from ncti.irar.scan import Scan
 from ncti.irar.snapshot import Snapshot, Window, centres, window_of
 from ncti.irar.time_delay import time_delay_integrate
@@ -131,10 +131,8 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
     shifts = np.array(
         [
             azimuth_shift(
-                aircraft_speed=flight.aircraft_speed,
-                aircraft_heading=flight.track,
-                ship_speed=flight.ship_speed,
-                ship_heading=flight.ship_heading,
+                Course(flight.aircraft_speed, flight.track),
+                Course(flight.ship_speed, flight.ship_heading),
                 offset=flight.sight - flight.track,
                 slant_range=flight.slant_range - _approach(flight) * moment,
                 ifov=flight.ifov,

@@ -9,11 +9,12 @@ origin, upwards and to the right.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_word
+from ncti.checks import require, require_instance, require_word
 from ncti.irar.flight import Flight
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 
@@ -22,12 +23,45 @@ Floats = NDArray[np.float64]
 MOTION_METHODS = ("pixel", "line", "constant")
 
 
+@dataclass(frozen=True)
+class Course:
+    """Speed and heading of a craft over the sea.
+
+    Attributes
+    ----------
+    speed : float
+        Speed [m/s].
+    heading : float
+        Direction of the motion, clockwise from north [deg].
+
+    Raises
+    ------
+    ValueError
+        If the speed is negative, or the heading not finite.
+
+    See Also
+    --------
+    azimuth_shift : Shift of an image by two of them.
+
+    Examples
+    --------
+    >>> from ncti.irar import Course
+    >>> Course(speed=90.0, heading=5.0)
+    Course(speed=90.0, heading=5.0)
+    """
+
+    speed: float
+    heading: float
+
+    def __post_init__(self) -> None:
+        require("speed", self.speed, minimum=0)
+        require("heading", self.heading)
+
+
 def azimuth_shift(
+    aircraft: Course,
+    ship: Course,
     *,
-    aircraft_speed: float,
-    aircraft_heading: float,
-    ship_speed: float,
-    ship_heading: float,
     offset: float,
     slant_range: float,
     ifov: float,
@@ -38,10 +72,8 @@ def azimuth_shift(
 
     Parameters
     ----------
-    aircraft_speed, ship_speed : float
-        Speeds V_a and V_s [m/s].
-    aircraft_heading, ship_heading : float
-        Headings beta_a and beta_s, clockwise from north [deg].
+    aircraft, ship : Course
+        Speeds V_a and V_s, and headings beta_a and beta_s.
     offset : float
         Azimuth of the line of sight from the aircraft's heading, theta [deg].
     slant_range : float
@@ -61,7 +93,7 @@ def azimuth_shift(
     Raises
     ------
     ValueError
-        If a speed is negative, an angle not finite, or range, IFOV, rate or scans not positive.
+        If a course is none, the offset not finite, or range, IFOV, rate or scans not positive.
 
     See Also
     --------
@@ -89,11 +121,10 @@ def azimuth_shift(
     --------
     Per row of ten lines at 3.9 km, 5 deg off a ship that sails straight away:
 
+    >>> from ncti.irar import Course, azimuth_shift
     >>> shift = azimuth_shift(
-    ...     aircraft_speed=90.0,
-    ...     aircraft_heading=0.0,
-    ...     ship_speed=8.0,
-    ...     ship_heading=0.0,
+    ...     Course(90.0, heading=0.0),
+    ...     Course(8.0, heading=0.0),
     ...     offset=5.0,
     ...     slant_range=3.9e3,
     ...     ifov=205e-6,
@@ -103,10 +134,8 @@ def azimuth_shift(
     >>> print(f"{shift:.2f} pixels")
     0.75 pixels
     """
-    for name, value in (("aircraft_speed", aircraft_speed), ("ship_speed", ship_speed)):
-        require(name, value, minimum=0)
-    require("aircraft_heading", aircraft_heading)
-    require("ship_heading", ship_heading)
+    for name, craft in (("aircraft", aircraft), ("ship", ship)):
+        require_instance(name, craft, Course)
     require("offset", offset)
     for name, value in (
         ("slant_range", slant_range),
@@ -116,8 +145,8 @@ def azimuth_shift(
     ):
         require(name, value, positive=True)
     theta = math.radians(offset)
-    ship = math.radians(aircraft_heading + offset + 270.0 - ship_heading)
-    bracket = aircraft_speed * math.sin(theta) - ship_speed * math.cos(ship)
+    towards = math.radians(aircraft.heading + offset + 270.0 - ship.heading)
+    bracket = aircraft.speed * math.sin(theta) - ship.speed * math.cos(towards)
     return scans * bracket / (slant_range * ifov * rate)
 
 
@@ -199,11 +228,9 @@ def motion_displacement(
     if method == "constant":
         row = flight.climb * time / flight.pixel
         shift = flight.line_rate * azimuth_shift(
-            aircraft_speed=flight.aircraft_speed,
             # The equation assumes that the aircraft moves along its heading.
-            aircraft_heading=flight.track,
-            ship_speed=flight.ship_speed,
-            ship_heading=flight.ship_heading,
+            Course(flight.aircraft_speed, flight.track),
+            Course(flight.ship_speed, flight.ship_heading),
             offset=flight.sight - flight.track,
             slant_range=flight.slant_range,
             ifov=flight.ifov,

@@ -7,7 +7,7 @@ import numpy as np
 from ncti.checks import NothingSeenError, require
 from ncti.irar.flight import Flight
 from ncti.irar.snapshot import ShipPixels, Snapshot
-from ncti.ladar import RangeExtent
+from ncti.ladar import Beam, RangeExtent
 
 
 def measured_extent(
@@ -15,9 +15,9 @@ def measured_extent(
     flight: Flight,
     *,
     slant_range: float,
-    ifov: float = 150e-6,
-    bin_width: float = 1.0,
-    window: float = 250.0,
+    ifov: float = Beam.ifov,
+    bin_width: float = Beam.bin_width,
+    window: float = Beam.window,
 ) -> RangeExtent:
     """Return range-extent fractions of a segmented image, for the range-profiling sensor's IFOVs.
 

@@ -1,5 +1,6 @@
 """Laser radar: range extents, link budget, expected profiles, sampled frames and their moments."""
 
+from ncti.ladar.beam import Beam
 from ncti.ladar.budget import carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, bin_centres, no_return, range_extent
@@ -10,6 +11,7 @@ from ncti.ladar.pulse import noise_floor
 from ncti.ladar.tolerance import extent_within, lines_within
 
 __all__ = [
+    "Beam",
     "RangeExtent",
     "banded_frame_moments",
     "bin_centres",

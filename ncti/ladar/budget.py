@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ncti.checks import require
+from ncti.ladar.beam import Signal
 from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import REFERENCE_BIN
 from ncti.ladar.pulse import noise_floor
@@ -54,7 +55,7 @@ def power_ratio(decibels: float) -> float:
 def carrier_to_noise(
     slant_range: float,
     *,
-    reference: float = 10**3.2,
+    reference: float = Signal.cnr,
     reference_range: float = 100e3,
     extinction: float = 0.0,
 ) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_each, require_word
+from ncti.ladar.beam import Beam
 from ncti.ladar.sampling import pixel_error, sampling_error
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
@@ -232,9 +233,9 @@ def range_extent(
     image: RangeImage | LineImage,
     *,
     slant_range: float,
-    ifov: float = 150e-6,
-    bin_width: float = 1.0,
-    window: float = 250.0,
+    ifov: float = Beam.ifov,
+    bin_width: float = Beam.bin_width,
+    window: float = Beam.window,
     spread: float = 0.5,
     reflectance: str = "projected_area",
     shift: tuple[float, float] = (0.0, 0.0),

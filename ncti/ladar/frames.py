@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache, partial
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -307,6 +308,14 @@ def cumulative_average(
     for count in frame_counts:
         require("frame_count", count, maximum=taken)
     return np.stack([averages[int(count)] for count in frame_counts])
+
+
+def averaged_frames(
+    extent: RangeExtent, frame_counts: Sequence[int], **noise: Any
+) -> NDArray[np.float64]:
+    """Return (frame_count, bin) averages over the first frames, of `noise` as `frame_blocks`."""
+    blocks = frame_blocks(extent, frame_count=max(frame_counts), **noise)
+    return cumulative_average(blocks, frame_counts)
 
 
 class _TargetFree:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ncti.checks import require
+from ncti.checks import require, require_instance
+from ncti.ladar.beam import Beam
 from ncti.ladar.extent import FARTHEST, RangeExtent, binned_extent, bins_of
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.ladar.sampling import SLOPE, sampling_error, scarcity
@@ -16,7 +18,7 @@ from ncti.render.draw_lines import line_image, refined
 from ncti.render.far_field import drawn_range, sampling_tolerance
 from ncti.render.lines import LineImage
 from ncti.render.surfaces import Surfaces
-from ncti.render.view import ROLL, View
+from ncti.render.view import View
 
 if TYPE_CHECKING:
     import trimesh
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 Binned = TypeVar("Binned", "Parts", RangeExtent)
 
+BEAM = Beam()
 FINEST = 1 / 256
 """Smallest distance between lines [m]: the error of ships is then some 0.003 % without a pulse."""
 
@@ -45,23 +48,22 @@ lines than most views take, larger ones draw more views twice."""
 
 def lines_within(
     mesh: trimesh.Trimesh,
+    view: View,
     *,
-    aspect: float,
-    depression: float,
     tolerance: float,
     pulse_width: float,
-    roll: float = ROLL,
-    slant_range: float | None = None,
-    bin_width: float = 1.0,
-    window: float = 250.0,
+    bin_width: float = Beam.bin_width,
+    window: float = Beam.window,
     spacing: float = COARSEST,
 ) -> LineImage:
     """Return a line image, as coarse as possible, whose range extent is accurate to a tolerance.
 
     Parameters
     ----------
-    mesh, aspect, depression, roll, slant_range
+    mesh : trimesh.Trimesh
         See `ncti.render.line_image`.
+    view : ncti.render.View
+        Direction and distance from which it is seen.
     tolerance : float
         Largest error of the summed range extent after the pulse, sum |p - q| / sum q.
     pulse_width : float
@@ -95,8 +97,8 @@ def lines_within(
     five need no more lines. In the others the number by which the spacing is divided follows from
     the bound. Lines are kept, and only those between them are added. The bound has to be within
     0.7 of the tolerance, because a few bounds are too small: of 5,600 errors, none exceeded its
-    tolerance then, and four did with 0.85. The tolerance holds at `slant_range`; a far-field image
-    has the error `ncti.render.far_field_error` besides at any finite range.
+    tolerance then, and four did with 0.85. The tolerance holds at the view's range; an image of the
+    far field has the error `ncti.render.far_field_error` besides at any finite range.
 
     Examples
     --------
@@ -104,16 +106,16 @@ def lines_within(
 
     >>> import ncti
     >>> from ncti.ladar import lines_within
-    >>> ship = ncti.ships.load("duncan")
+    >>> from ncti.render import View
+    >>> ship, view = ncti.ships.load("duncan"), View(aspect=37, depression=3.84)
     >>> for tolerance in (0.1, 0.01, 0.001):
-    ...     lines = lines_within(
-    ...         ship, aspect=37, depression=3.84, tolerance=tolerance, pulse_width=30e-9
-    ...     )
+    ...     lines = lines_within(ship, view, tolerance=tolerance, pulse_width=30e-9)
     ...     print(tolerance, lines.spacing)
     0.1 0.95
     0.01 0.45
     0.001 0.11
     """
+    require_instance("view", view, View)
     half_window, bin_count = bins_of(window, bin_width)
 
     def binned(lines: LineImage) -> Parts:
@@ -126,35 +128,31 @@ def lines_within(
             bin_count=bin_count,
         )
 
-    view = {"aspect": aspect, "depression": depression, "roll": roll, "slant_range": slant_range}
     resolution = {"pulse_width": pulse_width, "bin_width": bin_width}
     return _within(mesh, view, binned, tolerance=tolerance, spacing=spacing, **resolution)[0]
 
 
 def extent_within(
     mesh: trimesh.Trimesh,
+    view: View,
     *,
-    aspect: float,
-    depression: float,
-    slant_range: float,
     tolerance: float,
     pulse_width: float,
-    roll: float = ROLL,
-    ifov: float = 150e-6,
-    bin_width: float = 1.0,
-    window: float = 250.0,
+    beam: Beam = BEAM,
     spacing: float = COARSEST,
 ) -> RangeExtent:
     """Return the range extent of a ship, accurate to a tolerance.
 
     Parameters
     ----------
-    mesh, aspect, depression, roll
+    mesh : trimesh.Trimesh
         See `ncti.render.line_image`.
-    slant_range, ifov, bin_width, window
-        See `range_extent`.
+    view : ncti.render.View
+        Direction and distance from which it is seen; not the far field.
     tolerance, pulse_width, spacing
         See `lines_within`; lines are at most an IFOV apart.
+    beam : Beam
+        IFOVs, range bins and range window.
 
     Returns
     -------
@@ -180,42 +178,39 @@ def extent_within(
     --------
     >>> import ncti
     >>> from ncti.ladar import extent_within
+    >>> from ncti.render import View
     >>> ship = ncti.ships.load("duncan")
-    >>> extent = extent_within(
-    ...     ship,
-    ...     aspect=37,
-    ...     depression=3.84,
-    ...     slant_range=100e3,
-    ...     tolerance=0.001,
-    ...     pulse_width=30e-9,
-    ... )
+    >>> view = View(aspect=37, depression=3.84, slant_range=100e3)
+    >>> extent = extent_within(ship, view, tolerance=0.001, pulse_width=30e-9)
     >>> extent.error_after(30e-9) < 0.001
     True
     """
+    require_instance("view", view, View)
+    require_instance("beam", beam, Beam)
+    if view.slant_range is None:
+        raise ValueError("view is of the far field, but must have a slant_range [m]")
+    slant_range = view.slant_range
     require("slant_range", slant_range, positive=True, maximum=FARTHEST)
-    require("ifov", ifov, positive=True, maximum=1.0)
+    require("ifov", beam.ifov, positive=True, maximum=1.0)
     drawn = drawn_range(Surfaces.of(mesh).reach, slant_range, tolerance=tolerance)
 
     def binned(lines: LineImage) -> RangeExtent:
-        return binned_extent(
-            lines, slant_range=slant_range, ifov=ifov, bin_width=bin_width, window=window
-        )
+        return binned_extent(lines, slant_range=slant_range, **vars(beam))
 
-    view = {"aspect": aspect, "depression": depression, "roll": roll, "slant_range": drawn}
     return _within(
         mesh,
-        view,
+        replace(view, slant_range=drawn),
         binned,
         tolerance=sampling_tolerance(tolerance, drawn),
         pulse_width=pulse_width,
-        bin_width=bin_width,
-        spacing=min(spacing, ifov * slant_range),
+        bin_width=beam.bin_width,
+        spacing=min(spacing, beam.ifov * slant_range),
     )[1]
 
 
 def _within(
     mesh: trimesh.Trimesh,
-    view: dict[str, Any],
+    view: View,
     binned: Callable[[LineImage], Binned],
     *,
     tolerance: float,
@@ -230,8 +225,9 @@ def _within(
     require("spacing", spacing, positive=True)
     goal = MARGIN * tolerance
     resolution = math.hypot(bin_width, SPEED_OF_LIGHT * pulse_width)
-    first = first_spacing(mesh, View.checked(**view), tolerance=goal, resolution=resolution)
-    lines = line_image(mesh, spacing=min(first, spacing), **view)
+    seen = asdict(view)
+    first = first_spacing(mesh, View.checked(**seen), tolerance=goal, resolution=resolution)
+    lines = line_image(mesh, spacing=min(first, spacing), **seen)
     while True:
         extent = binned(lines)
         error = sampling_error(extent.strands, lines.count, pulse_width, bin_width=bin_width)

@@ -10,7 +10,7 @@ from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
 from ncti.render.rays import RayHits, cast_rays
 from ncti.render.sampled import Sampling
-from ncti.render.view import far_field_error
+from ncti.render.view import View, far_field_error
 
 __all__ = [
     "EngineError",
@@ -18,6 +18,7 @@ __all__ = [
     "RangeImage",
     "RayHits",
     "Sampling",
+    "View",
     "available_engines",
     "cast_rays",
     "depression_angle",

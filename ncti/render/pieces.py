@@ -248,19 +248,19 @@ def spread_along(
     strands: Floats,
     strand: Any,
     weight: float,
-    high: float,
-    before: float,
-    after: float,
-    start: tuple[float, float, float, float],
+    start: tuple[float, float, float, float, float],
+    end: tuple[float, float],
     depths: Depths,
 ) -> None:
     """Add a part of a line to the bins between two ranges [bin]; range turns nowhere between.
 
-    `start` is where it begins: the place, r and q there, and the slope of q along the line. Range
-    is e at X beyond it where p X^2 + 2 h X + c = 0, the equation of a sphere about the sensor.
+    `start` is where it begins: the place, its range [bin], r and q there, and the slope of q along
+    the line; `end` has place and range. Range is e at X beyond the start where p X^2 + 2 h X + c =
+    0, the equation of a sphere about the sensor.
     """
     curvature, wavefront, edge, bin_width, _ = depths
-    low, r, q, slope = start
+    low, before, r, q, slope = start
+    high, after = end
     m, n = int(before), int(after)
     done, length = 0.0, high - low
     towards, side = (1, 1) if n > m else (-1, 0)
@@ -341,15 +341,13 @@ def bin_pieces(
             # Range falls along a line up to its nearest place, and grows from there on.
             x = nearest if low < nearest < high else high
             while True:
-                start = (low, r, q, slope)
+                start = (low, before, r, q, slope)
                 q = piece[p, 3] if x >= end else piece[p, 2] + slope * (x - begin)
                 r = down_range(q, x, y, curvature, wavefront)
                 reach = max(reach, abs(r))
                 after = min(max((r - edge) * per_bin, 0.0), last_bin)
                 if wavefront > 0.0:
-                    spread_along(
-                        area, into, strands, strand, weight[p], x, before, after, start, depths
-                    )
+                    spread_along(area, into, strands, strand, weight[p], start, (x, after), depths)
                 else:
                     share = (x - low) * weight[p]
                     near, far = min(before, after), max(before, after)

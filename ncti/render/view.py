@@ -41,9 +41,28 @@ MAX_SIDE = 16384
 class View:
     """Direction and distance from which a ship is seen.
 
-    `aspect` [deg] is the bearing of the sensor from the ship, 0 at the bow, growing to port;
-    `depression` [deg] that of the line of sight; `roll` [deg] rotates the pixel lattice about it;
-    `slant_range` [m] leads to the ship origin, None in the far field.
+    Attributes
+    ----------
+    aspect : float
+        Bearing of the sensor from the ship [deg], 0 at the bow, growing to port.
+    depression : float
+        Angle of the line of sight below the horizontal [deg].
+    roll : float
+        Turn of the pixel lattice, or of the lines, about the line of sight [deg].
+    slant_range : float or None
+        Sensor to ship origin [m]; None in the far field.
+
+    See Also
+    --------
+    ncti.ladar.extent_within : Range extent of a view.
+
+    Examples
+    --------
+    The unit vector from the sensor to a ship that is seen from ahead, at its level:
+
+    >>> from ncti.render import View
+    >>> View(aspect=0, depression=0).axes[2].round(2) + 0.0
+    array([-1.,  0.,  0.])
     """
 
     aspect: float

@@ -37,7 +37,7 @@ MAKERS: dict[str, Callable[..., Manifold]] = {
     "prism": solids.prism,
     "poly": solids.house,
     "yard": solids.yard,
-    "lattice": solids.lattice,
+    "lattice": lambda **sizes: solids.Lattice(**sizes).solid(),
     "recess": solids.recess,
     "step": solids.step,
 }

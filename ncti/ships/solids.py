@@ -10,6 +10,7 @@ them: solids which only touch stay apart.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -227,45 +228,48 @@ def mesh_dish(*, width: float, height: float, depth: float, tilt: float = 0.0) -
     return union(bars)
 
 
-def lattice(
-    *,
-    length: float,
-    width: float,
-    height: float,
-    top_length: float,
-    top_width: float,
-    leg_radius: float,
-    brace_radius: float,
-    legs: int,
-    bays: int,
-    top_shift: float = 0.0,
-    sink: float = 0.0,
-) -> Manifold:
-    """Return an open mast of three or four legs with `bays` storeys of X braces and girths.
+@dataclass(frozen=True, kw_only=True)
+class Lattice:
+    """An open mast of three or four legs with `bays` storeys of X braces and girths.
 
     The legs run 0.1 m past the top, into the platform they carry.
     """
-    base = _rectangle(length, width, 0.0)
-    top = _rectangle(top_length, top_width, height, top_shift)
-    if legs == 3:  # one leg forward, two aft
-        base = np.array([base[[0, 3]].mean(axis=0), base[1], base[2]])
-        top = np.array([top[[0, 3]].mean(axis=0), top[1], top[2]])
-    slope = (top - base) / height
-    bars = [
-        tube([foot - sink * s, head + 0.1 * s], leg_radius, sides=8)
-        for foot, head, s in zip(base, top, slope, strict=True)
-    ]
-    floors = base + (np.arange(bays + 1) * height / bays)[:, None, None] * slope
-    for lower, upper in pairwise(floors):
-        for leg in range(legs):
-            beside = (leg + 1) % legs
-            for ends in (
-                [lower[leg], upper[beside]],
-                [lower[beside], upper[leg]],
-                [upper[leg], upper[beside]],
-            ):
-                bars.append(tube(ends, brace_radius))
-    return union(bars)
+
+    length: float
+    width: float
+    height: float
+    top_length: float
+    top_width: float
+    leg_radius: float
+    brace_radius: float
+    legs: int
+    bays: int
+    top_shift: float = 0.0
+    sink: float = 0.0
+
+    def solid(self) -> Manifold:
+        """Return the union of legs, braces and girths."""
+        base = _rectangle(self.length, self.width, 0.0)
+        top = _rectangle(self.top_length, self.top_width, self.height, self.top_shift)
+        if self.legs == 3:  # one leg forward, two aft
+            base = np.array([base[[0, 3]].mean(axis=0), base[1], base[2]])
+            top = np.array([top[[0, 3]].mean(axis=0), top[1], top[2]])
+        slope = (top - base) / self.height
+        bars = [
+            tube([foot - self.sink * s, head + 0.1 * s], self.leg_radius, sides=8)
+            for foot, head, s in zip(base, top, slope, strict=True)
+        ]
+        storeys = np.arange(self.bays + 1) * self.height / self.bays
+        for lower, upper in pairwise(base + storeys[:, None, None] * slope):
+            for leg in range(self.legs):
+                beside = (leg + 1) % self.legs
+                for ends in (
+                    [lower[leg], upper[beside]],
+                    [lower[beside], upper[leg]],
+                    [upper[leg], upper[beside]],
+                ):
+                    bars.append(tube(ends, self.brace_radius))
+        return union(bars)
 
 
 def boat(*, length: float, width: float, height: float) -> Manifold:

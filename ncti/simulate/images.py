@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ncti.checks import require
-from ncti.infrared.radiometry import IFOV, contrast
+from ncti.infrared.imager import Imager, image
+from ncti.infrared.radiometry import IFOV
 from ncti.infrared.silhouette import silhouette
-from ncti.infrared.synthesis import image
 from ncti.labels import labelled
 from ncti.render import drawn_range, line_image
 from ncti.render.far_field import reach_of
@@ -33,11 +34,8 @@ if TYPE_CHECKING:
 LINES_A_PIXEL = 8
 """Least lines across a pixel of the image."""
 
-SCENE = ("contrast_at_zero", "coverage_rule", "extinction", "nedt", "sea_spread", "target_spread")
-"""Other parameters of `ncti.infrared.image`."""
-
-MARGIN = 4
-"""Pixels of sea on every side of the ship."""
+SCENE = frozenset(field.name for field in fields(Imager))
+"""Other parameters of an image."""
 
 
 def infrared_image(
@@ -77,8 +75,8 @@ def infrared_image(
     rng : int or numpy.random.Generator
         Seed, or source of randomness.
     **scene
-        Other parameters of `ncti.infrared.image`: coverage_rule, contrast_at_zero, extinction,
-        nedt, target_spread, sea_spread.
+        Parameters of `ncti.infrared.Imager`: coverage_rule, contrast_at_zero, extinction, nedt,
+        target_spread, sea_spread.
 
     Returns
     -------
@@ -119,6 +117,7 @@ def infrared_image(
     7.5
     """
     check_known(scene, SCENE, "an image")
+    imager = Imager(**scene)
     require("aspect", aspect, minimum=-360.0, maximum=360.0)
     check_sight(slant_range, ifov)
     frames = check_frames(frames)
@@ -140,19 +139,17 @@ def infrared_image(
         rng=stream,
         ifov=ifov,
         phase=phase,
-        margin=MARGIN,
         super_resolution=super_resolution,
-        **scene,
+        imager=imager,
     )
-    left, bottom = silhouette(lines, footprint=footprint, phase=phase, margin=MARGIN).origin
+    left, bottom = silhouette(lines, footprint=footprint, phase=phase).origin
     sight: Any = {"slant_range": slant_range, "depression": depression, "ifov": ifov}
-    air = {key: scene[key] for key in ("contrast_at_zero", "extinction") if key in scene}
     attrs = {
         "units": "K",
         "long_name": "temperature above the sea",
         **attributes_of(rng, frames=frames, **sight),
         "super_resolution": super_resolution,
-        "contrast_K": contrast(float(slant_range), **air),
+        "contrast_K": imager.contrast(float(slant_range)),
     }
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
 from ncti.labels import labelled
+from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, bins_of
-from ncti.ladar.frames import cumulative_average, frame_blocks
+from ncti.ladar.frames import averaged_frames
 from ncti.ladar.pulse import noise_floor, shortest_pulse
 from ncti.ladar.tolerance import extent_within
 from ncti.ladar.window import check_window
@@ -40,9 +42,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-TARGET_FREE_IFOVS = 4000
-"""IFOVs of sea that a frame accumulates."""
-
 LONGEST = 1e-6
 """Longest pulse [s], as in sweeps."""
 
@@ -54,16 +53,16 @@ def range_profile(
     ship: Ship,
     *,
     aspect: float | Sequence[float],
-    pulse_width: float = 30e-9,
+    pulse_width: float = Signal.pulse_width,
     slant_range: float = 100e3,
     frames: int = 16,
     accuracy: float = 1e-3,
     depression: float = DEPRESSION,
-    ifov: float = 150e-6,
-    bin_width: float = 1.0,
-    window: float = 250.0,
+    ifov: float = Beam.ifov,
+    bin_width: float = Beam.bin_width,
+    window: float = Beam.window,
     cnr_db: float | None = None,
-    target_free_ifovs: int = TARGET_FREE_IFOVS,
+    target_free_ifovs: int = Signal.target_free_ifovs,
     rng: int | np.random.Generator = 0,
 ) -> xr.DataArray:
     """Simulate the laser-radar range profile of a ship, averaged over frames.
@@ -154,65 +153,49 @@ def range_profile(
     check_sight(slant_range, ifov)
     if cnr_db is not None:
         require("cnr_db", cnr_db, minimum=-LOUDEST, maximum=LOUDEST)
-    _check_binning(window, bin_width, pulse_width)
+    ratio = carrier_to_noise(slant_range) if cnr_db is None else power_ratio(cnr_db)
+    beam = Beam(ifov, bin_width, window)
+    signal = Signal(pulse_width, ratio, target_free_ifovs)
+    _check_binning(beam, pulse_width)
     generator(rng, aspect=0.0)
     mesh = mesh_of(ship)
-    name = mesh.metadata.get("name", "mesh")
-    check_window(window, ship=name, reach=reach_of(mesh.vertices), pulse_width=pulse_width)
-    for each in aspects:
-        view = View.checked(aspect=each, depression=depression, roll=0.0, slant_range=slant_range)
-        _check_memory(mesh, view, ifov, bins_of(window, bin_width)[1])
-    ratio = carrier_to_noise(slant_range) if cnr_db is None else power_ratio(cnr_db)
-    signal: dict[str, Any] = {
-        "pulse_width": pulse_width,
-        "cnr": ratio,
-        "target_free_ifovs": target_free_ifovs,
-    }
-    sight: dict[str, Any] = {"slant_range": slant_range, "depression": depression, "ifov": ifov}
-    extents, expected, averaged = [], [], []
-    for each in aspects:
-        extent = extent_within(
-            mesh,
-            **sight,
-            aspect=each,
-            tolerance=accuracy,
-            pulse_width=pulse_width,
-            roll=roll_at(each),
-            bin_width=bin_width,
-            window=window,
-            spacing=SPACING,
+    views = [
+        View.checked(
+            aspect=each, depression=depression, roll=roll_at(each), slant_range=slant_range
         )
-        average, mean = _above_floor(extent, frames, generator(rng, aspect=each), signal)
-        extents.append(extent)
-        expected.append(mean)
-        averaged.append(average)
+        for each in aspects
+    ]
+    _check_fits(mesh, views, beam, pulse_width)
+    how: dict[str, Any] = {"tolerance": accuracy, "pulse_width": pulse_width, "spacing": SPACING}
+    extents = [extent_within(mesh, view, beam=beam, **how) for view in views]
+    averaged, expected = zip(
+        *(
+            _above_floor(extent, frames, generator(rng, aspect=each), signal)
+            for extent, each in zip(extents, aspects, strict=True)
+        ),
+        strict=True,
+    )
     attributes = {
-        **attributes_of(rng, frames=frames, **sight),
+        **attributes_of(
+            rng, slant_range=slant_range, depression=depression, frames=frames, ifov=ifov
+        ),
         "pulse_width_ns": round(pulse_width * 1e9, 9),
         "cnr_db": 10 * math.log10(ratio),
         "target_free_ifovs": int(target_free_ifovs),
         **_achieved(extents, pulse_width, accuracy),
     }
-    profiles = (extents[0].down_range, averaged, expected)
-    coords = coordinates(
-        mesh,
-        aspect=aspect,
-        range=slant_range,
-        frame_count=frames,
-        pulse_width=pulse_width,
-    )
-    return _labelled(profiles, coords, attributes)
+    single = {"range": slant_range, "frame_count": frames, "pulse_width": pulse_width}
+    coords = coordinates(mesh, aspect=aspect, **single)
+    return _labelled((extents[0].down_range, averaged, expected), coords, attributes)
 
 
 def _above_floor(
-    extent: RangeExtent, frames: int, rng: np.random.Generator, signal: dict[str, Any]
+    extent: RangeExtent, frames: int, rng: np.random.Generator, signal: Signal
 ) -> tuple[Floats, Floats]:
     """Return an average of frames and its expectation, both above the noise floor."""
-    [average] = cumulative_average(
-        frame_blocks(extent, frame_count=frames, rng=rng, **signal), [frames]
-    )
-    floor = (len(extent.fraction) + signal["target_free_ifovs"]) * noise_floor()
-    return average - floor, expected_profile(extent, **signal) - floor
+    [average] = averaged_frames(extent, [frames], rng=rng, **vars(signal))
+    floor = (len(extent.fraction) + signal.target_free_ifovs) * noise_floor()
+    return average - floor, expected_profile(extent, **vars(signal)) - floor
 
 
 def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -> dict[str, Any]:
@@ -226,7 +209,7 @@ def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -
 
 
 def _labelled(
-    profiles: tuple[Floats, list[Floats], list[Floats]],
+    profiles: tuple[Floats, Sequence[Floats], Sequence[Floats]],
     coords: dict[str, Any],
     attributes: dict[str, Any],
 ) -> xr.DataArray:
@@ -253,12 +236,23 @@ def _checked_aspects(aspect: ArrayLike) -> list[float]:
     return aspects
 
 
-def _check_binning(window: float, bin_width: float, pulse_width: float) -> None:
-    """Raise `ValueError` for a window [m] of too many bins, or a pulse [s] that they miss."""
-    bins_of(window, bin_width)
+def _check_binning(beam: Beam, pulse_width: float) -> None:
+    """Raise `ValueError` for a window of too many bins, or a pulse [s] that they miss."""
+    bins_of(beam.window, beam.bin_width)
     # A hair less than the shortest pulse is a rounding of it.
-    shortest = shortest_pulse(bin_width) * (1 - 1e-9)
+    shortest = shortest_pulse(beam.bin_width) * (1 - 1e-9)
     require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
+
+
+def _check_fits(
+    mesh: trimesh.Trimesh, views: Sequence[View], beam: Beam, pulse_width: float
+) -> None:
+    """Raise `ValueError` if a ship does not fit into the window, or its IFOVs into memory."""
+    name, reach = mesh.metadata.get("name", "mesh"), reach_of(mesh.vertices)
+    check_window(beam.window, ship=name, reach=reach, pulse_width=pulse_width)
+    for view in views:
+        level = replace(view, roll=0.0)  # as IFOVs are
+        _check_memory(mesh, level, beam.ifov, bins_of(beam.window, beam.bin_width)[1])
 
 
 def _check_memory(mesh: trimesh.Trimesh, view: View, ifov: float, bins: int) -> None:

@@ -11,7 +11,7 @@ from studies.operate.identify import (
     planned_views,
 )
 from studies.operate.matching import log_evidence, ship_evidence
-from studies.operate.profiles import ProfileMatch, signatures
+from studies.operate.profiles import ProfileMatch, Radar, signatures
 from studies.operate.silhouettes import SilhouetteMatch, silhouettes
 from studies.operate.survey import Seen, draw_views, random_views, seen_views
 from studies.operate.tables import frames_needed, tabulate_cheapest, tabulate_frames
@@ -19,6 +19,7 @@ from studies.operate.tables import frames_needed, tabulate_cheapest, tabulate_fr
 __all__ = [
     "CHANNELS",
     "ProfileMatch",
+    "Radar",
     "Seen",
     "SilhouetteMatch",
     "Trial",

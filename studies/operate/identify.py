@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ncti.infrared.imager import Imager
 from studies.operate.fleets import bootstrap_places, fleet_order, fleet_shares, views_of_ships
 from studies.operate.matching import joint_evidence, over_places, relative_densities
-from studies.operate.profiles import ProfileMatch
+from studies.operate.profiles import ProfileMatch, Radar
 from studies.operate.silhouettes import SilhouetteMatch
 from studies.operate.survey import PLACES, random_views
 
@@ -133,12 +133,10 @@ def identify(
         mean, power = in_order(signatures["power"][p], ship, 1, tests)
         _, ifovs = in_order(signatures["ifovs"][p], ship, 0, tests)
         free = trial.target_free_ifovs + ifovs
-        how = {"pulse_width": width, "bin_width": trial.bin_width, "cnr": cnr}
+        radar = Radar(width, trial.bin_width, cnr)
         mean = mean.mean(axis=(0, 1))
-        floor_sigma = trial.floor_sigma
-        return ProfileMatch(
-            templates, seen, power, mean, free, drawn, floor_sigma=floor_sigma, **how
-        )
+        given = templates, seen, power, mean, free, drawn, radar
+        return ProfileMatch(*given, floor_sigma=trial.floor_sigma)
 
     matches = [matched(p, width) for p, width in enumerate(pulse_width)]
     whole = len(pulse_width), len(frame_count), len(fleet), len(CHANNELS)

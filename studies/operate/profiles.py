@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -26,6 +27,19 @@ LOADING = 1e-3  # variance of noise beyond the model, over the model's; as of `G
 NEGLIGIBLE = 1e-5  # energy of a template in a direction, over the noise of an average
 BETWEEN = 0.25
 """Covariance between templates, over that of second differences of neighbours."""
+
+
+@dataclass(frozen=True)
+class Radar:
+    """The laser radar of an operating point.
+
+    `pulse_width` is full width at 1/e^2 [s], `bin_width` [m], and `cnr` the power ratio of a filled
+    IFOV.
+    """
+
+    pulse_width: float
+    bin_width: float
+    cnr: float
 
 
 def signatures(
@@ -122,21 +136,18 @@ def frame_noise(
     power: ArrayLike,
     ifovs: ArrayLike,
     normals: ArrayLike,
-    *,
-    pulse_width: float,
-    bin_width: float,
-    cnr: float,
+    radar: Radar,
 ) -> Floats:
     """Return the (view, bin) noise of one frame of each view, made from standard normals.
 
     `power` (view, bin) is that of `signatures`, `ifovs` (view,) counts target-free ones too, and
     `normals` (view, 2, bin) are for target and noise.
     """
-    pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
+    pulse = {"pulse_width": radar.pulse_width, "bin_width": radar.bin_width}
     normal = np.asarray(normals, dtype=np.float64)
     roots = factors(**pulse, bins=normal.shape[-1])
     noise = float(noise_by_lag(**pulse, bin_count=1)[0])
-    own = np.sqrt(RAYLEIGH * cnr * np.asarray(power, dtype=np.float64))
+    own = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(power, dtype=np.float64))
     free = np.sqrt(RAYLEIGH * noise * np.asarray(ifovs, dtype=np.float64))
     of_noise: Floats = free[:, None] * (normal[:, 1] @ roots[1])
     return own * (normal[:, 0] @ roots[0]) + of_noise
@@ -148,13 +159,14 @@ class ProfileMatch:
     `templates` (ship, template, bin) are expected profiles above the floor, by aspect; `tests`
     (test, bin) those to identify; `power` (test, bin) and its mean over templates, `template_power`
     (bin,), are as of `signatures`; `target_free` (test,) counts all IFOVs of a test; `normals`
-    (test, 2, bin) make the noise of every frame count, so that percentages are smooth in it. `cnr`
-    is a power ratio, `floor_sigma` the prior deviation of the floor over that of a bin of one
-    frame.
+    (test, 2, bin) make the noise of every frame count, so that percentages are smooth in it.
+    `floor_sigma` is the prior deviation of the floor over that of a bin of one frame.
 
     Noise is Gaussian with the exact variance of each bin, (2 - pi/2) (CNR p + v) summed over IFOVs,
     over the number of frames, but with one correlation each for target and noise (`correlations`)
-    instead of one for every IFOV. The likelihood has one covariance for all templates,
+    instead of one for every IFOV. `ncti.classify.GaussianTemplates` factors a covariance for each
+    template, and where templates err anew for every number of frames; for thousands of settings,
+    this likelihood has one covariance for all templates,
 
         W = S / N + B,
 
@@ -173,10 +185,8 @@ class ProfileMatch:
         template_power: ArrayLike,
         target_free: ArrayLike,
         normals: ArrayLike,
+        radar: Radar,
         *,
-        pulse_width: float,
-        bin_width: float,
-        cnr: float,
         floor_sigma: float,
     ) -> None:
         # Imported here because scipy takes a tenth of a second.
@@ -187,12 +197,12 @@ class ProfileMatch:
         require_shape("templates", learned, (*learned.shape[:2], seen.shape[-1]))
         require("floor_sigma", floor_sigma, minimum=0.0)
         bins = seen.shape[-1]
-        pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
+        pulse = {"pulse_width": radar.pulse_width, "bin_width": radar.bin_width}
         noise = float(noise_by_lag(**pulse, bin_count=1)[0])
         shapes = correlations(**pulse, bins=bins)
         ifovs = np.asarray(target_free, dtype=np.float64)
         # Covariance of a frame, mean over templates, and what is unknown besides.
-        spread = np.sqrt(RAYLEIGH * cnr * np.asarray(template_power, dtype=np.float64))
+        spread = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(template_power, dtype=np.float64))
         frame = np.outer(spread, spread) * shapes[0] + RAYLEIGH * noise * ifovs.mean() * shapes[1]
         variance = float(np.trace(frame)) / bins
         frame[np.diag_indices(bins)] += LOADING * variance
@@ -200,7 +210,7 @@ class ProfileMatch:
         bend = bend.reshape(-1, bins)
         between = BETWEEN * bend.T @ bend / max(len(bend), 1) + floor_sigma**2 * variance
         self._unknown, directions = eigh(between, frame)
-        deviation = frame_noise(power, ifovs, normals, cnr=cnr, **pulse)
+        deviation = frame_noise(power, ifovs, normals, radar)
         flat = learned.reshape(-1, bins)
         self._templates, self._tests, self._noise = (
             (rows @ directions).astype(np.float32) for rows in (flat, seen, deviation)

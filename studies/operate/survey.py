@@ -59,7 +59,7 @@ def random_views(
     """Return aspects (view,) [deg], uniform from `low` to `high`, and places (view, 2) in [0, 1).
 
     A place is that of the ship origin in its IFOV, right and up from the corner. The first views do
-    not depend on `count`.
+    not depend on `count`, unlike those of `grid.random_aspects`, which fill every bin of aspect.
     """
     require("low", low)
     require("high", high, minimum=low)

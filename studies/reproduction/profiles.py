@@ -81,7 +81,7 @@ def profile_tables(
     averages = np.stack(
         [
             averaged_profiles(
-                one, pulse_width=PULSE_WIDTH, frames=FRAMES, draws=draws, rng=rng, **signal
+                one, pulse_width=PULSE_WIDTH, frame_counts=FRAMES, draws=draws, rng=rng, **signal
             )
             for one in tested
         ],
@@ -111,25 +111,25 @@ def averaged_profiles(
     pulse_width: float,
     cnr: float,
     target_free_ifovs: int,
-    frames: Sequence[int],
+    frame_counts: Sequence[int],
     draws: int,
     rng: np.random.Generator,
 ) -> Floats:
     """Return (draw, frame_count, bin) averaged frames, noise floor included, as Gaussian processes.
 
-    `frames` fall, and averages of one draw share their first frames. Averages have the exact mean
-    and covariance of `ncti.ladar.frame_moments`. A frame sums magnitudes over dozens of IFOVs, so
-    they are nearly normal, at a tenth of the time of drawing each IFOV. The neglected skewness is
-    largest in averages of few frames without target-free IFOVs, where ships are named correctly as
-    often (`tests/studies/reproduction`).
+    `frame_counts` fall, and averages of one draw share their first frames. Averages have the exact
+    mean and covariance of `ncti.ladar.frame_moments`. A frame sums magnitudes over dozens of IFOVs,
+    so they are nearly normal, at a tenth of the time of drawing each IFOV. The neglected skewness
+    is largest in averages of few frames without target-free IFOVs, where ships are named correctly
+    as often (`tests/studies/reproduction`).
     """
     require("draws", draws, whole=True, minimum=1)
     require_generator("rng", rng)
-    longest = np.array(frames)
+    longest = np.array(frame_counts)
     steps = -np.diff([*longest, 0])  # frames that each average has more than the next
     if not len(longest) or (steps < 1).any():
         raise ValueError(
-            f"frames is {frames!r}, but must be whole numbers that fall, to at least 1"
+            f"frame_counts is {frame_counts!r}, but must be whole numbers that fall, to at least 1"
         )
     # Imported here because scipy takes a tenth of a second.
     from scipy.linalg import cholesky_banded

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ncti.features import log_polar, segment
 from ncti.infrared import Hits, footprint
 from ncti.infrared.imager import Imager
-from ncti.infrared.radiometry import CONTRAST_AT_ZERO, EXTINCTION, IFOV, NEDT
+from ncti.infrared.radiometry import IFOV
 from studies.reproduction.categories import acn_scores, category_counts, presentation_orders
 from studies.reproduction.simulated import Simulated
 
@@ -71,8 +71,7 @@ def silhouette_table(
         return drawn[key]
 
     imager = Imager(
-        *(assumed["coverage_rule"], CONTRAST_AT_ZERO, EXTINCTION, NEDT),
-        *(assumed["target_spread"], assumed["sea_spread"]),
+        **{name: assumed[name] for name in ("coverage_rule", "target_spread", "sea_spread")}
     )
     templates = _maps(targets(LOOKS[0], learned), assumed)
     tests = np.stack(

@@ -13,7 +13,7 @@ from studies.scan.field import Box, Field, Pixels, cue, detect, thermal_field
 from studies.scan.targets import Survey, Target, owner
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Imager(infrared.Imager):
     """The passive-infrared imager of a search, which averages `frame_count` frames.
 

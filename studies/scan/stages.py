@@ -189,7 +189,7 @@ detected = FIELD.stage(
 
 DRAW = Grid.replicate.name
 
-laser = plain(uses=(Grid, Ladar), name="laser")(Laser)
+laser = plain(uses=(Grid, Ladar, Scan), name="laser")(Laser)
 rates = plain(uses=(Scan,), name="rates")(Rates)
 
 

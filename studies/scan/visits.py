@@ -12,14 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.features import profile_vector
-from ncti.ladar import (
-    RangeExtent,
-    banded_frame_moments,
-    carrier_to_noise,
-    cumulative_average,
-    frame_blocks,
-    no_return,
-)
+from ncti.ladar import RangeExtent, banded_frame_moments, carrier_to_noise, no_return
+from ncti.ladar.frames import averaged_frames
 from studies.scan.field import Box, Field, cue
 from studies.scan.schedule import Schedule, imaging_time, position_count, schedule
 from studies.scan.targets import Survey, Target
@@ -40,13 +34,14 @@ class Laser:
     """The laser radar of a search.
 
     `pulse_width` [s] is full width at 1/e^2; `cnr` [dB] that of a filled IFOV at `cnr_range` [m];
-    `extinction` [dB/m] of the air, one way.
+    `extinction` [dB/m] of the air, one way; `detector` counts elements along a side.
     """
 
     pulse_width: float
     cnr: float
     cnr_range: float
     extinction: float
+    detector: int
 
     def averages(
         self,
@@ -65,15 +60,14 @@ class Laser:
             reference_range=self.cnr_range,
             extinction=self.extinction,
         )
-        frames = frame_blocks(
+        return averaged_frames(
             extent,
+            frame_count,
             pulse_width=self.pulse_width,
             cnr=cnr,
-            frame_count=max(frame_count),
             rng=rng,
             target_free_ifovs=ifovs - len(extent.cell),
         )
-        return cumulative_average(frames, frame_count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +201,6 @@ def known_similarity(
     *,
     frame_count: tuple[int, ...],
     aspect: tuple[float, ...],
-    detector: int,
     known_views: int,
     rng: np.random.Generator,
 ) -> Floats:
@@ -215,7 +208,7 @@ def known_similarity(
 
     Visits are cued by a single pixel, which makes them largest, at aspects between templates.
     """
-    columns, rows = cue(Box(0, 0, 1, 1), reach=survey.reach, detector=detector).size
+    columns, rows = cue(Box(0, 0, 1, 1), reach=survey.reach, detector=laser.detector).size
     averages = [
         laser.averages(
             survey.target(mesh, aspect, noise).extent, columns * rows, frame_count, noise

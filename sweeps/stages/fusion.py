@@ -202,10 +202,8 @@ def fusion(
     """
     templates, known = profile_templates
     compared: Views = np.asarray(valid.all(axis=(0, 1)))
-    views, training_set = (
-        np.flatnonzero(compared),
-        np.flatnonzero(compared & known & training_views),
-    )
+    learned = compared & known & training_views
+    views, training_set = np.flatnonzero(compared), np.flatnonzero(learned)
     own = np.searchsorted(np.flatnonzero(known), training_set)  # among templates of profiles
     of_ship, of_profiles = training_set // known.shape[1], profile_outlier_fraction[..., own]
     # Maps by look and view, and the vectors of templates by inner radius and interpolation.
@@ -213,20 +211,13 @@ def fusion(
     looks, replicates, phases = math.prod(axes), averaged.shape[1], log_polar.shape[len(LOOKS)]
     maps = log_polar.reshape(looks, phases, -1, *log_polar.shape[-2:])
     known_maps = template_log_polar.reshape(math.prod(kinds), phases, -1, *maps.shape[-2:])
-    silhouettes = [
-        classifier.map_vectors(known_maps[k, :, training_set].swapaxes(0, 1)[:, None])
-        for k in range(len(known_maps))
-    ]
+    silhouettes = _vectors(known_maps, training_set)
     profiles = averaged.reshape(len(frame_count), replicates, -1, averaged.shape[-1])
     draws = max(replicates, phases)
     whole = (len(gain_sigma), len(frame_count), looks, len(CHANNELS), draws)
     named = np.full((*whole, *known.shape), NONE, dtype=np.int16)
     probability = np.full((*whole, *known.shape), np.nan, dtype=np.float32)
-    inverse_temperature, outlier_fraction = np.empty((2, *whole))
     factors = silhouette_constants.reshape(looks, 2, phases)[..., np.arange(draws) % phases]
-    inverse_temperature[..., 0, :], inverse_temperature[..., 1:, :] = 1.0, factors[:, :1]
-    outlier_fraction[..., ::2, :] = of_profiles.mean(axis=-1)[..., None, None, None]
-    outlier_fraction[..., 1, :] = factors[:, 1]
     for rows in row_blocks(len(views), ROWS * max(1, HELD_ROWS // (ROWS * max(replicates, looks)))):
         true, column = np.divmod(views[rows], known.shape[1])
         similar = [
@@ -249,15 +240,35 @@ def fusion(
                     for c, posterior in enumerate((of_profile, *of_both)):
                         at = g, f, m, c, d, true, column
                         named[at], probability[at] = classifier.most_probable(posterior, true)
-    answers = classifier.judged(named, compared) | {
-        "probability": probability,
-        "inverse_temperature": inverse_temperature,
-        "outlier_fraction": outlier_fraction,
-    }
+    answers = classifier.judged(named, compared) | {"probability": probability}
+    answers |= _constants(factors, of_profiles.mean(axis=-1), whole)
     return {
         name: values.reshape(*whole[:2], *axes, *values.shape[3:])
         for name, values in answers.items()
     }
+
+
+def _vectors(maps: NDArray[np.uint8], views: Indices) -> list[NDArray[np.float32]]:
+    """Return (phase, view, feature) vectors of some views of each of (kind, phase, view, ...) maps.
+
+    Advanced indices on both sides of a slice come first.
+    """
+    return [
+        classifier.map_vectors(maps[k, :, views].swapaxes(0, 1)[:, None]) for k in range(len(maps))
+    ]
+
+
+def _constants(factors: Floats, of_profiles: Floats, whole: tuple[int, ...]) -> Arrays:
+    """Return inverse temperatures and outlier fractions by gain, frame count, look, channel, draw.
+
+    `factors` (look, 2, draw) are both of silhouettes; `of_profiles` (gain, frame count) are outlier
+    fractions.
+    """
+    inverse_temperature, outlier_fraction = np.empty((2, *whole))
+    inverse_temperature[..., 0, :], inverse_temperature[..., 1:, :] = 1.0, factors[:, :1]
+    outlier_fraction[..., ::2, :] = of_profiles[..., None, None, None]
+    outlier_fraction[..., 1, :] = factors[:, 1]
+    return {"inverse_temperature": inverse_temperature, "outlier_fraction": outlier_fraction}
 
 
 def draws_of(replicate: tuple[int, ...], subpixel_offsets: tuple[int, ...]) -> Arrays:

@@ -133,7 +133,7 @@ class Infrared(Settings, key="infrared"):
         single="dimension",
     )
     coverage_rule = number(
-        *(0.25, 0.01, MOST_COVERAGE),
+        *(Imager.coverage_rule, 0.01, MOST_COVERAGE),
         label="share of a pixel that a ship must fill to show",
         help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
         "at 25 km",

@@ -15,6 +15,7 @@ from ncti.classify.loops import DENSITIES
 from ncti.features.profile import estimated_floor
 from ncti.ladar import RangeExtent
 from ncti.ladar.budget import faintest
+from ncti.ladar.frames import averaged_frames
 from ncti.ladar.loops import FRAMES
 from ncti.ladar.places import Place
 from ncti.ladar.pulse import shortest_pulse
@@ -254,10 +255,7 @@ def averaged(
     **signal: Any,
 ) -> Floats:
     """Return averages over the first frames of a run, for several lengths of the run."""
-    frames = library.frame_blocks(
-        ifovs, pulse_width=pulse_width, frame_count=max(frame_count), rng=rng, **signal
-    )
-    return library.cumulative_average(frames, frame_count)
+    return averaged_frames(ifovs, frame_count, pulse_width=pulse_width, rng=rng, **signal)
 
 
 @MOMENTS.stage(

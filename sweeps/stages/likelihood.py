@@ -315,6 +315,26 @@ def peaks(templates: GaussianTemplates, count: int, gain_sigma: tuple[float, ...
     return np.stack([[templates.peak(count, gain_sigma=gain)] for gain in gain_sigma])
 
 
+def _others(
+    unknown: GaussianTemplates | None,
+    seen: Profiles | Floats,
+    count: int,
+    gain_sigma: tuple[float, ...],
+) -> Floats:
+    """Return the (gain, view, template) scores of ships known to be unknown; none without them."""
+    if unknown is None:
+        return np.empty((len(gain_sigma), len(seen), 0))
+    return unknown.log_likelihood(seen, count, gain_sigma=gain_sigma)
+
+
+def _fit_of_best(scores: Floats, peak: Floats, exclude: Views, bins: int) -> Floats:
+    """Return the log probability (view,) of a worse fit of each view's best template."""
+    own = np.where(exclude[:, : scores.shape[1]], -np.inf, scores)
+    best = np.arange(len(own)), own.argmax(axis=1)
+    distant = np.broadcast_to(peak, scores.shape)[best] - scores[best]
+    return log_fit(-distant[:, None], [0.0], bins)[:, 0]
+
+
 @ANSWERS.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
     Output(
@@ -360,9 +380,8 @@ def likelihood(
     of_view, true = np.nonzero((valid & tested).T)
     views = true * valid.shape[1] + of_view
     of_ship, of_template = np.nonzero(known)
-    others_ship, others_column = np.nonzero(of_unknown)
-    label = np.concatenate([of_ship, np.full(others_ship.size, NONE)])
-    template, column = np.append(of_ship, others_ship), np.append(of_template, others_column)
+    template, column = np.concatenate([np.nonzero(mask) for mask in (known, of_unknown)], axis=1)
+    label = np.where(np.arange(template.size) < of_ship.size, template, NONE)
     flat = averaged.reshape(len(frame_count), -1, averaged.shape[-1])
     whole = (len(left_out), len(gain_sigma), len(frame_count), *valid.shape)
     named = np.full(whole, NONE, dtype=np.int16)
@@ -370,11 +389,9 @@ def likelihood(
     for f, count in enumerate(frame_count):
         highest = peaks(templates, count, gain_sigma)
         for rows in row_blocks(len(views), HELD_ROWS):
-            seen = prior.levelled(flat[f, views[rows]])
+            seen, right = prior.levelled(flat[f, views[rows]]), true[rows]
             plain = templates.log_likelihood(seen, count, gain_sigma=gain_sigma), highest
-            others = np.empty((len(gain_sigma), len(seen), 0))
-            if unknown is not None:
-                others = unknown.log_likelihood(seen, count, gain_sigma=gain_sigma)
+            others = _others(unknown, seen, count, gain_sigma)
             log_prior = track.log_prior(views[rows], template, column)
             for n, leave in enumerate(left_out):
                 found = plain
@@ -383,24 +400,18 @@ def likelihood(
                     found = _in_wider_cells(templates, seen, plain, at, count, gain_sigma)
                 exclude = (of_view[rows, None] == column) & leave
                 for g, (scores, peak) in enumerate(zip(*found, strict=True)):
-                    place = n, g, f, true[rows], of_view[rows]
+                    place = n, g, f, right, of_view[rows]
                     every = np.concatenate([scores, others[g]], axis=1)
                     ships, chance = label_posterior(
                         every, label, exclude=exclude, log_prior=log_prior
                     )
                     posterior = ships[ships != NONE], chance[:, ships != NONE]
-                    named[place], probability[place] = classifier.most_probable(
-                        posterior, true[rows]
-                    )
-                    own = np.where(exclude[:, : of_ship.size], -np.inf, scores)
-                    best = np.arange(len(own)), own.argmax(axis=1)
-                    distant = np.broadcast_to(peak, scores.shape)[best] - scores[best]
-                    worse = log_fit(-distant[:, None], [0.0], averaged.shape[-1])[:, 0]
-                    fit[place] = worse
+                    named[place], probability[place] = classifier.most_probable(posterior, right)
+                    fit[place] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
                     likely = posterior[1].max(axis=1)
                     if unknown is not None:  # the other ships known say nothing of it
                         likely = likely / (likely + chance[:, ships == NONE].sum(axis=1))
-                    similarity[place] = likely * np.exp(misfit_weight * worse)
+                    similarity[place] = likely * np.exp(misfit_weight * fit[place])
     return classifier.judged(named, valid, tested) | {
         "probability": probability,
         "similarity": similarity,

@@ -19,7 +19,7 @@ import ncti.ships
 from ncti.ladar import lines_within
 from ncti.ladar.loops import BOXES
 from ncti.machine_code import Loops
-from ncti.render import EngineError, LineImage, RangeImage, Sampling
+from ncti.render import EngineError, LineImage, RangeImage, Sampling, View
 from ncti.render.choice import choose_engine, engines
 from ncti.render.far_field import reach_of, sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
@@ -276,19 +276,17 @@ def image(
 
     With a tolerance, lines are as fine as it takes, from one a pixel on.
     """
-    view: dict[str, Any] = {"aspect": drawn_aspect, "depression": depression}
-    view["slant_range"] = drawn_range
     if not fineness:
-        return sampling.draw(mesh, **view)
+        view = {"aspect": drawn_aspect, "depression": depression}
+        return sampling.draw(mesh, slant_range=drawn_range, **view)
     tolerance, pulse_width, bin_width = fineness
     return lines_within(
         mesh,
-        spacing=sampling.pixel,
-        roll=sampling.rolled(drawn_aspect),
+        View(drawn_aspect, depression, sampling.rolled(drawn_aspect), drawn_range),
         tolerance=sampling_tolerance(tolerance, drawn_range),
         pulse_width=pulse_width,
         bin_width=bin_width,
-        **view,
+        spacing=sampling.pixel,
     )
 
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 import ncti.ships
-from ncti.ladar import extent_within, lines_within, range_extent
+from ncti.ladar import Beam, extent_within, lines_within, range_extent
 from ncti.ladar.pulse import target_response
 from ncti.ladar.reference import reference_range_extent
-from ncti.render import line_image
+from ncti.render import View, line_image
 
 # Bow to beam at the article's altitude; the stern of its missions, and a view from near by.
 GRID = [
@@ -175,8 +175,8 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
     for name, aspect, depression in ANY:
         pulse_width = rng.choice([0.0, 10e-9, metric.PULSE, 60e-9])
         bins = int(rng.choice([1, 2]))
-        how = {"aspect": aspect, "depression": depression, "bin_width": float(bins)}
-        lines = lines_within(ship(name), tolerance=tolerance, pulse_width=pulse_width, **how)
+        how = {"pulse_width": pulse_width, "bin_width": float(bins)}
+        lines = lines_within(ship(name), View(aspect, depression), tolerance=tolerance, **how)
         extent = range_extent(
             lines, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR, bin_width=float(bins)
         )
@@ -202,7 +202,8 @@ def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
     for name in ncti.ships.names():
         view = {"aspect": rng.uniform(0, 360), "depression": rng.uniform(0.5, 60)}
         view["slant_range"] = 10 ** rng.uniform(3.7, 5.3)
-        extent = extent_within(ship(name), tolerance=tolerance, pulse_width=metric.PULSE, **view)
+        how = {"tolerance": tolerance, "pulse_width": metric.PULSE}
+        extent = extent_within(ship(name), View(**view), **how)
         exact = reference_range_extent(ship(name), bin_edges=metric.EDGES, **view).area[0]
         true = metric.error(metric.areas(extent).sum(axis=0), exact, metric.PULSE)
         assert extent.error_after(metric.PULSE) <= tolerance
@@ -217,8 +218,8 @@ def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
 def test_small_bodies_are_within_the_tolerance(size, aspect, depression, tolerance):
     """A box's area in closed form: lines may agree by chance if they are few."""
     body = trimesh.creation.box(size)
-    view = dict(aspect=aspect, depression=depression)
-    lines = lines_within(body, tolerance=tolerance, pulse_width=metric.PULSE, **view)
+    view = View(aspect, depression)
+    lines = lines_within(body, view, tolerance=tolerance, pulse_width=metric.PULSE)
     a, d = np.radians([aspect, depression])
     faces = np.prod(size) / np.array(size)
     exact = faces @ np.abs([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
@@ -233,9 +234,8 @@ def test_faces_across_the_sight_keep_a_tolerance_that_their_wavefront_bends(aspe
     """
     view = {"aspect": aspect, "depression": 0.0, "slant_range": 31e3}
     mesh = ship("duncan")
-    extent = extent_within(
-        mesh, **view, bin_width=2.0, ifov=0.03, pulse_width=0.0, tolerance=tolerance
-    )
+    how = {"pulse_width": 0.0, "tolerance": tolerance}
+    extent = extent_within(mesh, View(**view), beam=Beam(ifov=0.03, bin_width=2.0), **how)
     edges = np.append(extent.down_range, extent.down_range[-1] + 2.0) - 1.0
     exact = reference_range_extent(mesh, bin_edges=edges, **view).area.sum(0)
     area = extent.fraction.sum(axis=0) * (extent.ifov * extent.slant_range) ** 2

@@ -8,7 +8,7 @@ from flown import crossing, flight, scanned_at, seen_from
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ncti.irar import azimuth_shift, mirror_rotation, registration
+from ncti.irar import Course, azimuth_shift, mirror_rotation, registration
 
 SAMPLES = 160
 HEIGHTS = np.linspace(6.0, 36.0, 31)
@@ -141,20 +141,18 @@ def test_one_shift_is_the_derivative_of_the_exact_one(flown):
     before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
     moved = (after[0] / after[2] - before[0] / before[2]) / flown.ifov / (2 * step)
     each = float(moved) / flown.line_rate
-    given_ = {
-        name: getattr(flown, name)
-        for name in (
-            "aircraft_speed", "aircraft_heading", "ship_speed", "ship_heading", "offset",
-            "slant_range", "ifov",
-        )
-    }  # fmt: skip
-    found = azimuth_shift(**given_, rate=flown.line_rate)
+    courses = (
+        Course(flown.aircraft_speed, flown.aircraft_heading),
+        Course(flown.ship_speed, flown.ship_heading),
+    )
+    given_ = {name: getattr(flown, name) for name in ("offset", "slant_range", "ifov")}
+    found = azimuth_shift(*courses, **given_, rate=flown.line_rate)
     scale = (flown.aircraft_speed + flown.ship_speed) / (flown.pixel * flown.line_rate)
     assert found == pytest.approx(each, abs=1e-5 * scale)
-    rows = azimuth_shift(**given_, rate=flown.line_rate, scans=flown.lines_per_pixel)
+    rows = azimuth_shift(*courses, **given_, rate=flown.line_rate, scans=flown.lines_per_pixel)
     assert rows == pytest.approx(found * flown.lines_per_pixel)
     # With a pulse rate that just serves the scan it is too small by the samples of a line.
-    pulses = azimuth_shift(**given_, rate=flown.line_rate * flown.samples)
+    pulses = azimuth_shift(*courses, **given_, rate=flown.line_rate * flown.samples)
     assert pulses * flown.samples == pytest.approx(found)
     time = np.full((1, SAMPLES), 2.0)
     column = registration.motion_displacement(flown, time, time, method="constant")[1]

@@ -1,28 +1,28 @@
 """Extents to a tolerance: as of the lines, and the bound on their error."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 
 import ncti.ships
-from ncti.ladar import extent_within, lines_within, range_extent
+from ncti.ladar import Beam, extent_within, lines_within, range_extent
 from ncti.ladar.sampling import sampling_error
 from ncti.ladar.tolerance import FINEST, first_spacing
-from ncti.render.view import View
-
-VIEW = {"aspect": 33.0, "depression": 3.84, "tolerance": 0.002, "bin_width": 0.5}
+from ncti.render import View
 
 
 @pytest.mark.parametrize("pulse_width", [0.0, 30e-9])
 @pytest.mark.parametrize("slant_range", [2e3, 80e3])
 def test_an_extent_is_that_of_the_lines(pulse_width, slant_range):
     ship = ncti.ships.load("texas")
-    how = VIEW | {"pulse_width": pulse_width, "slant_range": slant_range, "spacing": 0.3}
-    lines = lines_within(ship, **how)
+    view = View(33.0, 3.84, slant_range=slant_range)
+    how = {"tolerance": 0.002, "pulse_width": pulse_width, "spacing": 0.3}
+    lines = lines_within(ship, view, bin_width=0.5, **how)
     whole = range_extent(lines, slant_range=slant_range, bin_width=0.5)
-    found = extent_within(ship, **how)
+    found = extent_within(ship, view, beam=Beam(bin_width=0.5), **how)
     assert found.line_count == whole.line_count == lines.count
     np.testing.assert_array_equal(found.cell, whole.cell)
     np.testing.assert_array_equal(found.fraction, whole.fraction)
@@ -33,9 +33,10 @@ def test_an_extent_is_that_of_the_lines(pulse_width, slant_range):
 @pytest.mark.parametrize("tolerance", [0.01, 0.001])
 def test_bounds_are_within_seven_tenths_of_the_tolerance(tolerance):
     """What is left covers the few errors that exceed their bound."""
-    asked = {"slant_range": 20e3, "pulse_width": 20e-9, "tolerance": tolerance}
+    asked = {"pulse_width": 20e-9, "tolerance": tolerance}
     for aspect in range(5, 365, 30):
-        found = extent_within(ncti.ships.load("horne"), aspect=aspect, depression=4, **asked)
+        view = View(aspect, depression=4, slant_range=20e3)
+        found = extent_within(ncti.ships.load("horne"), view, **asked)
         assert found.error_after(20e-9) <= 0.7 * tolerance
 
 
@@ -62,9 +63,9 @@ def test_the_bound_is_of_shares_not_of_areas():
 @pytest.mark.parametrize("tolerance", [5e-324, 1e-300])
 def test_a_tolerance_that_no_lines_meet_takes_the_finest(tolerance):
     box = trimesh.creation.box((2.0, 1.0, 1.0))
-    view = {"aspect": 33.0, "depression": 3.84, "pulse_width": 0.0, "tolerance": tolerance}
-    assert lines_within(box, **view).spacing == pytest.approx(FINEST, rel=0.2)
-    found = extent_within(box, slant_range=20e3, **view)
+    view, asked = View(33.0, 3.84), {"pulse_width": 0.0, "tolerance": tolerance}
+    assert lines_within(box, view, **asked).spacing == pytest.approx(FINEST, rel=0.2)
+    found = extent_within(box, replace(view, slant_range=20e3), **asked)
     assert found.error_after(0.0) > tolerance
 
 
@@ -72,3 +73,24 @@ def test_strands_that_agree_have_no_error_and_none_an_unknown_one():
     assert sampling_error(np.ones((16, 5)), 100, 0.0, bin_width=1.0) == pytest.approx(0, abs=1e-12)
     for strands in (np.zeros((16, 5)), np.eye(16)):
         assert math.isnan(sampling_error(strands, 0, 10e-9, bin_width=1.0))
+
+
+NEAR = View(33.0, 3.84, slant_range=20e3)
+
+
+@pytest.mark.parametrize(
+    ("function", "given", "said"),
+    [
+        (lines_within, {"view": (33.0, 3.84)}, "view is .* must be an ncti.render.View"),
+        (extent_within, {"view": None}, "view is None, but must be an ncti.render.View"),
+        (extent_within, {"view": View(33.0, 3.84)}, "view is of the far field"),
+        (extent_within, {"view": replace(NEAR, aspect=361.0)}, "aspect is 361.0 deg"),
+        (extent_within, {"beam": 150e-6}, "beam is 0.00015, but must be an ncti.ladar.Beam"),
+        (extent_within, {"beam": Beam(ifov=0.0)}, "ifov is 0.0 rad"),
+        (extent_within, {"beam": Beam(window=-1.0)}, "window is -1.0 m"),
+    ],
+)
+def test_views_and_beams_are_checked(function, given, said):
+    box = trimesh.creation.box((2.0, 1.0, 1.0))
+    with pytest.raises(ValueError, match=said):
+        function(box, **{"view": NEAR, "tolerance": 0.01, "pulse_width": 30e-9, **given})

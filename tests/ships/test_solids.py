@@ -72,10 +72,10 @@ def test_dish_is_hollow_towards_where_it_looks() -> None:
 
 @pytest.mark.parametrize("legs", [3, 4])
 def test_lattice_stands_on_its_legs(legs) -> None:
-    mast = solids.lattice(
+    mast = solids.Lattice(
         length=4, width=3, height=10, top_length=2, top_width=1, leg_radius=0.1,
         brace_radius=0.05, legs=legs, bays=3, sink=0.3,
-    )  # fmt: skip
+    ).solid()  # fmt: skip
     assert len(mast.decompose()) == 1
     assert mast.slice(0.02).num_contour() == legs
     low, high = bounds(mast)

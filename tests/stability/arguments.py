@@ -7,6 +7,7 @@ import math
 import numpy as np
 from hard_meshes import box, mesh
 
+from ncti.irar import Course
 from ncti.render import range_image
 
 NAN, INF = math.nan, math.inf
@@ -19,7 +20,7 @@ SIMILARITIES = importlib.import_module("ncti.classify").Similarities.of(**PIECES
 SIGNAL = {"extent": EXTENT, "pulse_width": 30e-9, "cnr": 1e3, "target_free_ifovs": 0}
 VIEW = {"mesh": BOX, "aspect": 37.0, "depression": 3.84}
 SHIFT = {
-    **{"aircraft_speed": 90.0, "aircraft_heading": 0.0, "ship_speed": 8.0, "ship_heading": 0.0},
+    **{"aircraft": Course(90.0, heading=0.0), "ship": Course(8.0, heading=0.0)},
     **{"offset": 5.0, "slant_range": 3900.0, "ifov": 205e-6, "rate": 119.0},
 }
 FACET = [[0, 1, 2]]
@@ -39,6 +40,7 @@ GOOD = {
         "false_alarm": 0.01,
     },
     "infrared.pixel_sigma": {"spread": 0.1, "frame_count": 4},
+    "infrared.Imager": {},
     "infrared.image": {"image": IMAGE, "slant_range": 50e3, "frame_count": 16, "rng": RNG},
     "infrared.silhouette": {"image": IMAGE, "footprint": 3.75},
     "infrared.super_resolution.shift_and_add": {"samples": np.ones((2, 2))},
@@ -110,6 +112,7 @@ GOOD = {
     "irar.Correction": {},
     "irar.Flight": {"slant_range": 3900.0, "ship_heading": 0.0},
     "irar.azimuth_shift": SHIFT,
+    "irar.Course": {"speed": 90.0, "heading": 0.0},
     "irar.mirror_rotation": {"depression": 6.7},
     "irar.clusters.histogram_cluster_average": {"ranges": [1.0, 2.0], "window": 4.0},
     "irar.clutter.clutter": {
@@ -167,7 +170,7 @@ KINDS = [
     ),
     (
         "across band_extinction clutter depth deviation dropout extinction jitter nedt "
-        "range_sigma sea_spread ship_speed spread target_spread",
+        "range_sigma sea_spread ship_speed speed spread target_spread",
         [-0.1, NAN, INF, *NO_NUMBER],
     ),
     (
@@ -176,13 +179,14 @@ KINDS = [
         ["magic"],
     ),
     ("contrast contrast_at_zero roll start", [NAN, INF]),
-    ("aircraft_heading offset ship_heading", [NAN, INF, "north", [3.0]]),
+    ("aircraft_heading heading offset ship_heading", [NAN, INF, "north", [3.0]]),
     ("aircraft_track pointing", [361, -361, NAN]),
     ("sea_sigma target_sigma", [0.0, -1.0, None, NAN]),
     ("band_start band_stop", [0, 1e30, NAN]),
 ]
 WRONG = {name: values for names, values in KINDS for name in names.split()} | {
     "a": [np.ones(4)],
+    "aircraft": [[5], None],
     "aircraft_speed": [-1, NAN],
     "aspect": [NAN, INF, math.nextafter(360.0, 361.0), -361.0, [], [[1.0]], "bow"],
     "aspects": [[], [[0.0]], [-1.0], [361.0]],
@@ -252,7 +256,7 @@ OTHERS = {
         "frame_count": [10**300, (4, 1.5), [[4, 16]], [[4, 16], 1], ()],
         "rng": [3],
         "phase": [0.5],
-        "extent": [(-1.0, 1.0, -1.0, 1.0), (-99.0, 99.0, -99.0), 99.0, (None, 9.0, -9.0, 9.0)],
+        "imager": [None, {"nedt": 0.1}],
     },
     "infrared.silhouette": {
         "footprint": [0.2],

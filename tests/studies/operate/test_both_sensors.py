@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 import ncti.ships
-from ncti.infrared import CONTRAST_AT_ZERO, NEDT, SPREAD, Imager
+from ncti.infrared import Imager
 from studies.operate import (
     SilhouetteMatch,
     Trial,
@@ -32,7 +32,7 @@ SHIPS = ("duncan", "roberts", "connole", "horne")  # the first two are sisters
 ASPECTS = np.arange(0, 90.1, 0.75).tolist()
 TESTS, SEEDS = 288, 3
 WINDOW = {"coverage_rule": 0.25, "length": 200.0, "height": 50.0, "depression": 3.84}
-IMAGER = Imager(0.25, CONTRAST_AT_ZERO, 0.181e-3, NEDT, SPREAD, SPREAD)
+IMAGER = Imager()
 PULSES, FRAMES = (10e-9, 30e-9), (2, 16, 128)
 
 

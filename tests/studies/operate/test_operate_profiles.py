@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 from ncti.classify import GaussianTemplates, lower_band
 from ncti.ladar import expected_profile, frame_moments, noise_floor, range_extent
-from studies.operate import ProfileMatch, draw_views, seen_views, signatures
+from studies.operate import ProfileMatch, Radar, draw_views, seen_views, signatures
 from studies.operate.profiles import LOADING, RAYLEIGH, correlations, frame_noise
 
 PULSE = {"pulse_width": 30e-9, "bin_width": 1.0}
@@ -55,7 +55,7 @@ def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
     normals = np.random.default_rng(3).standard_normal((draws, 2, BINS))
     for row, count, extent in zip(power, ifovs, extents(), strict=True):
         views = np.broadcast_to(row, (draws, BINS)), np.full(draws, free + count)
-        noise = frame_noise(*views, normals, cnr=cnr, **PULSE)
+        noise = frame_noise(*views, normals, Radar(cnr=cnr, **PULSE))
         _, exact = frame_moments(extent, pulse_width=30e-9, cnr=cnr, target_free_ifovs=free)
         # The closed form of its covariance has the exact diagonal, and off it correlations of
         # target and noise in place of those of each IFOV.
@@ -74,10 +74,9 @@ def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
 
 def match_of(templates, tests, normals, *, free, floor_sigma):
     still = np.zeros((len(tests), BINS))
-    how = {"cnr": 1.0, "floor_sigma": floor_sigma, **PULSE}
-    return ProfileMatch(
-        templates[:, None], tests, still, np.zeros(BINS), np.full(len(tests), free), normals, **how
-    )
+    power = still, np.zeros(BINS), np.full(len(tests), free)
+    radar = Radar(cnr=1.0, **PULSE)
+    return ProfileMatch(templates[:, None], tests, *power, normals, radar, floor_sigma=floor_sigma)
 
 
 @pytest.mark.parametrize(("gain_sigma", "floor_sigma"), [(0.0, 0.0), (1.0, 0.0), (0.5, 2.0)])
@@ -92,7 +91,7 @@ def test_likelihood_is_that_of_gaussian_templates_of_one_covariance(gain_sigma, 
     exact = GaussianTemplates(
         gain_sigma=gain_sigma, floor_sigma=floor_sigma, diagonal_loading=LOADING
     ).fit(templates, lower_band(np.stack([covariance] * 3)), [0, 1, 2], floor=0.0)
-    noise = frame_noise(np.zeros((4, BINS)), np.full(4, free), normals, cnr=1.0, **PULSE)
+    noise = frame_noise(np.zeros((4, BINS)), np.full(4, free), normals, Radar(cnr=1.0, **PULSE))
     expected = exact.log_likelihood(tests + noise / math.sqrt(frames), frames)
     apart = (evidence - evidence[:, :1]) - (expected - expected[:, :1])
     # Products in single precision: 2^-24 times the largest energies, some 10^4.

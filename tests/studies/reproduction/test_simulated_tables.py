@@ -54,7 +54,7 @@ def test_averages_have_the_moments_of_frames_and_share_their_first():
         seen,
         **SIGNAL,
         target_free_ifovs=100,
-        frames=frames,
+        frame_counts=frames,
         draws=count,
         rng=np.random.default_rng(3),
     )
@@ -96,7 +96,7 @@ def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
     rng = np.random.default_rng(4)
     normal = np.array(
         [
-            averaged_profiles(one, **signal, frames=(4,), draws=count, rng=rng)[:, 0]
+            averaged_profiles(one, **signal, frame_counts=(4,), draws=count, rng=rng)[:, 0]
             for one in extents
         ]
     )

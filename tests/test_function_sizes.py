@@ -1,0 +1,84 @@
+"""Functions have at most 8 parameters and 60 lines of code, docstrings apart."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = ("benchmarks", "docs", "ncti", "studies", "sweeps")
+MOST_PARAMETERS, MOST_LINES = 8, 60
+KEYWORDS = {  # of functions that users call, and of a scikit-learn estimator
+    "ncti/classify/gain_annealed.py:GainAnnealedNetwork.__init__",
+    "ncti/data/rows.py:dataset",
+    "ncti/simulate/images.py:infrared_image",
+    "ncti/simulate/profiles.py:range_profile",
+    "studies/operate/identify.py:identify",
+    "sweeps/engine/function/sweep.py:sweep",
+}
+LONG = {"ncti/render/pieces.py:bin_pieces"}  # a compiled loop, a sixth slower in parts
+STAGES = {"answers", "in_memory", "plain", "stage"}  # decorators: parameters are inputs by name
+
+
+def functions(tree: ast.AST, of: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Functions of a module with their names, those in classes and functions included."""
+    for node in ast.iter_child_nodes(tree):
+        name = f"{of}{getattr(node, 'name', '')}"
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield name, node
+        inner = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        yield from functions(node, f"{name}." if inner else of)
+
+
+def parameters(node: ast.FunctionDef) -> int:
+    """Number of parameters, without `self` and those of any name."""
+    given = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
+    return len(given) - (bool(given) and given[0].arg in ("self", "cls"))
+
+
+def lines(node: ast.FunctionDef) -> int:
+    """Lines of a function without its decorators and docstring."""
+    total = node.end_lineno - node.lineno + 1
+    if ast.get_docstring(node) is None:
+        return total
+    return total - (node.body[0].end_lineno - node.body[0].lineno + 1)
+
+
+def is_stage(node: ast.FunctionDef) -> bool:
+    called = (one.func if isinstance(one, ast.Call) else one for one in node.decorator_list)
+    return any(getattr(one, "attr", getattr(one, "id", "")) in STAGES for one in called)
+
+
+FOUND = {
+    f"{path.relative_to(ROOT).as_posix()}:{name}": node
+    for folder in FOLDERS
+    for path in sorted((ROOT / folder).rglob("*.py"))
+    for name, node in functions(ast.parse(path.read_text(encoding="utf-8")))
+}
+
+
+def test_functions_have_few_parameters():
+    many = {name for name, node in FOUND.items() if parameters(node) > MOST_PARAMETERS}
+    assert {name for name in many if not is_stage(FOUND[name])} == KEYWORDS
+
+
+def test_functions_are_short():
+    assert {name for name, node in FOUND.items() if lines(node) > MOST_LINES} == LONG
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("def f(a, /, b, *c, d=1, **e): ...", (3, 1)),
+        (
+            "class A:\n    def f(self, a):\n        '''Two\n        lines.'''\n        return a",
+            (1, 2),
+        ),
+        ("@stage(1)\n@other\nasync def f(\n    a,\n):\n    return 1", (1, 4)),
+    ],
+)
+def test_sizes_are_counted_without_self_and_docstrings(code, expected):
+    [(_, node)] = functions(ast.parse(code))
+    assert (parameters(node), lines(node)) == expected
+    assert is_stage(node) == code.startswith("@stage")
