@@ -1,6 +1,7 @@
 """The report page in a real browser: its selectors and width, and that it loads nothing else."""
 
 import csv
+import io
 import os
 import re
 import shutil
@@ -11,15 +12,15 @@ import pytest
 import xarray as xr
 from made import scores, shown
 from pages import stored
+from rich.console import Console
 
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
-from sweeps.report.page import write
 from sweeps.report.pivot import at_main
 from sweeps.report.places import page_file
 from sweeps.report.stores import attributes
 from sweeps.report.stores import opened as store_of
-from sweeps.report.summary import tables_of
+from sweeps.report.summary import comparison, tables_of, written_page
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
@@ -71,7 +72,7 @@ def two_axes(tmp_path_factory):
     }
     attributes = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
     path = stored(tmp_path_factory.mktemp("two") / "s.zarr", attributes, **tables)
-    assert write.write_page(path, tables_of(path)) == []
+    assert written_page(path, tables_of(path)) == []
     return path
 
 
@@ -336,3 +337,18 @@ def test_it_reads_without_its_script(browser, file):
     assert page.locator("table.figures:visible").count() > 4
     assert page.locator("#table-scores tbody tr:visible td").first.inner_text()[0].isdigit()
     context.close()
+
+
+def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
+    for name, figures in (("a", [1.0, 2.0, 4.0]), ("b", [2.0, 2.0, 1.0])):
+        table = xr.Dataset({"height": ("size", figures)}, {"size": [1.0, 2.0, 3.0]})
+        stored(tmp_path / f"{name}.zarr", {"configuration": {}}, tables__tree=table)
+    paths = tmp_path / "a.zarr", tmp_path / "b.zarr"
+    assert comparison(*paths, console=Console(file=io.StringIO()), html=True) == []
+    with opened(browser, tmp_path / "b-less-a-report.html") as page:
+        page.locator("#table-tree_differences svg").wait_for()
+        (zero,) = marks(page, "chart", "rule", "#table-tree_differences").all()
+        points = marks(page, "chart", "symbol", "#table-tree_differences").all()
+        height = [one.bounding_box()["y"] + one.bounding_box()["height"] / 2 for one in points]
+        level = zero.bounding_box()["y"] + zero.bounding_box()["height"] / 2
+        assert height[0] < level - 5 and abs(height[1] - level) < 2 and height[2] > level + 5

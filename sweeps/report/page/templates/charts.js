@@ -91,7 +91,9 @@ const charts = (() => {
       mark: { type: "rule", strokeDash: [2, 3] },
       encoding: { x: { value: 0 }, x2: { value: "width" }, y: { field: chance, type: "quantitative", aggregate: "max", title: y.title } },
     };
-    const layer = [...(low && high ? [interval] : []), ...(joined ? [line] : []), point, ...(chance ? [level] : [])];
+    // Of a difference, where there is none.
+    const zero = { data: { values: [{}] }, mark: { type: "rule", strokeWidth: 1.5 }, encoding: { y: { datum: 0, type: "quantitative", title: y.title } } };
+    const layer = [...(figure.difference ? [zero] : []), ...(low && high ? [interval] : []), ...(joined ? [line] : []), point, ...(chance ? [level] : [])];
     const chartOf = (width) => {
       const apart = Math.min(4 * (names.length - 1), (joined ? 0.3 : 0.6) * (width / along));
       for (const row of rows) row.shift = names.length < 2 ? 0 : apart * (names.indexOf(row.series) / (names.length - 1) - 0.5);

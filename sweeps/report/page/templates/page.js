@@ -254,7 +254,8 @@
       if (axis) await drawCurves(section, figure, axis, tone);
       section.dataset.axis = axis;
     }
-    if (aspect) await drawAspect(section, figure);
+    if (aspect && table.figures[figure].y.scale.domain) await drawAspect(section, figure);
+    else if (aspect) aspect.hidden = true; // a radius is not below 0
     const [across, down] = table.matrix.length ? table.matrix : [axis, colourBy() || data.second];
     const crossed = across !== down && [across, down].every((name) => table.axes.includes(name));
     if (heat && crossed) await drawHeat(section, figure, across, down);
