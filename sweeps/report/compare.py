@@ -239,13 +239,12 @@ def _changed(frame: Frame) -> Frame | None:
     if not changed.any():
         return None
     curves = [name for name in (*frame.down, "kind") if name in frame.columns]
+    left = frame.rows
     if curves:
-        changed = changed.groupby([frame.rows[name] for name in curves], dropna=False).transform(
-            any
-        )
+        by = [frame.rows[name] for name in curves]
+        left = left[changed.groupby(by, dropna=False).transform("any").astype(bool)]
     dropped = {*frame.figures} - {*kept}
     columns = {n: c for n, c in frame.columns.items() if not {n, c.axis} & dropped}
-    left = frame.rows[changed.astype(bool)]
     return replace(frame, rows=left[[PART, *columns]].reset_index(drop=True), columns=columns)
 
 
