@@ -14,6 +14,7 @@ from made import scores, shown
 from pages import stored
 from rich.console import Console
 
+from sweeps.report import chart
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
 from sweeps.report.pivot import at_main
@@ -354,3 +355,19 @@ def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
         )
         one, none, less = sorted(height - level for height in heights)  # +1, 0 and -3 m
         assert abs(none) < 1 and one < -10 and less == pytest.approx(-3 * one, abs=2)
+
+
+def test_a_chart_of_a_notebook_is_drawn_and_changes_with_its_selectors(browser, tmp_path):
+    table = shown(scores(cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0], votes=[1, 3]))
+    made = chart(table, x="cnr", colour="range")
+    (tmp_path / "cell.html").write_text(made._repr_html_(), encoding="utf-8")
+    with opened(browser, tmp_path / "cell.html") as page:
+        cell = page.frame_locator("iframe")
+        cell.locator(".chart svg").wait_for()
+        before = cell.locator(".chart svg").inner_html()
+        cell.locator('select[data-axis="votes"]').select_option(label="3")
+        for _ in range(100):
+            if cell.locator(".chart svg").inner_html() != before:
+                return
+            page.wait_for_timeout(50)
+        pytest.fail("the chart is the same")

@@ -10,7 +10,6 @@ from typing import Any
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.report.changes import sentences as changes
 from sweeps.report.changes import settings_sentence, settings_that_differ
-from sweeps.report.chart import axis_of, figure_of
 from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
@@ -20,6 +19,7 @@ from sweeps.report.headline import accuracy, headline, headline_for_script
 from sweeps.report.page.provenance import flat, status_of, swept, written
 from sweeps.report.pictures import Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
+from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, opened
 from sweeps.report.words import missing, preferred, printable
 from sweeps.report.work import NAME as WORK
@@ -43,8 +43,8 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     if matrix is not None:
         tables = {first.name: first, CONFUSION: matrix, **tables}
     settings = list(flat(about.get("configuration", {})))
-    charted = _charted(tables, axes, path_beside(path).name)
-    charted["data"]["headline"] = headline_for_script(tables, about, CHARTED)
+    charts = charted(tables, axes, path_beside(path).name)
+    charts["data"]["headline"] = headline_for_script(tables, about, CHARTED)
     return {
         "store": path_beside(path).name,
         "about": about,
@@ -56,7 +56,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "pictures": pictures_of(path, store, pictures),
         "ships": ships_of(store, pictures),
         "work": None if work is None else laid_out(work),
-        **charted,
+        **charts,
     }
 
 
@@ -77,22 +77,33 @@ def content_of_comparison(compared: Comparison) -> dict[str, Any]:
         "settings": settings_that_differ(compared),
         "pictures": {},
         "ships": [],
-        **_charted(compared.frames, axes, title),
+        **charted(compared.frames, axes, title),
     }
 
 
-def _charted(frames: Mapping[str, Frame], swept: Sequence[str], store: str) -> dict[str, Any]:
-    """Return the tables of a page, its selectors, and what its script draws charts from."""
+def charted(
+    frames: Mapping[str, Frame],
+    swept: Sequence[str],
+    store: str,
+    *,
+    along: str = "",
+    colour: str = "",
+) -> dict[str, Any]:
+    """Return the tables of a page, its selectors, and what its script draws charts from.
+
+    `along` and `colour` are the columns of the axes of charts and of their colours, by default
+    those of the headline.
+    """
     # Rows and charts run along the axis of the headline.
     first = next(iter(frames.values()))
     ordinary = [name for name in first.several if name not in curves_of(first)]
     numbers = swept_axes(first, swept)
-    against = next(filter(None, [main_axis(first, swept), *ordinary]), "")
+    against = next(filter(None, [along, main_axis(first, swept), *ordinary]), "")
     second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
     return {
         "against": against,
         # Without declared curves, a curve for each value of the second axis.
-        "colour": "" if curves_of(first) else second,
+        "colour": colour or ("" if curves_of(first) else second),
         "curves": ", ".join(first.columns[name].words for name in curves_of(first)[:1]),
         "axes": axes_of(frames),
         "tables": [table_of(table, against, swept) for table in frames.values()],

@@ -91,18 +91,18 @@ def page_of(path: PathOrUrl, frames: Mapping[str, Frame], *, before: Path | None
     # Imported here, since a page that is current needs none of it.
     from sweeps.report.page.content import content_of
 
-    return _rendered(content_of(path, frames, _pictures(before)), _stamp(path))
+    return rendered("page.html", content_of(path, frames, _pictures(before)), _stamp(path))
 
 
 def comparison_page(compared: Comparison) -> str:
     """Return the page of a comparison, not yet sealed."""
     from sweeps.report.page.content import content_of_comparison
 
-    return _rendered(content_of_comparison(compared), _stamp(*compared.paths))
+    return rendered("page.html", content_of_comparison(compared), _stamp(*compared.paths))
 
 
-def _rendered(content: Mapping[str, Any], stamp: str) -> str:
-    """Return a page; everything but templates is escaped."""
+def rendered(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
+    """Return the HTML of some content; everything but templates is escaped."""
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
@@ -129,7 +129,7 @@ def _rendered(content: Mapping[str, Any], stamp: str) -> str:
         (TEMPLATES / name).read_text(encoding="utf-8")
         for name in ("page.css", "vega.js", "charts.js", "headline.js", "page.js")
     )
-    return environment.get_template("page.html").render(
+    return environment.get_template(template).render(
         content,
         stamp=stamp,
         own=PAGE,

@@ -38,7 +38,8 @@
     }
     if (ofSelect?.dataset.chosen) changed.set("of", ofSelect.dataset.chosen);
     const text = changed.toString();
-    history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
+    // A chart of a notebook has no address.
+    if (location.protocol !== "about:") history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
   };
 
   // Whether each row is at the selection. A part of a table that lacks a value keeps its nearest.
