@@ -164,7 +164,7 @@ def test_plots_of_profiles_name_their_axes_with_units():
     [line] = profile(frames=1).plot(ax=Figure().subplots())
     axes = line.axes
     assert axes.get_xlabel() == "down-range [m]"
-    assert axes.get_ylabel().split() == "amplitude above the noise floor [1]".split()
+    assert axes.get_ylabel().split() == ["amplitude", "above", "the", "noise", "floor", "[1]"]
     axes = profile(aspect=[0.0, 37.0]).plot(ax=Figure().subplots()).axes
     assert axes.get_xlabel() == "down-range [m]" and axes.get_ylabel().endswith("[degree]")
     axes = image().plot(ax=Figure().subplots()).axes

@@ -17,7 +17,7 @@ from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import accuracy, headline, headline_for_script
 from sweeps.report.page.provenance import flat, status_of, swept, written
-from sweeps.report.pictures import Pictures, pictures_of, ships_of
+from sweeps.report.pictures import CONFUSED, Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
 from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, opened
@@ -43,6 +43,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     if matrix is not None:
         tables = {first.name: first, CONFUSION: matrix, **tables}
     settings = list(flat(about.get("configuration", {})))
+    drawn = pictures_of(path, store, pictures)
     charts = charted(tables, axes, path_beside(path).name)
     charts["data"]["headline"] = headline_for_script(tables, about, CHARTED)
     return {
@@ -53,7 +54,8 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "status": status_of(store, work),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
-        "pictures": pictures_of(path, store, pictures),
+        "confused": drawn.pop(CONFUSED, None),
+        "pictures": drawn,
         "ships": ships_of(store, pictures),
         "work": None if work is None else laid_out(work),
         **charts,
