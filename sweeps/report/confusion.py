@@ -47,21 +47,22 @@ def most_confused(store: Any) -> tuple[tuple[str, str], float] | None:
     counts: list[xr.DataArray] = []
     for name in groups(store, "classification"):
         answers = read(store, f"classification/{name}")
-        if "predicted" in answers and {"ship", "aspect"} <= {*answers.predicted.dims}:
-            if answers.predicted.size <= LARGEST:
-                counts.append(_named(answers.predicted.load(), ("ship", "aspect")))
+        if "predicted" not in answers or answers.predicted.size > LARGEST:
+            continue
+        if {"ship", "aspect"} <= {*answers.predicted.dims}:
+            counts.append(_named(answers.predicted.load(), ("ship", "aspect")))
     if not counts:
         return None
-    total = sum(xr.align(*counts, join="outer", fill_value=0))
-    ships = total.ship_named.values.tolist()
-    total = total.sel(true_ship=ships).transpose("true_ship", "ship_named", "aspect").values
+    whole = xr.concat(counts, "group", join="outer", fill_value=0).sum("group")
+    ships = whole.ship_named.values.tolist()
+    total = whole.sel(true_ship=ships).transpose("true_ship", "ship_named", "aspect").values
     share = total / np.maximum(total.sum(axis=1, keepdims=True), 1)
     mutual = share + share.transpose(1, 0, 2)
     over = np.triu(mutual.mean(axis=2), 1)
     one, other = np.unravel_index(over.argmax(), over.shape)
     if not over[one, other] > 0:
         return None
-    aspect = float(counts[0].aspect.values[mutual[one, other].argmax()])
+    aspect = float(whole.aspect.values[mutual[one, other].argmax()])
     return (str(ships[one]), str(ships[other])), aspect
 
 

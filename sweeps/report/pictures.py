@@ -190,7 +190,8 @@ def _silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     images = nominal(read(store, "infrared"), keep=("ship", "aspect", "range", "row", "col"))
     view = images.sel(ship=ship).sel(aspect=aspect, method="nearest")[["image"]]
     image, extent = _cropped(view.sel(range=view.range.min()).load())
-    axes.imshow(image, extent=extent, cmap="inferno", origin="lower")
+    left, right, low, high = extent
+    axes.imshow(image, extent=(left, right, low, high), cmap="inferno", origin="lower")
     axes.set_xlabel("across [m]", fontsize=SMALL)
     axes.set_yticks([])
 

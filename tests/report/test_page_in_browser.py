@@ -197,6 +197,23 @@ def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_sto
     page.close()
 
 
+@pytest.mark.parametrize("failed", [(0, 5.0), (1, 20.0)])
+def test_the_headline_ranks_by_values_that_all_have(browser, failed, tmp_path):
+    """One of two classifiers failed at a value, on the page as on the screen, from the start."""
+    made = [scores(seed, cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0]) for seed in (3, 4)]
+    number, cnr = failed
+    made[number] = made[number].where(made[number].cnr != cnr)
+    tables = {"tables__acn": shown(made[0]), "tables__mnn": shown(made[1], "mnn")}
+    about = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
+    path = stored(tmp_path / "s.zarr", about, **tables)
+    assert written_page(path, tables_of(path)) == []
+    [wanted] = headline(read_frames(path), about)
+    assert "Ranked by 2 of 3 values of CNR, those that all have." in wanted
+    with opened(browser, page_file(path)) as page:
+        page.locator("#table-scores svg").first.wait_for()
+        assert without_settings(page.locator(".headline").inner_text()) == without_settings(wanted)
+
+
 def without_settings(sentence):
     return re.sub(r" \([a-z].*?\)", "", sentence)
 
