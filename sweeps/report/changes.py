@@ -52,7 +52,7 @@ def sentences(compared: Comparison) -> list[str]:
             said,
             f"That is more than chance: {compared.sure:,} of {number} {verb}, {corrected}.",
         ]
-    return [said, f"Chance alone would do so: none of {number} exceeds it {corrected}."]
+    return [said, f"That may be chance: none of {number} exceeds it {corrected}."]
 
 
 def answer(compared: Comparison, swept: Sequence[str]) -> Table:

@@ -153,8 +153,13 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
     if not compared.frames:
         return
     print_table(answer(compared, swept_of(compared.paths[0])), console)
+    line("", console)
+    for path, name in zip(compared.paths, compared.names, strict=True):
+        if failed := failed_cells(opened(path)):
+            number = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
+            line(f"failed  {number} of {name}: the differences cover the others", console)
     count = f"{len(compared.frames)} CSV file" + "s" * (len(compared.frames) > 1)
-    line(f"\ntables  {located(tables_folder(compared.place))} ({count})", console)
+    line(f"tables  {located(tables_folder(compared.place))} ({count})", console)
     if html:
         line(f"page    {located(page_file(compared.place))}", console)
     else:

@@ -263,3 +263,11 @@ def test_stores_of_one_name_are_told_apart_by_their_folders(answers, tmp_path):
     found = compare(*paths)
     assert found.names == ("x/s.zarr", "y/s.zarr") and "x/s.zarr" in sentences(found)[0]
     assert found.place == tmp_path / "y" / "y-s-less-x-s.zarr"
+
+
+def test_a_difference_that_chance_may_make_is_said_to_be_no_more(answers, tmp_path):
+    paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
+    found = compare(*paths)
+    assert found.sure == 0
+    wanted = "That may be chance: none of 1 comparison exceeds it by Holm's correction at 5 %."
+    assert sentences(found)[1] == wanted
