@@ -28,6 +28,7 @@ def replicated_accuracy(
     *,
     draws: int = 1,
     answered: ArrayLike = True,
+    confidence: float = CONFIDENCE,
 ) -> AspectAccuracy:
     """Return the fraction of correct answers by aspect bin over repeated draws of the same views.
 
@@ -42,6 +43,8 @@ def replicated_accuracy(
         Number of axes that are draws.
     answered : array_like of bool, default=True
         False for answers to leave out; broadcast to `correct`.
+    confidence : float, default=0.95
+        Probability that an interval covers the true fraction, in (0, 1).
 
     Returns
     -------
@@ -51,7 +54,7 @@ def replicated_accuracy(
     Raises
     ------
     ValueError
-        If the axes do not match, or `correct` is not boolean.
+        If the axes do not match, `correct` is not boolean, or the confidence is not in (0, 1).
 
     See Also
     --------
@@ -105,6 +108,7 @@ def replicated_accuracy(
     np.float64(0.75)
     """
     require("draws", draws, whole=True, minimum=0)
+    require("confidence", confidence, positive=True, below=1.0)
     labels, index = aspect_bins(aspects)
     right = checked_answers(correct, len(index), draws)
 
@@ -121,7 +125,7 @@ def replicated_accuracy(
     of_cells, asked_of_cells = right.reshape(number, *inner), asked.reshape(number, *inner)
     for first in range(0, len(whole[0]), some):
         cells = slice(first, first + some)
-        accuracy = _accuracy(of_cells[cells], asked_of_cells[cells], member, draws)
+        accuracy = _accuracy(of_cells[cells], asked_of_cells[cells], member, draws, confidence)
         for values, of_some in zip(whole, accuracy, strict=True):
             values[cells] = of_some
     fraction, low, high, n = (values.reshape(*lead, len(labels) + 1) for values in whole)
@@ -129,7 +133,11 @@ def replicated_accuracy(
 
 
 def _accuracy(
-    right: NDArray[np.bool_], asked: NDArray[np.bool_], member: Floats, draws: int
+    right: NDArray[np.bool_],
+    asked: NDArray[np.bool_],
+    member: Floats,
+    draws: int,
+    confidence: float,
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return (cell, bin) fractions of right answers, the ends of their intervals, and answers.
 
@@ -155,9 +163,9 @@ def _accuracy(
     equivalent = np.empty(n.shape)
     for bins in (slice(0, -1), slice(-1, None)):
         those = [(answers[..., bins], rights[..., bins]) for answers, rights in levels]
-        equivalent[..., bins] = _equivalent_answers(those, fraction[..., -1])
+        equivalent[..., bins] = _equivalent_answers(those, fraction[..., -1], confidence)
     low, high = wilson_interval(
-        np.minimum(fraction * equivalent, equivalent), equivalent, confidence=CONFIDENCE
+        np.minimum(fraction * equivalent, equivalent), equivalent, confidence=confidence
     )
     return np.where(n > 0, fraction, np.nan), low, high, n
 
@@ -222,7 +230,7 @@ def grouped_accuracy(correct: ArrayLike, aspects: ArrayLike, groups: ArrayLike) 
     equivalent = np.empty(n.shape)
     for bins in (slice(0, -1), slice(-1, None)):
         levels = [(count[:, bins], hits[:, bins])]
-        equivalent[bins] = _equivalent_answers(levels, fraction[-1])
+        equivalent[bins] = _equivalent_answers(levels, fraction[-1], CONFIDENCE)
     low, high = wilson_interval(
         np.minimum(fraction * equivalent, equivalent), equivalent, confidence=CONFIDENCE
     )
@@ -236,6 +244,7 @@ def paired_difference(
     *,
     draws: int = 1,
     answered: ArrayLike = True,
+    confidence: float = CONFIDENCE,
 ) -> AspectAccuracy:
     """Return a second fraction of correct answers to the same views less the first.
 
@@ -243,7 +252,7 @@ def paired_difference(
     ----------
     first, second : (..., draw, ..., ship, aspect) array_like of bool
         True for correct answers, with the axes of `replicated_accuracy`.
-    aspects, draws, answered
+    aspects, draws, answered, confidence
         As of `replicated_accuracy`.
 
     Returns
@@ -294,7 +303,8 @@ def paired_difference(
     both = [checked_answers(right, len(index), draws) for right in (first, second)]
     require_shape("second", both[1], both[0].shape)
     former, other = (
-        replicated_accuracy(right, aspects, draws=draws, answered=answered) for right in both
+        replicated_accuracy(right, aspects, draws=draws, answered=answered, confidence=confidence)
+        for right in both
     )
     count = np.broadcast_to(np.asarray(answered), both[0].shape).astype(float)
     kinds = tuple(range(-2 - draws, -2))
@@ -329,7 +339,9 @@ def _views(values: Floats, member: Floats) -> Floats:
     return inside.reshape(*values.shape[:-2], -1, member.shape[-1])
 
 
-def _equivalent_answers(levels: list[tuple[Floats, Floats]], share: Floats) -> Floats:
+def _equivalent_answers(
+    levels: list[tuple[Floats, Floats]], share: Floats, confidence: float
+) -> Floats:
     """Return the (..., bin) equivalent number of independent answers; see `replicated_accuracy`.
 
     `levels` has (..., level, bin) answers and right answers of each factor, the views, then each
@@ -368,7 +380,7 @@ def _equivalent_answers(levels: list[tuple[Floats, Floats]], share: Floats) -> F
     # The Wilson interval depends on z^2 / n alone, so a wider quantile is a smaller number.
     with np.errstate(divide="ignore", invalid="ignore"):
         free = np.where(uncertain > 0, np.maximum(mean**2 / uncertain, 1.0), np.inf)
-    tail = 0.5 + 0.5 * CONFIDENCE
+    tail = 0.5 + 0.5 * confidence
     wider: Floats = np.maximum(stdtrit(free, tail) / ndtri(tail), 1.0)
     equivalent: Floats = np.maximum(n / np.maximum(effect, 1.0) / wider**2, np.minimum(n, 1.0))
     return equivalent

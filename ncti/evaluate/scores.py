@@ -26,7 +26,7 @@ Integers = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class AspectAccuracy:
-    """Fractions of correct answers by aspect bin and overall, with 95 % confidence intervals.
+    """Fractions of correct answers by aspect bin and overall, with confidence intervals.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class AspectAccuracy:
     fraction : (..., bin) float64 ndarray
         Correct answers over answers, in [0, 1]; NaN if there are none.
     ci_low, ci_high : (..., bin) float64 ndarray
-        Ends of the 95 % confidence interval of the fraction.
+        Ends of the confidence interval of the fraction, of 95 % unless asked otherwise.
     n : (..., bin) intp ndarray
         Number of answers.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import html
 import os
 import stat
 from dataclasses import dataclass, field, replace
@@ -18,6 +19,7 @@ import numpy as np
 from ncti.ships import cache as store
 from ncti.ships import checks, meshes, sheets
 from ncti.ships.build import Ship, build
+from ncti.ships.drawing import side_view
 from ncti.ships.errors import ShipError, shown
 from ncti.ships.orientation import Diagnosis
 from ncti.ships.perturbation import (
@@ -290,6 +292,8 @@ class Description:
         Number of facets.
     vertices : (vertex, 3) float64 ndarray
         Corners [m].
+    faces : (facet, 3) integer ndarray
+        Numbers of the corners of each facet.
     findings : tuple of str
         What looks wrong, as "lies on its side"; empty where nothing does.
     mend : Transform or None
@@ -300,6 +304,10 @@ class Description:
     See Also
     --------
     describe : Makes them.
+
+    Notes
+    -----
+    Notebooks show the silhouette seen from starboard.
 
     Examples
     --------
@@ -315,9 +323,15 @@ class Description:
     height: float
     facets: int
     vertices: NDArray[np.float64] = field(repr=False)
+    faces: NDArray[np.integer] = field(repr=False)
     findings: tuple[str, ...] = ()
     mend: Transform | None = None
     faults: tuple[str, ...] = ()
+
+    def _repr_html_(self) -> str:
+        words = [f"{self.name}: {self.measures}", *self.findings, *self.faults]
+        picture = side_view(self.name, self.vertices, self.faces)
+        return f"<figure>{picture}<figcaption>{html.escape('; '.join(words))}</figcaption></figure>"
 
     @property
     def measures(self) -> str:
@@ -391,6 +405,7 @@ def describe(
         height,
         len(ship.faces),
         ship.vertices,
+        ship.faces,
         diagnosis.findings,
         _whole(transform, diagnosis),
         faults,

@@ -1,1 +1,19 @@
-"""Report of a sweep: tables, figures and the report page."""
+"""Reports of stores: on the screen, as a page, as tables, and as charts in notebooks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sweeps.report.notebook import chart
+
+__all__ = ["chart"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is used: the command line starts faster without it."""
+    if name in __all__:
+        from sweeps.report import notebook
+
+        return getattr(notebook, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

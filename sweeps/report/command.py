@@ -1,4 +1,4 @@
-"""The command `ncti-report`: print the tables of a store, or of two compared, and write them."""
+"""The command `ncti-report`: print the tables of a store, or of several compared; write them."""
 
 from __future__ import annotations
 
@@ -46,8 +46,11 @@ def _reported(arguments: argparse.Namespace) -> int:
     console = screen()
     try:
         path = _place(arguments.store)
-        if arguments.other is not None:
-            kept = comparison(path, _place(arguments.other), console, html=arguments.html)
+        if others := [_place(other) for other in arguments.others]:
+            if arguments.pictures:
+                raise ConfigurationError("--pictures draws one store, but several are given")
+            shown = {"table": arguments.table, "html": arguments.html}
+            kept = comparison(path, *others, console=console, **shown)
         else:
             kept = report(path, console, table=arguments.table, html=arguments.html)
         if arguments.pictures:
@@ -96,9 +99,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("store", help="store of a sweep, such as sweep.zarr")
     parser.add_argument(
-        "other",
-        nargs="?",
-        help="a second store: print how much more often ships are identified there",
+        "others",
+        metavar="other",
+        nargs="*",
+        help="more stores: print what changed most from the first to these",
     )
     parser.add_argument(
         "--table",

@@ -1,33 +1,24 @@
-"""Two stores compared: paired differences of percent correct, and differences of other figures."""
+"""Stores compared with a first one: paired differences of percent correct, and other figures'."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
-from ncti.evaluate import paired_difference
-from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.frames import PART, Frame, Part, read_frames, stacked, tidy
-from sweeps.report.stores import attributes, groups, opened, read
-from sweeps.report.words import MAIN, printable
-from sweeps.stages.classifier import drawn_aspects, kinds_of_aspects
+from sweeps.report.contest import SCORES, UNTESTED
+from sweeps.report.frames import PART, Column, Frame, Part, read_frames, stacked, tidy, values_of
+from sweeps.report.pairs import ANSWERS, Pairs, answers_of, holm, paired
+from sweeps.report.stores import groups, opened
+from sweeps.report.words import printable
 
-NAME = "differences"
-SCORES = "scores"
-ANSWERS = {
-    "accuracy": "correct",
-    "ship_accuracy": "ship_correct",
-    "training_accuracy": "training_correct",
-}
-"""Variables of answers by those of their scores."""
-MARKED = ("range_profile", "infrared")  # groups that say which aspects are learned
+NAME, STORE = "differences", "store"
+FIRST, SECOND = "first", "second"
 DISPLAY = Display(
     NAME,
     "Ships identified correctly [points]",
@@ -36,104 +27,238 @@ DISPLAY = Display(
             "difference",
             low="ci_low",
             high="ci_high",
-            beside={"n": "n"},
+            beside={"n": "n", "unequal": "unequal", "sure": "sure"},
             percent=True,
             format="+.0f",
         ),
+        Figure(FIRST, percent=True, format=".0f"),
+        Figure(SECOND, percent=True, format=".0f"),
     ),
-    rows=("classifier", "channel", "scored", "aspects"),
+    rows=(STORE, "classifier", "channel", "scored", "aspects"),
     columns="aspect_bin",
     notes=("Of the views that both have, with 95 % intervals of paired answers.",),
 )
 
 
-def compare(first: PathOrUrl, second: PathOrUrl) -> dict[str, Frame]:
-    """Return differences by table, second store less first, those of percent correct first.
+@dataclass(frozen=True)
+class Comparison:
+    """Stores compared with the first: their names, and differences by table.
+
+    Attributes
+    ----------
+    paths : tuple of Path or str
+        Stores.
+    names : tuple of str
+        Their names, which differ.
+    frames : mapping of str to Frame
+        Differences that are not all 0, those of percent correct first.
+    number, sure : int
+        Comparisons over all aspects, and how many exceed chance by `holm`.
+    """
+
+    paths: tuple[PathOrUrl, ...]
+    names: tuple[str, ...]
+    frames: Mapping[str, Frame]
+    number: int = 0
+    sure: int = 0
+
+    @property
+    def place(self) -> Path:
+        """Path of the store that a comparison is named like: `b-less-a.zarr`, beside b."""
+        first, *others = (
+            re.sub(r"(\.zarr)?/|\.zarr$", "-", name).strip("-") for name in self.names
+        )
+        return path_beside(self.paths[1]).with_name(f"{'-'.join(others)}-less-{first}.zarr")
+
+
+def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
+    """Return differences by table, other stores less the first, those of percent correct first.
 
     Answers are paired: of the settings, ships, aspects and draws that both stores have. A setting
-    of one value in one store is compared with every value in the other. Other tables have the
-    differences of their figures, without intervals.
+    of one value in each store is compared whatever these are. Other tables have the differences of
+    their figures, without intervals. Rows and tables in which nothing differs are left out.
 
     Raises
     ------
     ConfigurationError
-        If a store has no tables, or the stores have nothing in common.
+        If a store is given twice, has no tables, or has nothing in common with the first.
     """
-    ours, theirs = read_frames(first), read_frames(second)
-    stores = f"{printable(path_beside(second).name)} less {printable(path_beside(first).name)}"
+    paths = first, *others
+    names, ours = names_of(paths), read_frames(first)
+    found: list[tuple[Display, Pairs]] = []
+    tables: dict[str, list[Frame]] = {NAME: []}
+    for path, name in zip(others, names[1:], strict=True):
+        theirs, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
+        pairs = _paired(first, ours, path, theirs, labels)
+        rest = [
+            _subtracted(ours[table], theirs[table], labels)
+            for table in theirs
+            if table in ours and table != SCORES
+        ]
+        rest = [table for table in rest if len(table.rows) and table.figures]
+        if not pairs and not rest:
+            raise ConfigurationError(_nothing_in_common(names[0], ours, name, theirs))
+        found += pairs
+        for table in rest:
+            tables.setdefault(table.name, []).append(table)
+    sure, number = holm([of for display, of in found if _tests(display)])
+    exceeding = iter(sure)
+    for display, of in found:
+        dataset = of.tabulate(next(exceeding) if _tests(display) else None)
+        part = tidy(dataset, display, "")
+        tables[NAME] += [part] if part is not None else []
+    whole = [_changed(stacked(parts)) for parts in tables.values() if parts]
+    frames = {frame.name: _in_words(frame, names) for frame in whole if frame is not None}
+    return Comparison(paths, names, frames, number, sum(int(cells.sum()) for cells in sure))
+
+
+def _tests(display: Display) -> bool:
+    """Return whether answers are of tests."""
+    return display.labels.get("kind") not in UNTESTED
+
+
+def _paired(
+    first: PathOrUrl,
+    ours: Mapping[str, Frame],
+    second: PathOrUrl,
+    theirs: Mapping[str, Frame],
+    labels: Mapping[str, str],
+) -> list[tuple[Display, Pairs]]:
+    """Return the answers in common of each part of the scores of two stores."""
     known = {_key(part): part for part in _scored(first, ours)}
-    parts = []
+    found = []
     for part in _scored(second, theirs):
         if (other := known.get(_key(part))) is not None:
-            table = _differences(_answers(first, other), _answers(second, part))
-            title = f"{DISPLAY.title}: {stores}"
-            display = replace(DISPLAY, title=title, labels=part.display.labels)
-            parts.append(tidy(table, display, "") if table is not None else None)
-    paired = [part for part in parts if part is not None]
-    frames = {NAME: stacked(paired)} if paired else {}
-    for name in (their for their in theirs if their in ours and their != SCORES):
-        rest = _subtracted(ours[name], theirs[name], stores)
-        frames |= {rest.name: rest} if len(rest.rows) and rest.figures else {}
-    if not frames:
-        raise ConfigurationError(
-            f"store is {str(second)!r}, but must have answers in common with {str(first)!r}"
+            pairs = paired(answers_of(first, other), answers_of(second, part))
+            display = replace(DISPLAY, labels={**labels, **part.display.labels})
+            found += [(display, pairs)] if pairs is not None else []
+    return found
+
+
+def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
+    """Return names of stores that differ: with as many folders before them as that needs.
+
+    Raises ConfigurationError if a store is given twice.
+    """
+    places = [path_beside(path) if isinstance(path, Path) else Path(str(path)) for path in paths]
+    whole = [place.resolve() for place in places]
+    for one in whole:
+        if whole.count(one) > 1:
+            raise ConfigurationError(
+                f"store is {str(one)!r} twice, but must be of different sweeps"
+            )
+    for count in range(1, max(len(place.parts) for place in places) + 1):
+        names = tuple(printable("/".join(place.parts[-count:])) for place in places)
+        if len(set(names)) == len(names):
+            break
+    return names
+
+
+def _nothing_in_common(
+    first: str, ours: Mapping[str, Frame], second: str, theirs: Mapping[str, Frame]
+) -> str:
+    """Return why stores cannot be compared: no table, or no value of an axis is in common."""
+    both = [name for name in theirs if name in ours]
+    for table in both:
+        one, other = ours[table], theirs[table]
+        for axis in (name for name in other.of_role("axis") if name in one.of_role("axis")):
+            values = [values_of(frame.rows, axis) for frame in (one, other)]
+            if all(values) and not {*values[0]} & {*values[1]}:
+                column = one.columns[axis]
+                has, have = (", ".join(map(column.text, of[:3])) for of in values)
+                return (
+                    f"stores must have a value of {column.words} in common, but {first} has {has} "
+                    f"and {second} has {have}"
+                )
+    if both:
+        return (
+            f"stores must have answers to the same views in common, as {first} and {second} do not"
         )
-    return frames
+    return (
+        f"stores must have a table in common, but {first} has {', '.join(ours)} "
+        f"and {second} has {', '.join(theirs)}"
+    )
 
 
-def compared_name(first: PathOrUrl, second: PathOrUrl) -> Path:
-    """Return the path of the store that a comparison is named like: `b-less-a.zarr`, beside b."""
-    ours, theirs = path_beside(first), path_beside(second)
-    return theirs.with_name(f"{theirs.stem}-less-{ours.stem}.zarr")
+def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame:
+    """Return the figures of a table, second less first, at the places that both have.
 
-
-def sentences(frames: Mapping[str, Frame]) -> list[str]:
-    """Return in words which classifier differs most, over all aspects."""
-    if NAME not in frames:
-        return ["The stores have no answers of classifiers in common."]
-    frame = frames[NAME]
-    at = frame.at({frame.across: MAIN["aspect_bin"]}) if frame.across else frame
-    rows = at.rows[(at.rows.kind == "test") & at.rows.difference.notna()]
-    sure = rows[(rows.ci_low > 0) | (rows.ci_high < 0)]
-    if sure.empty:
-        return [f"No difference over all aspects is larger than its interval ({len(rows)} cells)."]
-    row = sure.loc[sure.difference.abs().idxmax()]
-    name = frame.columns["classifier"].text(row.classifier)
-    return [
-        f"{len(sure)} of {len(rows)} differences over all aspects are larger than their intervals; "
-        f"the largest is {row.difference:+.0f} points [{row.ci_low:+.0f} to {row.ci_high:+.0f}], "
-        f"of {name}."
-    ]
-
-
-def _subtracted(first: Frame, second: Frame, stores: str) -> Frame:
-    """Return the figures of a table, second less first, at the places that both have."""
+    An axis of one value in each is no place, unless it is a label, such as the classifier.
+    """
     figures = [
         name
         for name in second.figures
         if name in first.figures and second.rows[name].dtype.kind in "fiu"
     ]
-    axes = [name for name in second.of_role("axis") if name in first.rows]
-    shared = [name for name in axes if name in first.several and name in second.several]
-    own = [name for name in axes if name not in first.several]
-    names = [*dict.fromkeys([*shared, *own]), *figures]
-    rows, others = (table.rows.assign(**{PART: 0}) for table in (second, first))
-    others = others[[PART, *shared, *figures]]
-    rows = rows[[PART, *names]].merge(others, on=[PART, *shared], suffixes=("", "_first"))
-    columns = {name: second.columns[name] for name in names}
+    axes = [name for name in second.of_role("axis") if name in first.of_role("axis")]
+    told = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
+    several = {*first.several, *second.several, *told}
+    shared = [name for name in axes if name in several]
+    rest = [
+        (frame, [name for name in frame.of_role("axis") if name not in axes])
+        for frame in (first, second)
+    ]
+    ours, theirs = (
+        frame.rows.assign(**{PART: 0})[[PART, *shared, *own, *figures]] for frame, own in rest
+    )
+    rows = theirs.merge(ours, on=[PART, *shared], suffixes=("", f"_{FIRST}"))
+    columns = {name: Column(name, name, name) for name in labels}
+    for frame, own in reversed(rest):
+        columns |= {name: frame.columns[name] for name in (*shared, *own)}
     for name in figures:
-        rows[name] -= rows.pop(f"{name}_first")
-        unit = columns[name].unit
-        columns[name] = replace(columns[name], format="+.0f" if unit == "%" else "+.3g")
+        column, ends = second.columns[name], (f"{name}_{FIRST}", f"{name}_{SECOND}")
+        rows[ends[1]] = rows[name]
+        rows[name] = rows[name] - rows[ends[0]]
+        columns[name] = replace(column, format="+.0f" if column.unit == "%" else "+.3g")
+        columns |= {
+            end: replace(column, name=end, axis=name, role="beside", listed=False) for end in ends
+        }
+    part = replace(
+        second.parts[0], group="", display=replace(second.parts[0].display, labels=labels)
+    )
     return replace(
         second,
         name=f"{second.name}_{NAME}",
-        title=f"{second.title}: {stores}",
-        rows=rows,
+        rows=rows.assign(**labels)[[PART, *columns]],
         columns=columns,
-        parts=(replace(second.parts[0], group=""),),
+        parts=(part,),
+        down=(*labels, *(name for name in second.down if name in columns)),
+        across=second.across if second.across in columns else "",
         notes=(),
     )
+
+
+def _changed(frame: Frame) -> Frame | None:
+    """Return a table of differences without the figures and curves in which all are 0."""
+    values = frame.rows[frame.figures].fillna(0).astype(float) != 0
+    if frame.name == NAME:
+        kept, changed = frame.figures, frame.rows.unequal > 0
+    else:
+        kept = [name for name in frame.figures if values[name].any()]
+        changed = values.any(axis=1)
+    if not changed.any():
+        return None
+    curves = [name for name in (*frame.down, "kind") if name in frame.columns]
+    left = frame.rows
+    if curves:
+        by = [frame.rows[name] for name in curves]
+        left = left[changed.groupby(by, dropna=False).transform("any").astype(bool)]
+    dropped = {*frame.figures} - {*kept}
+    columns = {n: c for n, c in frame.columns.items() if not {n, c.axis} & dropped}
+    return replace(frame, rows=left[[PART, *columns]].reset_index(drop=True), columns=columns)
+
+
+def _in_words(frame: Frame, names: Sequence[str]) -> Frame:
+    """Return a table of differences with the names of the stores in its title and columns."""
+    first, *others = names
+    columns = dict(frame.columns)
+    if frame.name == NAME:
+        columns["difference"] = replace(columns["difference"], unit="points")
+        words = first, others[0] if len(others) == 1 else "the other store"
+        for end, name in zip((FIRST, SECOND), words, strict=True):
+            columns[end] = replace(columns[end], words=name)
+    whose = others[0] if len(others) == 1 else "other stores"
+    return replace(frame, title=f"{frame.title}: {whose} less {first}", columns=columns)
 
 
 def _scored(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
@@ -149,51 +274,3 @@ def _scored(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
 
 def _key(part: Part) -> tuple[Any, ...]:
     return part.group, part.display.figures[0].variable, *sorted(part.display.labels.items())
-
-
-def _answers(path: PathOrUrl, part: Part) -> xr.DataArray:
-    """Return the answers that a part of the scores counts, by kind of aspect.
-
-    1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds that there are.
-    """
-    store = opened(path)
-    group = part.group.replace("tables/", "classification/", 1)
-    answers = read(store, group)[ANSWERS[part.display.figures[0].variable]].load()
-    given, marked = attributes(store), [group for group in MARKED if group in groups(store)]
-    if not marked:
-        return answers
-    learned = read(store, marked[0])["learned"].load().reset_coords(drop=True)
-    ends = float(answers.aspect.min()), float(answers.aspect.max())
-    number = given["configuration"]["grid"].get("random_aspects", 0)
-    drawn = answers.aspect.isin(drawn_aspects(*ends, number, given["seed"]))
-    kinds = kinds_of_aspects(learned, drawn)
-    along = xr.DataArray(list(kinds), dims="aspects", name="aspects", attrs=OF_ASPECTS)
-    return xr.concat([answers.where(where, -1) for where in kinds.values()], along)
-
-
-def _differences(first: xr.DataArray, second: xr.DataArray) -> xr.Dataset | None:
-    """Return the differences by aspect bin of the answers in common; None without any."""
-    first, second = _with_dims(first, second.dims), _with_dims(second, first.dims)
-    common = xr.align(first, second, join="inner")
-    former, other = xr.broadcast(*(answers.reset_coords(drop=True) for answers in common))
-    draws = [dim for dim in DRAWS if dim in former.dims]
-    if 0 in former.shape or not {*VIEW} <= {*former.dims}:
-        return None
-    former, other = (answers.transpose(..., *draws, *VIEW) for answers in (former, other))
-    asked = (former.values >= 0) & (other.values >= 0)
-    right, aspects = (former.values == 1, other.values == 1), former.aspect.values
-    difference = paired_difference(*right, aspects, draws=len(draws), answered=asked)
-    figures = {
-        "difference": (difference.fraction, "fraction of ships identified, second less first"),
-        "ci_low": (difference.ci_low, "lower end of its 95 % interval"),
-        "ci_high": (difference.ci_high, "upper end of its 95 % interval"),
-        "n": (difference.n, "number of pairs of answers"),
-    }
-    return by_bin(former, difference.labels, figures)
-
-
-def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:
-    """Return answers with dimensions that another store has, where they have one value there."""
-    return answers.expand_dims(
-        [dim for dim in dims if dim in answers.coords and dim not in answers.dims]
-    )

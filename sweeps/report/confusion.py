@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -38,11 +39,45 @@ def confusion_of(store: Any) -> Frame | None:
     return stacked(answered) if answered else None
 
 
+def most_confused(store: Any) -> tuple[tuple[str, str], float] | None:
+    """Return the two ships that are named each other most often, and the aspect where most so.
+
+    Over all classifiers and settings, by the share of the answers to both. None without any.
+    """
+    counts: list[xr.DataArray] = []
+    for name in groups(store, "classification"):
+        answers = read(store, f"classification/{name}")
+        if "predicted" not in answers or answers.predicted.size > LARGEST:
+            continue
+        if {"ship", "aspect"} <= {*answers.predicted.dims}:
+            counts.append(_named(answers.predicted.load(), ("ship", "aspect")))
+    if not counts:
+        return None
+    whole = xr.concat(counts, "group", join="outer", fill_value=0).sum("group")
+    ships = whole.ship_named.values.tolist()
+    total = whole.sel(true_ship=ships).transpose("true_ship", "ship_named", "aspect").values
+    share = total / np.maximum(total.sum(axis=1, keepdims=True), 1)
+    mutual = share + share.transpose(1, 0, 2)
+    over = np.triu(mutual.mean(axis=2), 1)
+    one, other = np.unravel_index(over.argmax(), over.shape)
+    if not over[one, other] > 0:
+        return None
+    aspect = float(whole.aspect.values[mutual[one, other].argmax()])
+    return (str(ships[one]), str(ships[other])), aspect
+
+
 def _counted(predicted: xr.DataArray) -> xr.Dataset:
     """Return the answers of a group by true and named ship, counted over aspects and draws."""
-    pooled = [dim for dim in predicted.dims if dim in (*DRAWS, "aspect")]
-    ships = np.atleast_1d(predicted.ship.values).tolist()
-    named = xr.DataArray(range(len(ships)), {"ship_named": ships}, ("ship_named",))
-    counts = (predicted == named).sum(pooled).rename(ship="true_ship").reset_coords(drop=True)
+    kept = [dim for dim in predicted.dims if dim not in (*DRAWS, "aspect")]
+    counts = _named(predicted, kept)
     total = counts.sum("ship_named")
     return xr.Dataset({"share": counts / total.where(total > 0), "count": counts})
+
+
+def _named(predicted: xr.DataArray, kept: Sequence[Hashable]) -> xr.DataArray:
+    """Return how often each ship is named, with the true ship among the dimensions kept."""
+    ships = np.atleast_1d(predicted.ship.values).tolist()
+    named = xr.DataArray(range(len(ships)), {"ship_named": ships}, ("ship_named",))
+    pooled = [dim for dim in predicted.dims if dim not in kept]
+    counts: xr.DataArray = (predicted == named).sum(pooled)
+    return counts.rename(ship="true_ship").reset_coords(drop=True)

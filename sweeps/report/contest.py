@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,12 +22,15 @@ FALLBACK = "frame_count"  # the axis of scores where nothing was swept
 class Rival:
     """One classifier's results at the preferred setting, in the order of an axis.
 
-    `axis` is empty if the results do not depend on it.
+    `axis` is empty if the results do not depend on it. `shared` are the values of the axis that all
+    rivals have, and `count` is that of the values that any has.
     """
 
     of: Mapping[str, Any]  # the classifier, by the columns that name it
     frame: Frame
     axis: str
+    shared: frozenset[Any] = frozenset()
+    count: int = 0
 
     @cached_property
     def name(self) -> str:
@@ -37,8 +40,11 @@ class Rival:
 
     @property
     def mean(self) -> float:
-        """Mean of the main figure along the axis."""
-        return float(self.frame.rows[self.frame.figures[0]].mean())
+        """Mean of the main figure along the axis, at the values that all rivals have if any."""
+        rows = self.frame.rows
+        if self.axis and self.shared:
+            rows = rows[rows[self.axis].isin(self.shared)]
+        return float(rows[self.frame.figures[0]].mean())
 
     @property
     def complexity(self) -> tuple[Any, ...]:
@@ -75,8 +81,9 @@ def main_axis(frame: Frame, swept: Sequence[str]) -> str:
 def contest(frame: Frame, axis: str) -> list[Rival]:
     """Return the rivals of a table that have results along an axis.
 
-    Percentages with a level of chance are ranked by their mean, and equal ones by simplicity;
-    others stay in their order, after the one that is shown first.
+    Percentages with a level of chance are ranked by their mean, at the values of the axis that all
+    have, such as those at which no cell failed, and equal ones by simplicity. Others stay in their
+    order, after the one that is shown first.
     """
     figure, names = frame.figures[0], _names(frame, axis)
     at = at_main(frame, [*names, *[axis] * bool(axis)])
@@ -97,7 +104,17 @@ def contest(frame: Frame, axis: str) -> list[Rival]:
     if not frame.of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
         first = {n: preferred(frame.columns[n].axis, values_of(at.rows, n)) for n in shown}
         return sorted(rivals, key=lambda rival: rival.of != first)
+    rivals = _with_shared(rivals)
     return sorted(rivals, key=lambda rival: (-round(rival.mean, 6), rival.complexity))
+
+
+def _with_shared(rivals: Sequence[Rival]) -> list[Rival]:
+    """Return rivals with the values of the axis that all have, of those that depend on it."""
+    values = [{*rival.frame.rows[rival.axis]} for rival in rivals if rival.axis]
+    if not values:
+        return list(rivals)
+    shared, count = frozenset(set.intersection(*values)), len(set.union(*values))
+    return [replace(rival, shared=shared, count=count) for rival in rivals]
 
 
 def _names(frame: Frame, axis: str) -> list[str]:

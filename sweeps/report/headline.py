@@ -109,10 +109,23 @@ def _of_scores(whole: Frame, rivals: Sequence[Rival], ships: str) -> str:
     sentence = f"{start} identifies {ends}{f' ({where})' if where else ''}"
     levels = frame.of_role("chance", figure)
     sentence += f"; chance {row[levels[0]]:.0f} %." if levels else "."
+    sentence += _ranked(rivals)
     least = frame.rows["n"].min() if "n" in frame.rows else FEW
     if least < FEW:
         sentence += f" Few answers (n = {least:.0f}) make the interval wide."
     return sentence
+
+
+def _ranked(rivals: Sequence[Rival]) -> str:
+    """Return a sentence on the values that rivals are ranked by, unless all have all."""
+    rival = next((rival for rival in rivals if rival.axis), None)
+    if rival is None or len(rival.shared) == rival.count:
+        return ""
+    words = rival.frame.columns[rival.axis].words
+    if not rival.shared:
+        return f" Ranked by means over different values of {words}, since none is shared."
+    count = len(rival.shared)
+    return f" Ranked by {count} of {rival.count} values of {words}, those that all have."
 
 
 def _of_any(whole: Frame, rival: Rival) -> str:

@@ -22,6 +22,7 @@ from rich.progress import track
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.manifest import require_manifest
+from sweeps.report.confusion import most_confused
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
 from sweeps.report.screen import line, page
@@ -40,7 +41,7 @@ SEEN = 60.0  # deg, of its Figures 6 to 8
 SCALE = 50.0  # m, drawn below its images
 STEP = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
-SHIPS = "ships"  # group
+SHIPS, CONFUSED = "ships", "classification"  # groups
 Floats = NDArray[np.float64]
 
 MEASURES = ("length", "beam", "height", "facets")
@@ -136,13 +137,63 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
 
 def _shot(view: xr.Dataset) -> tuple[Floats, Floats, NDArray[Any]]:
     """Return an image without its empty margins, its edges [m] and its log-polar map."""
+    return *_cropped(view), view.log_polar.transpose("radius", "angle").values
+
+
+def _cropped(view: xr.Dataset) -> tuple[Floats, Floats]:
+    """Return an image without its empty margins, and its edges [m]."""
     image = view.image.transpose("row", "col").values
     row, column = (np.isfinite(image).any(axis=axis) for axis in (1, 0))
     axes = view.horizontal.values[column], view.vertical.values[row]
     half = [(axis[-1] - axis[0]) / (len(axis) - 1) / 2 for axis in axes]
     edges = [(axis[0] - h, axis[-1] + h) for axis, h in zip(axes, half, strict=True)]
-    cells = view.log_polar.transpose("radius", "angle").values
-    return image[np.ix_(row, column)], np.ravel(edges), cells
+    return image[np.ix_(row, column)], np.ravel(edges)
+
+
+def draw_confused(store: PathOrUrl) -> Figure:
+    """Draw the two ships most often confused, side by side: range profiles, and images of each.
+
+    Raises ValueError if no ships are confused, or the store has no pictures of them.
+    """
+    from matplotlib.figure import Figure
+
+    whole = opened(store)
+    found, shown = most_confused(whole), {*groups(whole)}
+    rows = [name for name in ("range_profile", "infrared") if name in shown]
+    if found is None or not rows:
+        raise ValueError("no ships are confused, or none have pictures")
+    ships, aspect = found
+    figure = Figure(figsize=(5.6, 1.7 * len(rows) + 0.5), layout="constrained")
+    panels = figure.subplots(len(rows), 2, sharex="row", sharey="row", squeeze=False)
+    for row, group in zip(panels, rows, strict=True):
+        for axes, ship in zip(row, ships, strict=True):
+            if group == "infrared":
+                _silhouette(axes, whole, ship, aspect)
+            else:
+                _profile(axes, whole, ship, aspect)
+    for axes, ship in zip(panels[0], ships, strict=True):
+        axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=SMALL + 1)
+    return figure
+
+
+def _profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
+    """Draw the expected range profile of one view."""
+    profiles = nominal(read(store, "range_profile")[["expected"]], keep=("ship", "aspect"))
+    seen = profiles.expected.sel(ship=ship).sel(aspect=aspect, method="nearest").load()
+    axes.plot(seen.down_range, seen, lw=1.1)
+    axes.set_xlabel("down-range [m]", fontsize=SMALL)
+    axes.set_yticks([])
+
+
+def _silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
+    """Draw the infrared image of one view, at the shortest range."""
+    images = nominal(read(store, "infrared"), keep=("ship", "aspect", "range", "row", "col"))
+    view = images.sel(ship=ship).sel(aspect=aspect, method="nearest")[["image"]]
+    image, extent = _cropped(view.sel(range=view.range.min()).load())
+    left, right, low, high = extent
+    axes.imshow(image, extent=(left, right, low, high), cmap="inferno", origin="lower")
+    axes.set_xlabel("across [m]", fontsize=SMALL)
+    axes.set_yticks([])
 
 
 def draw_flights(
@@ -202,6 +253,7 @@ def write_pictures(
 
 
 DRAWN: dict[str, Callable[[PathOrUrl], Figure]] = {
+    CONFUSED: draw_confused,
     "range_profile": draw_profiles,
     "infrared": draw_silhouettes,
     "validation": lambda path: next(iter(draw_flights(path).values()))(),
@@ -238,14 +290,23 @@ def pictures_of(path: PathOrUrl, store: Any, pictures: Pictures) -> dict[str, tu
     manifest, drawn = require_manifest(path), {}
     content = [*sorted(manifest.files.items()), *sorted(manifest.chunks.items())]
     for group in (name for name in DRAWN if name in groups(store)):
-        # Flights are corrected again for their picture, as the attributes of the store say.
-        inside = "" if group == "validation" else f"{group}/"
+        if group == CONFUSED and not _has_confused(store):
+            continue
+        # Flights are corrected again for their picture, as the attributes of the store say, and
+        # ships that are confused are of other groups.
+        inside = "" if group in ("validation", CONFUSED) else f"{group}/"
         shown = [item for item in content if item[0].startswith(inside)]
         try:
             drawn[group] = *pictures.taken(repr(shown).encode(), partial(_png, path, group)), ""
         except Exception as error:
             drawn[group] = "", "", reason(error)
     return drawn
+
+
+def _has_confused(store: Any) -> bool:
+    """Return whether a store has pictures of ships, two of which are confused."""
+    known = {"range_profile", "infrared"} & {*groups(store)}
+    return bool(known) and most_confused(store) is not None
 
 
 def _png(path: PathOrUrl, group: str) -> str:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.answer import answer_table
-from sweeps.report.compare import compare, compared_name, sentences
+from sweeps.report.changes import answer, sentences, settings_sentence
+from sweeps.report.compare import Comparison, compare
 from sweeps.report.contest import main_frame
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, chosen, read_frames
@@ -72,44 +73,55 @@ def report(
 
 
 def comparison(
-    first: PathOrUrl, second: PathOrUrl, console: Console, *, html: bool = False
+    first: PathOrUrl,
+    *others: PathOrUrl,
+    console: Console,
+    table: str | None = None,
+    html: bool = False,
 ) -> list[Path]:
-    """Print and write how much more often ships are identified in a second store.
+    """Print what changed most from one store to others, or one table of differences whole.
 
-    With `html`, write its page, too, with the differences first. Returns the paths at which other
-    files are in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError
-    if the stores have nothing in common.
+    Also write all differences, with `html` as a page, too. Nothing is written of stores with the
+    same results. Returns the paths at which other files are in the way. Raises ConfigurationError
+    and OSError as `report`, and ConfigurationError if the stores have nothing in common.
     """
-    for path in (first, second):
+    from sweeps.report.page.write import comparison_page, write_page
+
+    for path in (first, *others):
         check_whole(path, groups=None)
-    frames, name = compare(first, second), compared_name(first, second)
+    compared = compare(first, *others)
+    shown = None if table is None else chosen(compared.frames, table)
     with page(console) as aside:
-        for sentence in sentences(frames):
-            note(sentence, aside, style="bold")
-        for frame in frames.values():
-            print_table(laid_out(frame, swept_of(second)), aside)
-        line(f"\ntables  {located(tables_folder(name))}", aside)
-        if html:
-            line(f"page    {located(page_file(name))}", aside)
-    kept = write_tables(name, frames.values())
+        if shown is not None:
+            print_table(laid_out(shown, swept_of(first)), aside, most=None)
+        else:
+            _print_changes(compared, aside, html=html)
+    if not compared.frames:
+        return []
+    kept = write_tables(compared.place, compared.frames.values())
     if html:
-        whole = frames | tables_of(second)
-        kept += written_page(second, whole, name, headline=sentences(frames))
+        with _refused():
+            kept += write_page(page_file(compared.place), lambda _: comparison_page(compared))
     return kept
 
 
-def written_page(
-    path: PathOrUrl, frames: Mapping[str, Frame], *place: Path, **more: Any
-) -> list[Path]:
+def written_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
     """Write the report page of a store; see `write_page`.
 
     Raises ConfigurationError if it cannot be written.
     """
     # Imported here, since the import takes longer than printing tables.
-    from sweeps.report.page.write import write_page
+    from sweeps.report.page.write import page_of, write_page
 
+    with _refused():
+        return write_page(page_file(path), lambda before: page_of(path, frames, before=before))
+
+
+@contextmanager
+def _refused() -> Iterator[None]:
+    """Raise errors of writing a page as ConfigurationError."""
     try:
-        return write_page(path, frames, *place, **more)
+        yield
     # zarr and xarray raise various errors for damaged groups without a table.
     except Exception as error:
         why = getattr(error, "strerror", None) or reason(error)
@@ -131,6 +143,28 @@ def _print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console
     for sentence in accuracy(store):
         note(sentence, console)
     print_table(answer_table(main_frame(frames), swept_of(path), console.width), console)
+
+
+def _print_changes(compared: Comparison, console: Console, *, html: bool) -> None:
+    """Print what changed most, along the swept axis, and where the rest is."""
+    for sentence in sentences(compared):
+        note(sentence, console, style="bold")
+    note(settings_sentence(compared), console)
+    if not compared.frames:
+        return
+    print_table(answer(compared, swept_of(compared.paths[0])), console)
+    line("", console)
+    for path, name in zip(compared.paths, compared.names, strict=True):
+        if failed := failed_cells(opened(path)):
+            number = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
+            line(f"failed  {number} of {name}: the differences cover the others", console)
+    count = f"{len(compared.frames)} CSV file" + "s" * (len(compared.frames) > 1)
+    line(f"tables  {located(tables_folder(compared.place))} ({count})", console)
+    if html:
+        line(f"page    {located(page_file(compared.place))}", console)
+    else:
+        stores = " ".join(shlex.quote(located(path)) for path in compared.paths)
+        line(f"next    ncti-report {stores} --html", console)
 
 
 def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:

@@ -98,3 +98,12 @@ def test_every_report_of_the_pages_has_one_place(name):
     texts = [page.read_text(encoding="utf-8") for page in pages.pages()]
     printed = sum(text.count(pages.begin(name)) for text in texts)
     assert printed + (pages.csv_file(name) in TABLES) == 1
+
+
+def test_screenshots_of_the_report_are_as_wide_as_a_desk_and_small():
+    text = (pages.ROOT / "docs" / "report.md").read_text(encoding="utf-8")
+    shown = {pages.ROOT / "docs" / name for name in re.findall(r"!\[[^\]]+\]\((.*?)\)", text)}
+    assert shown == {*(pages.ROOT / "docs" / "screenshots").glob("*.png")} and len(shown) == 3
+    for path in shown:
+        content = path.read_bytes()
+        assert int.from_bytes(content[16:20], "big") == 1280 and len(content) < 200_000, path

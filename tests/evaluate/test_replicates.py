@@ -159,9 +159,10 @@ def test_differences_change_sign_with_the_order_and_hold_within_their_ends(first
     assert (same.fraction == 0).all() and (same.ci_low < 0).all() and (same.ci_high > 0).all()
 
 
+@pytest.mark.parametrize("confidence", [0.95, 0.999])
 @pytest.mark.parametrize(("draws", "alike"), [(1, 0.0), (1, 0.9), (4, 0.7)])
-def test_intervals_of_paired_differences_cover(draws, alike):
-    """Of 2,000 experiments of 40 views, alike in a share of the draws: a test at 1e-4 against 95 %.
+def test_intervals_of_paired_differences_cover(draws, alike, confidence):
+    """Of 2,000 experiments of 40 views, alike in a share of the draws: a test at 1e-4.
 
     The second classifier is right where the first one is wrong in a fifth of the draws.
     """
@@ -170,11 +171,11 @@ def test_intervals_of_paired_differences_cover(draws, alike):
     draw = rng.random((2000, draws, 2, 20))
     own = np.where(rng.random(draw.shape) < alike, draw, rng.random(draw.shape))
     found = evaluate.paired_difference(
-        draw < view, own < view + 0.2 * (1 - view), np.full(20, 45.0)
+        draw < view, own < view + 0.2 * (1 - view), np.full(20, 45.0), confidence=confidence
     )
     truth = 0.2 / 3
     covered = int(((found.ci_low <= truth) & (truth <= found.ci_high))[:, -1].sum())
-    assert stats.binom.cdf(covered, 2000, 0.95) > 1e-4, covered
+    assert stats.binom.cdf(covered, 2000, confidence) > 1e-4, covered
 
 
 @settings(deadline=None, max_examples=40)

@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 import xarray as xr
 from made import categories, scores, shown
-from pages import stored
+from pages import read_page, stored
+from scipy import stats
 from stores import reported, signed
 
 from ncti.evaluate import paired_difference
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.report.compare import NAME, compare, sentences
+from sweeps.report.changes import answer, sentences, settings_sentence
+from sweeps.report.compare import NAME, compare
+from sweeps.report.pairs import Pairs, holm
 
 ASPECTS = np.arange(0.0, 60.0, 3.0)
 
@@ -38,7 +41,7 @@ def test_differences_are_of_the_answers_in_common(answers, tmp_path):
     first = store(tmp_path / "a.zarr", several, pulse_width=[10.0, 30.0])
     given = np.where(np.arange(19) == 4, -1, one[:, 1:])
     second = store(tmp_path / "b.zarr", given, ASPECTS[1:], pulse_width=30.0)
-    rows = compare(first, second)[NAME].rows
+    rows = compare(first, second).frames[NAME].rows
     assert set(rows.pulse_width) == {30.0}
     asked = given >= 0
     wanted = paired_difference(several[1][:, 1:], given == 1, ASPECTS[1:], draws=0, answered=asked)
@@ -53,19 +56,20 @@ def test_differences_are_of_the_answers_in_common(answers, tmp_path):
 
 def test_the_other_way_round_is_the_opposite(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
-    rows, opposite = compare(*paths)[NAME].rows, compare(*reversed(paths))[NAME].rows
+    rows, opposite = (compare(*of).frames[NAME].rows for of in (paths, paths[::-1]))
     np.testing.assert_allclose(rows.difference, -opposite.difference)
     np.testing.assert_allclose(rows.ci_low, -opposite.ci_high)
 
 
 @pytest.mark.parametrize("better", [0, 1])
-def test_differences_beyond_their_intervals_are_counted_either_way(better, tmp_path):
+def test_what_changed_most_is_said_either_way(better, tmp_path):
     right = np.arange(40).reshape(2, 20) % 10 > 0  # nine in ten, and one
     paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
-    [said] = sentences(compare(*paths))
-    assert (
-        said.startswith("1 of 1 differences") and f"{'-' if better == 0 else '+'}80 points" in said
-    )
+    said, chance = sentences(compare(*paths))
+    ends, sign = (("90", "10"), "-") if better == 0 else (("10", "90"), "+")
+    wanted = f"ACN, range profile changed most: from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr"
+    assert said.startswith(f"{wanted}, {sign}80 points [{sign}")
+    assert chance == "That is more than chance: 1 of 1 comparison is, by Holm's correction at 5 %."
 
 
 def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, capsys):
@@ -73,11 +77,14 @@ def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, caps
     paths = store(tmp_path / "a.zarr", several[0]), store(tmp_path / "b.zarr", one)
     assert reported(monkeypatch, *paths, "--html") == 0
     text = capsys.readouterr().out
-    assert "b.zarr less a.zarr" in text
+    assert "% in a.zarr to " in text and len(text.splitlines()) < 15
     made = {path.name for path in tmp_path.iterdir()}
     assert made == {"a.zarr", "b.zarr", "b-less-a-tables", "b-less-a-report.html"}
-    page = (tmp_path / "b-less-a-report.html").read_text()
-    assert page.index("b.zarr less a.zarr") < page.index("Ships identified correctly [%]")
+    page = read_page(tmp_path / "b-less-a-report.html")
+    assert page.root.one("h1").text == "b.zarr less a.zarr"
+    assert page.data["tables"][NAME]["figures"]["difference"]["difference"]
+    policy = page.root.one("meta", http_equiv="Content-Security-Policy").attrs["content"]
+    assert policy.startswith("default-src 'none'")
 
 
 def test_stores_without_answers_in_common_are_refused(answers, tmp_path, monkeypatch, capsys):
@@ -98,7 +105,169 @@ def test_learned_aspects_and_others_are_apart_and_other_tables_are_subtracted(an
         about = {"configuration": {"grid": {"random_aspects": 0}}, "seed": 0}
         formed = categories(count, pulse_width=[10.0, 30.0])
         stored(path, about, range_profile=learned, tables__formed=formed)
-    found = compare(*paths)
+    found = compare(*paths).frames
     rows = found[NAME].rows
     assert rows.groupby("aspects").n.max().to_dict() == {"between": 20, "learned": 20}
     assert (found[f"categories_{NAME}"].rows.categories == 2).all()
+
+
+def _family(rng, cells, change):
+    """Answers of two classifiers to 40 views in some cells, of which the first one changed."""
+    rate = np.full((cells, 1, 1), 0.5)
+    rate[0] += change
+    answers = [rng.random((cells, 2, 20)) < share for share in (0.5, rate)]
+    coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
+    return Pairs(
+        *(xr.DataArray(of.astype("i1"), coords, ("cell", "ship", "aspect")) for of in answers)
+    )
+
+
+def test_of_many_comparisons_without_a_difference_few_families_have_one():
+    """200 families of 25 null comparisons, of which at most 5 % may err: a test at 1e-4."""
+    rng = np.random.default_rng(7)
+    erred = sum(bool(holm([_family(rng, 25, 0.0)])[0][0].any()) for _ in range(200))
+    assert stats.binom.sf(erred - 1, 200, 0.05) > 1e-4, erred
+
+
+def test_a_planted_difference_exceeds_chance_and_equal_cells_are_not_counted():
+    pairs = _family(np.random.default_rng(8), 25, 0.5)
+    (sure,), number = holm([pairs])
+    assert np.flatnonzero(sure).tolist() == [0] and number == 25
+    same = Pairs(pairs.first, pairs.first)
+    assert holm([pairs, same])[1] == 25
+    assert holm([same])[1] == 0 and holm([]) == ([], 0)
+
+
+def test_holm_steps_down():
+    """As sorted by the largest confidence whose interval leaves out 0, found by bisection."""
+    rng = np.random.default_rng(9)
+    pairs = _family(rng, 12, 0.5)
+    pairs = Pairs(pairs.first, pairs.second | (rng.random(pairs.first.shape) < 0.5).astype("i1"))
+    low, high = np.zeros(12), np.ones(12)
+    for _ in range(40):
+        middle = (low + high) / 2
+        beyond = np.array(
+            [pairs.exceed(c)[k] if 0 < c < 1 else False for k, c in enumerate(middle)]
+        )
+        low, high = np.where(beyond, middle, low), np.where(beyond, high, middle)
+    p = np.sort(1 - low)
+    refused = p <= 0.05 / (12 - np.arange(12))
+    wanted = 12 if refused.all() else int(np.argmin(refused))
+    assert 0 < wanted < 12 and int(holm([pairs])[0][0].sum()) == wanted
+
+
+def test_stores_with_the_same_results_are_one_sentence(answers, tmp_path, monkeypatch, capsys):
+    paths = [store(tmp_path / f"{k}.zarr", answers[1]) for k in range(2)]
+    capsys.readouterr()
+    assert reported(monkeypatch, *paths, "--html") == 0
+    assert capsys.readouterr().out.startswith("1.zarr and 0.zarr have the same results.\n")
+    assert {path.name for path in tmp_path.iterdir()} == {"0.zarr", "1.zarr"}
+
+
+def test_classifiers_that_do_not_differ_are_left_out(answers, tmp_path):
+    paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
+    for path in paths:
+        same = xr.Dataset(
+            {"correct": (("ship", "aspect"), answers[1].astype("i1"))},
+            {"ship": ["duncan", "texas"], "aspect": ASPECTS},
+        )
+        table = xr.Dataset({"length": ("size", [1.0, 2.0])}, {"size": [1.0, 2.0]})
+        tables = {"tables__mnn": shown(scores(), "mnn"), "tables__same": table}
+        stored(path, classification__mnn=same, **tables)
+    found = compare(*paths)
+    assert set(found.frames[NAME].rows.classifier) == {"acn"} and [*found.frames] == [NAME]
+    assert found.number == 1
+
+
+def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tmp_path):
+    widths = [float(10 * k) for k in range(1, 25)]
+    rng = np.random.default_rng(3)
+    right = [rng.random((24, 2, 20)) < share for share in (0.9, 0.6, 0.3)]
+    paths = [
+        store(tmp_path / f"{'abc'[k]}.zarr", of, pulse_width=widths) for k, of in enumerate(right)
+    ]
+    two = answer(compare(*paths[:2]), ["pulse_width"])
+    assert two.heads == ("a.zarr", "b.zarr", "difference") and len(two.lines) == 10
+    first, *_, last = two.lines
+    for line, place in ((first, 0), (last, 23)):
+        assert line.place == (widths[place],)
+        ends = [100 * of[place].mean() for of in right[:2]]
+        assert [cell.text for cell in line.cells[:2]] == [f"{end:.0f}" for end in ends]
+        assert line.cells[2].text == f"{ends[1] - ends[0]:+.0f}" and line.cells[2].interval
+    three = answer(compare(*paths), ["pulse_width"])
+    assert three.heads == ("a.zarr", "b.zarr", "c.zarr")
+    cells = [cell.text for cell in three.lines[0].cells]
+    assert cells == [f"{100 * of[0].mean():.0f}" for of in right]
+    said, _ = sentences(compare(*paths))
+    assert " in c.zarr, -" in said and "at pulse width " in said
+
+
+def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path):
+    paths = [tmp_path / "a.zarr", tmp_path / "b.zarr"]
+    values = [1.0, 2.0, 3.0], [2.0, 3.0, 4.0]
+    for path, sizes, figures in zip(paths, values, ([5.0, 6.0, 7.0], [6.5, 9.0, 1.0]), strict=True):
+        table = xr.Dataset({"height": ("size", figures)}, {"size": sizes})
+        table.height.attrs["units"] = "m"
+        stored(path, {"configuration": {"depth": sizes[0]}, "seed": 1}, tables__tree=table)
+    found = compare(*paths)
+    said = sentences(found)
+    assert said[0] == "Height changed most, at size 3: from 7 m in a.zarr to 9 m in b.zarr, +2 m."
+    assert said[1].startswith("Without intervals") and len(said) == 2
+    assert [line.place for line in answer(found, ["size"]).lines] == [(2.0,), (3.0,)]
+    assert settings_sentence(found) == "Settings that differ: depth 1 in a.zarr and 2 in b.zarr."
+
+
+def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path):
+    paths = [
+        store(tmp_path / f"{k}.zarr", right[None], pulse_width=[width])
+        for k, (right, width) in enumerate(zip(answers[0], (30.0, 40.0), strict=True))
+    ]
+    assert compare(*paths).frames[NAME].rows.n.max() == 40
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("a.zarr", "a.zarr"), "twice, but must be of different sweeps"),
+        (("a.zarr", "none.zarr"), "which does not exist"),
+        (
+            ("a.zarr", "tree.zarr"),
+            "a table in common, but a.zarr has scores and tree.zarr has tree",
+        ),
+        (
+            ("a.zarr", "b.zarr"),
+            "a value of pulse width in common, but a.zarr has 10, 30 and b.zarr has",
+        ),
+        (("a.zarr", "c.zarr", "--table", "x"), "table is 'x', but must be one of differences"),
+        (("a.zarr", "c.zarr", "--pictures"), "--pictures draws one store"),
+    ],
+)
+def test_mistakes_are_one_sentence(arguments, said, answers, tmp_path, monkeypatch, capsys):
+    for name, widths in (("a", [10.0, 30.0]), ("b", [50.0, 60.0]), ("c", [30.0, 50.0])):
+        store(tmp_path / f"{name}.zarr", answers[0], pulse_width=widths)
+    stored(
+        tmp_path / "tree.zarr", tables__tree=xr.Dataset({"height": ("size", [1.0])}, {"size": [1]})
+    )
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    assert reported(monkeypatch, *arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def test_stores_of_one_name_are_told_apart_by_their_folders(answers, tmp_path):
+    paths = []
+    for folder, right in zip("xy", answers[0], strict=True):
+        (tmp_path / folder).mkdir()
+        paths.append(store(tmp_path / folder / "s.zarr", right))
+    found = compare(*paths)
+    assert found.names == ("x/s.zarr", "y/s.zarr") and "x/s.zarr" in sentences(found)[0]
+    assert found.place == tmp_path / "y" / "y-s-less-x-s.zarr"
+
+
+def test_a_difference_that_chance_may_make_is_said_to_be_no_more(answers, tmp_path):
+    paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
+    found = compare(*paths)
+    assert found.sure == 0
+    wanted = "That may be chance: none of 1 comparison exceeds it by Holm's correction at 5 %."
+    assert sentences(found)[1] == wanted

@@ -58,6 +58,32 @@ def test_the_best_on_average_is_named_and_of_equals_the_simplest(likelihood, bes
     assert said.startswith(f"Best of 2: {best} on range profiles identifies")
 
 
+@pytest.mark.parametrize(
+    ("likelihood", "acn", "best", "ranked"),
+    [
+        ((0.5, 0.9), (np.nan, 0.8), "maximum likelihood", "1 of 2 values of CNR, those"),
+        ((0.5, 0.7), (np.nan, 0.8), "ACN", "1 of 2 values of CNR, those"),
+        ((0.5, 0.9), (0.6, 0.9), "ACN", ""),
+        (
+            (0.5, np.nan),
+            (np.nan, 0.8),
+            "ACN",
+            "means over different values of CNR, since none is shared.",
+        ),
+    ],
+    ids=["failed where all are poor", "failed", "whole", "nothing in common"],
+)
+def test_the_best_is_ranked_by_values_that_all_have(likelihood, acn, best, ranked, tmp_path):
+    """A classifier whose cells failed at a poor carrier-to-noise ratio is no better for that."""
+    tables = {
+        "tables__likelihood": shown(shares(*likelihood, cnr=[23.0, 32.0]), "likelihood"),
+        "tables__acn": shown(shares(*acn, cnr=[23.0, 32.0])),
+    }
+    said = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
+    assert said.startswith(f"Best of 2: {best} on range profiles identifies")
+    assert ("Ranked by " in said) == bool(ranked) and ranked in said
+
+
 def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
     table = shown(shares(0.3, 0.6, cnr=[23.0, 32.0]))
     said = sentence(tmp_path, {"swept": ["cnr"]}, tables__acn=table)

@@ -14,9 +14,9 @@ from pages import page_of, parsed, read_page, stored
 from stores import printed
 
 from sweeps.engine.run.schedule import Progress
-from sweeps.report.chart import axis_of, figure_of, scale_of
 from sweeps.report.frames import Column, Frame, frame, read_frames
 from sweeps.report.places import page_file
+from sweeps.report.scales import axis_of, figure_of, scale_of
 from sweeps.report.work import write_work
 
 LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts

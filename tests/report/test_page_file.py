@@ -48,10 +48,10 @@ def test_pictures_of_the_page_before_stay_where_they_show_the_same(tmp_path, mon
         groups = {"infrared": xr.Dataset({"image": ("x", [image])})}
         shutil.rmtree(path, ignore_errors=True)
         stored(path, {"seed": ids}, **groups, tables__o=scores(a=list(range(ids))))
-        assert write.write_page(path, tables_of(path)) == []
+        assert written_page(path, tables_of(path)) == []
         page = page_file(path).read_bytes()
         page_file(path).unlink()
-        assert write.write_page(path, tables_of(path)) == []  # with nothing to take from
+        assert written_page(path, tables_of(path)) == []  # with nothing to take from
         assert page == page_file(path).read_bytes()
     # The second page had its picture from the first, and each was once drawn anew.
     assert drawn == [1.0, 1.0, 1.0, 4.0, 4.0]
@@ -94,11 +94,11 @@ def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, 
     shutil.copytree(write.FOLDER, copy)
     monkeypatch.setattr(write, "FOLDER", copy)
     assert not write.is_current(path)
-    assert write.write_page(path, tables_of(path)) == [] and write.is_current(path)
+    assert written_page(path, tables_of(path)) == [] and write.is_current(path)
     stored(path, {"seed": 2})
     assert not write.is_current(path)
     for name in ("page/content.py", "page/templates/page.js", "frames.py"):
-        assert write.write_page(path, tables_of(path)) == [] and write.is_current(path)
+        assert written_page(path, tables_of(path)) == [] and write.is_current(path)
         with (copy / name).open("a") as file:
             file.write("\n")
         assert not write.is_current(path)

@@ -1,6 +1,7 @@
 """The report page in a real browser: its selectors and width, and that it loads nothing else."""
 
 import csv
+import io
 import os
 import re
 import shutil
@@ -11,15 +12,16 @@ import pytest
 import xarray as xr
 from made import scores, shown
 from pages import stored
+from rich.console import Console
 
+from sweeps.report import chart
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
-from sweeps.report.page import write
 from sweeps.report.pivot import at_main
 from sweeps.report.places import page_file
 from sweeps.report.stores import attributes
 from sweeps.report.stores import opened as store_of
-from sweeps.report.summary import tables_of
+from sweeps.report.summary import comparison, tables_of, written_page
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
@@ -71,7 +73,7 @@ def two_axes(tmp_path_factory):
     }
     attributes = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
     path = stored(tmp_path_factory.mktemp("two") / "s.zarr", attributes, **tables)
-    assert write.write_page(path, tables_of(path)) == []
+    assert written_page(path, tables_of(path)) == []
     return path
 
 
@@ -193,6 +195,23 @@ def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_sto
         said.add(found)
     assert len(said) > 3
     page.close()
+
+
+@pytest.mark.parametrize("failed", [(0, 5.0), (1, 20.0)])
+def test_the_headline_ranks_by_values_that_all_have(browser, failed, tmp_path):
+    """One of two classifiers failed at a value, on the page as on the screen, from the start."""
+    made = [scores(seed, cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0]) for seed in (3, 4)]
+    number, cnr = failed
+    made[number] = made[number].where(made[number].cnr != cnr)
+    tables = {"tables__acn": shown(made[0]), "tables__mnn": shown(made[1], "mnn")}
+    about = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
+    path = stored(tmp_path / "s.zarr", about, **tables)
+    assert written_page(path, tables_of(path)) == []
+    [wanted] = headline(read_frames(path), about)
+    assert "Ranked by 2 of 3 values of CNR, those that all have." in wanted
+    with opened(browser, page_file(path)) as page:
+        page.locator("#table-scores svg").first.wait_for()
+        assert without_settings(page.locator(".headline").inner_text()) == without_settings(wanted)
 
 
 def without_settings(sentence):
@@ -336,3 +355,36 @@ def test_it_reads_without_its_script(browser, file):
     assert page.locator("table.figures:visible").count() > 4
     assert page.locator("#table-scores tbody tr:visible td").first.inner_text()[0].isdigit()
     context.close()
+
+
+def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
+    for name, figures in (("a", [1.0, 2.0, 4.0]), ("b", [2.0, 2.0, 1.0])):
+        table = xr.Dataset({"height": ("size", figures)}, {"size": [1.0, 2.0, 3.0]})
+        stored(tmp_path / f"{name}.zarr", {"configuration": {}}, tables__tree=table)
+    paths = tmp_path / "a.zarr", tmp_path / "b.zarr"
+    assert comparison(*paths, console=Console(file=io.StringIO()), html=True) == []
+    with opened(browser, tmp_path / "b-less-a-report.html") as page:
+        page.locator("#table-tree_differences svg").wait_for()
+        (zero,) = marks(page, "chart", "rule", "#table-tree_differences").all()
+        points = marks(page, "chart", "symbol", "#table-tree_differences").all()
+        level, *heights = (
+            one.bounding_box()["y"] + one.bounding_box()["height"] / 2 for one in (zero, *points)
+        )
+        one, none, less = sorted(height - level for height in heights)  # +1, 0 and -3 m
+        assert abs(none) < 1 and one < -10 and less == pytest.approx(-3 * one, abs=2)
+
+
+def test_a_chart_of_a_notebook_is_drawn_and_changes_with_its_selectors(browser, tmp_path):
+    table = shown(scores(cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0], votes=[1, 3]))
+    made = chart(table, x="cnr", colour="range")
+    (tmp_path / "cell.html").write_text(made._repr_html_(), encoding="utf-8")
+    with opened(browser, tmp_path / "cell.html") as page:
+        cell = page.frame_locator("iframe")
+        cell.locator(".chart svg").wait_for()
+        before = cell.locator(".chart svg").inner_html()
+        cell.locator('select[data-axis="votes"]').select_option(label="3")
+        for _ in range(100):
+            if cell.locator(".chart svg").inner_html() != before:
+                return
+            page.wait_for_timeout(50)
+        pytest.fail("the chart is the same")

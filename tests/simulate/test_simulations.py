@@ -8,6 +8,7 @@ import trimesh
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 import ncti
 from ncti import simulate
@@ -156,3 +157,15 @@ def test_a_ship_of_too_many_beams_is_refused_before_it_is_drawn(monkeypatch):
     large = trimesh.creation.box((1700.0, 200.0, 300.0))
     with pytest.raises(ValueError, match=r"^ifov is 0.00015 rad, .* at least 0\.\d+ rad for 2500 "):
         profile(large, window=2500.0, slant_range=1e3)
+
+
+def test_plots_of_profiles_name_their_axes_with_units():
+    """By xarray's own `plot`, of one profile and of several aspects."""
+    [line] = profile(frames=1).plot(ax=Figure().subplots())
+    axes = line.axes
+    assert axes.get_xlabel() == "down-range [m]"
+    assert axes.get_ylabel().split() == ["amplitude", "above", "the", "noise", "floor", "[1]"]
+    axes = profile(aspect=[0.0, 37.0]).plot(ax=Figure().subplots()).axes
+    assert axes.get_xlabel() == "down-range [m]" and axes.get_ylabel().endswith("[degree]")
+    axes = image().plot(ax=Figure().subplots()).axes
+    assert axes.get_xlabel().endswith(" [m]") and axes.get_ylabel().endswith(" [m]")

@@ -8,15 +8,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.chart import axis_of, figure_of
+from sweeps.report.changes import sentences as changes
+from sweeps.report.changes import settings_sentence, settings_that_differ
+from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_of
 from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import accuracy, headline, headline_for_script
 from sweeps.report.page.provenance import flat, status_of, swept, written
-from sweeps.report.pictures import Pictures, pictures_of, ships_of
+from sweeps.report.pictures import CONFUSED, Pictures, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
+from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, opened
 from sweeps.report.words import missing, preferred, printable
 from sweeps.report.work import NAME as WORK
@@ -39,13 +42,10 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     axes, first = list(about.get("swept", ())), next(iter(tables.values()))
     if matrix is not None:
         tables = {first.name: first, CONFUSION: matrix, **tables}
-    # Rows and charts run along the axis of the headline.
-    ordinary = [name for name in first.several if name not in curves_of(first)]
-    numbers = swept_axes(first, axes)
-    names = [main_axis(first, axes), *ordinary]
-    against = next(filter(None, names), "")
-    second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
     settings = list(flat(about.get("configuration", {})))
+    drawn = pictures_of(path, store, pictures)
+    charts = charted(tables, axes, path_beside(path).name)
+    charts["data"]["headline"] = headline_for_script(tables, about, CHARTED)
     return {
         "store": path_beside(path).name,
         "about": about,
@@ -54,23 +54,69 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "status": status_of(store, work),
         "settings": [(key, written(value)) for key, value in settings],
         "swept": swept(store, settings),
-        "against": against,
-        # Without declared curves, a curve for each value of the second axis.
-        "colour": "" if curves_of(first) else second,
-        "curves": ", ".join(first.columns[name].words for name in curves_of(first)[:1]),
-        "axes": axes_of(tables),
-        "tables": [table_of(table, against, axes) for table in tables.values()],
-        "pictures": pictures_of(path, store, pictures),
+        "confused": drawn.pop(CONFUSED, None),
+        "pictures": drawn,
         "ships": ships_of(store, pictures),
         "work": None if work is None else laid_out(work),
+        **charts,
+    }
+
+
+def content_of_comparison(compared: Comparison) -> dict[str, Any]:
+    """Return the content of the page of a comparison; OSError if a store cannot be read."""
+    stores = [opened(path) for path in compared.paths]
+    states = zip(compared.names, map(status_of, stores), strict=True)
+    axes = list(attributes(stores[0]).get("swept", ()))
+    first, *others = compared.names
+    title = f"{', '.join(others)} less {first}"
+    return {
+        "store": title,
+        "about": {"title": "Comparison of sweeps"},
+        "headline": changes(compared),
+        "accuracy": [settings_sentence(compared)],
+        "states": [(name, state) for name, state in states if state.word != "complete"],
+        "compared": compared.names,
+        "settings": settings_that_differ(compared),
+        "pictures": {},
+        "ships": [],
+        **charted(compared.frames, axes, title),
+    }
+
+
+def charted(
+    frames: Mapping[str, Frame],
+    swept: Sequence[str],
+    store: str,
+    *,
+    along: str = "",
+    colour: str = "",
+) -> dict[str, Any]:
+    """Return the tables of a page, its selectors, and what its script draws charts from.
+
+    `along` and `colour` are the columns of the axes of charts and of their colours, by default
+    those of the headline.
+    """
+    # Rows and charts run along the axis of the headline.
+    first = next(iter(frames.values()))
+    ordinary = [name for name in first.several if name not in curves_of(first)]
+    numbers = swept_axes(first, swept)
+    against = next(filter(None, [along, main_axis(first, swept), *ordinary]), "")
+    second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
+    return {
+        "against": against,
+        # Without declared curves, a curve for each value of the second axis.
+        "colour": colour or ("" if curves_of(first) else second),
+        "curves": ", ".join(first.columns[name].words for name in curves_of(first)[:1]),
+        "axes": axes_of(frames),
+        "tables": [table_of(table, against, swept) for table in frames.values()],
         "data": {
-            "store": path_beside(path).name,
-            "headline": headline_for_script(tables, about, CHARTED),
+            "store": store,
+            "headline": None,
             "second": second,
-            "tables": {name: data_of(table) for name, table in tables.items()},
+            "tables": {name: data_of(table) for name, table in frames.items()},
             # Their places give classifiers a colour, the same in every chart.
             "colours": list(
-                dict.fromkeys(colour for of in tables.values() for colour in colours_of(of))
+                dict.fromkeys(colour for of in frames.values() for colour in colours_of(of))
             ),
         },
     }

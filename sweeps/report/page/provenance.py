@@ -88,14 +88,14 @@ def swept(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, st
         if isinstance(array, zarr.Array)
     }
     return [
-        (key, _several(value, units.get(key.rpartition(".")[2], "")))
+        (key, in_words(value, units.get(key.rpartition(".")[2], "")))
         for key, value in settings
         if isinstance(value, list) and len(value) > 1
         if key in axes or key.rpartition(".")[2] in CHOICES
     ]
 
 
-def _several(values: list[Any], unit: str) -> str:
+def in_words(values: list[Any], unit: str) -> str:
     """Return values in words; of many numbers, the ends."""
     numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
     if len(values) > VALUES and len(numbers) == len(values):

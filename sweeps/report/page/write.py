@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -22,6 +22,7 @@ from sweeps.report.places import page_file
 from sweeps.report.words import printable
 
 if TYPE_CHECKING:
+    from sweeps.report.compare import Comparison
     from sweeps.report.pictures import Pictures
 
 FOLDER = Path(sweeps.report.__file__).parent
@@ -31,23 +32,15 @@ STAMP = "ncti-store"  # name of the meta element that identifies the store of a 
 _IMAGE = re.compile(r'<img data-of="([0-9a-f]+)" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
 
-def write_page(
-    store: PathOrUrl,
-    frames: Mapping[str, Frame],
-    beside: Path | None = None,
-    *,
-    headline: Sequence[str] = (),
-) -> list[Path]:
-    """Write the page of a store beside it, or beside another path, atomically.
+def write_page(path: Path, make: Callable[[Path], str]) -> list[Path]:
+    """Write a page, made with the page before at hand, atomically.
 
-    `frames` are its tables, and `headline` other sentences than its own. Returns the path if
-    another file is in its place. Raises OSError if the store cannot be read, or the page cannot be
-    written.
+    Returns the path if another file is in its place. Raises OSError if the store cannot be read, or
+    the page cannot be written.
     """
-    path = page_file(beside or store)
     if not is_free(path):  # found before drawing
         return [path]
-    content = sealed(page_of(store, frames, headline, before=path))
+    content = sealed(make(path))
     if not is_free(path):
         return [path]
     write_whole(path, content)
@@ -63,9 +56,9 @@ def is_current(store: PathOrUrl) -> bool:
         return False
 
 
-def _stamp(store: PathOrUrl) -> str:
-    """Return a digest of a store's attributes, of the version and of the report's sources."""
-    attributes = Objects(store).get(METADATA) or b""
+def _stamp(*stores: PathOrUrl) -> str:
+    """Return a digest of stores' attributes, of the version and of the report's sources."""
+    attributes = b"".join(Objects(store).get(METADATA) or b"" for store in stores)
     return hashlib.sha256(_code().encode() + attributes).hexdigest()[:32]
 
 
@@ -90,22 +83,28 @@ def _pictures(page: Path | None) -> Pictures:
     return Pictures(_code("matplotlib", "pillow"), dict(_IMAGE.findall(text)))
 
 
-def page_of(
-    path: PathOrUrl,
-    frames: Mapping[str, Frame],
-    headline: Sequence[str] = (),
-    *,
-    before: Path | None = None,
-) -> str:
-    """Return the page of a store, not yet sealed; everything but templates is escaped.
+def page_of(path: PathOrUrl, frames: Mapping[str, Frame], *, before: Path | None = None) -> str:
+    """Return the page of a store, of its tables, not yet sealed.
 
     Pictures of the page before that show the same are not drawn again.
     """
     # Imported here, since a page that is current needs none of it.
+    from sweeps.report.page.content import content_of
+
+    return rendered("page.html", content_of(path, frames, _pictures(before)), _stamp(path))
+
+
+def comparison_page(compared: Comparison) -> str:
+    """Return the page of a comparison, not yet sealed."""
+    from sweeps.report.page.content import content_of_comparison
+
+    return rendered("page.html", content_of_comparison(compared), _stamp(*compared.paths))
+
+
+def rendered(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
+    """Return the HTML of some content; everything but templates is escaped."""
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
-
-    from sweeps.report.page.content import content_of
 
     def visible(value: Any) -> Any:
         """Return the value of an expression, with control characters of texts escaped."""
@@ -130,12 +129,9 @@ def page_of(
         (TEMPLATES / name).read_text(encoding="utf-8")
         for name in ("page.css", "vega.js", "charts.js", "headline.js", "page.js")
     )
-    content = content_of(path, frames, _pictures(before))
-    if headline:
-        content["data"]["headline"] = None
-    return environment.get_template("page.html").render(
-        content | ({"headline": headline} if headline else {}),
-        stamp=_stamp(path),
+    return environment.get_template(template).render(
+        content,
+        stamp=stamp,
         own=PAGE,
         digest=UNKNOWN,
         style=Markup(style),

@@ -91,7 +91,9 @@ const charts = (() => {
       mark: { type: "rule", strokeDash: [2, 3] },
       encoding: { x: { value: 0 }, x2: { value: "width" }, y: { field: chance, type: "quantitative", aggregate: "max", title: y.title } },
     };
-    const layer = [...(low && high ? [interval] : []), ...(joined ? [line] : []), point, ...(chance ? [level] : [])];
+    // Of a difference, where there is none.
+    const zero = { data: { values: [{}] }, mark: { type: "rule", strokeWidth: 1.5 }, encoding: { y: { datum: 0, type: "quantitative", title: y.title } } };
+    const layer = [...(figure.difference ? [zero] : []), ...(low && high ? [interval] : []), ...(joined ? [line] : []), point, ...(chance ? [level] : [])];
     const chartOf = (width) => {
       const apart = Math.min(4 * (names.length - 1), (joined ? 0.3 : 0.6) * (width / along));
       for (const row of rows) row.shift = names.length < 2 ? 0 : apart * (names.indexOf(row.series) / (names.length - 1) - 0.5);
@@ -148,15 +150,18 @@ const charts = (() => {
   // A figure by two axes, with its values; a panel for each of several names.
   const heat = ({ rows, x, y, figure, names, tooltip, room }) => {
     const { field, title, scale } = figure.y;
-    const values = rows.map((row) => row[field]), known = scale.domain ?? [Math.min(...values), Math.max(...values)];
+    const values = rows.map((row) => row[field]), most = Math.max(...values.map(Math.abs));
+    // Of differences, as far to either side of 0, where there is no colour.
+    const known = figure.difference ? [-most, 0, most] : scale.domain ?? [Math.min(...values), Math.max(...values)];
     const axis = (field, { title, sort }, more) => ({ field, title, type: "ordinal", sort, axis: { labelLimit: 110, ...more } });
     const narrow = room < 480, rest = Math.min(room, 560) - (narrow ? 100 : 190);
     const side = Math.max(16, Math.min(names.length ? 44 : 64, rest / x.sort.length));
     const legible = figure.format.endsWith("g") ? 36 : 24; // pixels across the longest value
-    const strong = `datum[${JSON.stringify(field)}] > ${(known[0] + known[1]) / 2}`;
-    const range = [colour("--panel"), colour("--s1")];
+    const shown = `datum[${JSON.stringify(field)}]`;
+    const strong = figure.difference ? `abs(${shown}) > ${0.65 * most}` : `${shown} > ${(known[0] + known[1]) / 2}`;
+    const range = figure.difference ? [colour("--c1"), colour("--panel"), colour("--c0")] : [colour("--panel"), colour("--s1")];
     const legend = names.length ? null : { title, orient: narrow ? "bottom" : "right", gradientLength: 90, ...figure.y.axis };
-    const cell = { mark: { type: "rect", stroke: colour("--paper") }, encoding: { color: { field, type: "quantitative", scale: { domain: known, range }, legend } } };
+    const cell = { mark: { type: "rect", stroke: colour("--paper") }, encoding: { color: { field, type: "quantitative", scale: { domain: known, range, ...(figure.difference && { interpolate: "rgb" }) }, legend } } };
     const value = {
       mark: { type: "text", fontSize: 11 },
       encoding: {

@@ -13,12 +13,20 @@ const headlineOf = (about, table, kept, axis, bin) => {
   }
   const place = (value) => (about.simplest.includes(value) ? about.simplest.indexOf(value) : about.simplest.length);
   const order = (a, b) => a.map((one, k) => one - b[k]).find((one) => one) ?? 0;
-  const best = [...rivals.values()].map((every) => {
+  const all = [...rivals.values()].map((every) => {
     const given = along ? every.filter((k) => rows[along][k] !== null) : [];
     const axis = given.length ? along : "";
     const own = axis ? given.filter((k, at) => given.findIndex((one) => rows[axis][one] === rows[axis][k]) === at) : every.slice(0, 1);
     if (axis && typeof rows[axis][own[0]] === "number") own.sort((a, b) => rows[axis][a] - rows[axis][b]);
-    const mean = own.reduce((sum, k) => sum + rows[figure][k], 0) / own.length;
+    return { axis, own };
+  });
+  // Ranked by their means at the values that all have, of those that depend on the axis.
+  const valuesOf = all.filter((one) => one.axis).map(({ own }) => new Set(own.map((k) => rows[along][k])));
+  const values = new Set(valuesOf.flatMap((of) => [...of]));
+  const shared = [...values].filter((value) => valuesOf.every((of) => of.has(value)));
+  const best = all.map(({ axis, own }) => {
+    const ranked = axis && shared.length ? own.filter((k) => shared.includes(rows[axis][k])) : own;
+    const mean = ranked.reduce((sum, k) => sum + rows[figure][k], 0) / ranked.length;
     const of = [rows.classifier?.[own[0]], rows.channel?.[own[0]]];
     return { axis, own, rank: [-Math.round(1e6 * mean), +of.includes("both"), ...of.map(place)] };
   }).sort((a, b) => order(a.rank, b.rank))[0];
@@ -41,7 +49,10 @@ const headlineOf = (about, table, kept, axis, bin) => {
   const channel = rows.channel[first], name = `${table.words.classifier[rows.classifier[first]]} on ${about.by[channel] ?? channel}`;
   const start = rivals.size > 1 ? `Best of ${rivals.size}: ${name}` : name[0].toUpperCase() + name.slice(1);
   const level = chance && rows[chance][first] !== null ? `; chance ${whole(rows[chance][first])} %.` : ".";
+  const by = shared.length === values.size ? ""
+    : shared.length ? ` Ranked by ${shared.length} of ${values.size} values of ${about.axes[along][0]}, those that all have.`
+    : ` Ranked by means over different values of ${about.axes[along][0]}, since none is shared.`;
   const least = rows.n ? Math.min(...best.own.map((k) => rows.n[k])) : about.few;
-  return `${start} identifies ${score.join(score[0].endsWith("chance") ? ", and " : " and ")}${where.length ? ` (${where.join(", ")})` : ""}${level}`
+  return `${start} identifies ${score.join(score[0].endsWith("chance") ? ", and " : " and ")}${where.length ? ` (${where.join(", ")})` : ""}${level}${by}`
     + (least < about.few ? ` Few answers (n = ${whole(least)}) make the interval wide.` : "");
 };

@@ -38,7 +38,8 @@
     }
     if (ofSelect?.dataset.chosen) changed.set("of", ofSelect.dataset.chosen);
     const text = changed.toString();
-    history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
+    // A chart of a notebook has no address.
+    if (location.protocol !== "about:") history.replaceState(null, "", text ? "#" + text : location.pathname + location.search);
   };
 
   // Whether each row is at the selection. A part of a table that lacks a value keeps its nearest.
@@ -254,7 +255,8 @@
       if (axis) await drawCurves(section, figure, axis, tone);
       section.dataset.axis = axis;
     }
-    if (aspect) await drawAspect(section, figure);
+    if (aspect && table.figures[figure].y.scale.domain) await drawAspect(section, figure);
+    else if (aspect) aspect.hidden = true; // a radius is not below 0
     const [across, down] = table.matrix.length ? table.matrix : [axis, colourBy() || data.second];
     const crossed = across !== down && [across, down].every((name) => table.axes.includes(name));
     if (heat && crossed) await drawHeat(section, figure, across, down);

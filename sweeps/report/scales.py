@@ -22,15 +22,16 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     y: dict[str, Any] = {"field": figure, "type": "quantitative", "title": column.heading}
     values = frame.rows[figure].dropna().tolist()
     whole = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0
-    if whole and not column.format.startswith("+"):  # a difference may be below 0
+    difference = column.format.startswith("+")  # may be below 0, where its chart has a line
+    if whole and not difference:
         y["scale"] = {"domain": [0, whole], "nice": False, "padding": EDGE}
     else:
-        y["scale"] = scale_of(values, UP)
+        y["scale"] = {"zero": True} if difference else scale_of(values, UP)
     if whole == 1:
         y["axis"] = {"format": ".0%"}
     # Python's and d3's formats are the same, but for the digits of `g`.
     text = ".3~g" if column.format.endswith("g") else column.format
-    return {"y": y, "format": text, **beside}
+    return {"y": y, "format": text, "difference": difference, **beside}
 
 
 def axis_of(column: Column, frame: Frame) -> dict[str, Any]:

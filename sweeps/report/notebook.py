@@ -1,0 +1,111 @@
+"""Charts of the report page in notebooks."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import xarray as xr
+
+from sweeps.engine.declare.display import Display, Figure
+from sweeps.engine.store.tables import with_scalars
+from sweeps.report.frames import displays_of, tidy
+from sweeps.report.page.content import charted
+from sweeps.report.page.write import rendered
+
+NAME = "chart"
+HEIGHT = 520  # pixels, of a chart with its selectors
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart that notebooks show: a document of its own, which loads nothing.
+
+    Attributes
+    ----------
+    document : str
+        The document, HTML.
+    """
+
+    document: str
+
+    def __repr__(self) -> str:
+        return f"<Chart of {len(self.document):,} characters>"
+
+    def _repr_html_(self) -> str:
+        source = html.escape(self.document)
+        return (
+            f'<iframe srcdoc="{source}" sandbox="allow-scripts allow-downloads" '
+            f'style="border: 0; width: 100%; height: {HEIGHT}px"></iframe>'
+        )
+
+
+def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
+    """Return a chart of a figure along an axis, as the report page draws it.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        A table of a store, such as `xr.open_zarr("sweep.zarr", group="tables/acn")`, or a part of
+        one. Axes of several values besides `x` and `colour` have selectors above the chart.
+    x : str
+        Dimension along the chart.
+    y : str, optional
+        Variable; by default the main figure of the table. Its interval is drawn, if any.
+    colour : str, optional
+        Dimension whose values have a curve each; by default as on the page.
+
+    Returns
+    -------
+    Chart
+        Shown by notebooks that run scripts of their outputs, such as those of JupyterLab.
+
+    Raises
+    ------
+    ValueError
+        If `y` is no variable of numbers, or `x` or `colour` no dimension of it.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from sweeps.report import chart
+    >>> heights = xr.Dataset({"height": ("age", [1.0, 3.0])}, {"age": [10, 20]})
+    >>> "height" in chart(heights, x="age").document
+    True
+    """
+    table = with_scalars(ds)
+    display = _display_of(table, y)
+    figure = display.figures[0].variable
+    dims = list(map(str, table[figure].dims))
+    for name, dim in (("x", x), ("colour", colour)):
+        if dim not in dims and (dim or name == "x"):
+            raise ValueError(f"{name} is {dim!r}, but must be {_one_of(dims)}")
+    if x == colour:
+        raise ValueError(f"colour is {colour!r}, but must differ from x")
+    frame = tidy(table, display, "")
+    assert frame is not None  # it has its figure
+    by_axis = {column.axis: name for name, column in frame.columns.items() if column.role == "axis"}
+    content = charted({NAME: frame}, [x], "", along=by_axis[x], colour=by_axis.get(colour, ""))
+    return Chart(rendered("chart.html", content))
+
+
+def _display_of(table: xr.Dataset, variable: str) -> Display:
+    """Return the display of a table for one variable alone, or for its main figure."""
+    displays = displays_of(table, NAME)
+    figures = [(display, figure) for display in displays for figure in display.figures]
+    numeric = [str(name) for name in table if table[name].dtype.kind in "fiu" and table[name].ndim]
+    wanted = (
+        variable or next((figure.variable for _, figure in figures), "") or next(iter(numeric), "")
+    )
+    if wanted not in numeric:
+        raise ValueError(f"y is {variable!r}, but must be {_one_of(numeric)}")
+    for display, figure in figures:
+        if figure.variable == wanted:
+            return replace(display, name=NAME, figures=(figure,))
+    title = str(table[wanted].attrs.get("long_name", wanted.replace("_", " ")))
+    return Display(NAME, title[:1].upper() + title[1:], (Figure(wanted),))
+
+
+def _one_of(names: Sequence[str]) -> str:
+    return f"one of {', '.join(names)}" if names else "of a table with figures, which this is not"

@@ -1,0 +1,46 @@
+"""The two ships most often confused: planted answers, and their picture on the page."""
+
+import numpy as np
+import xarray as xr
+from made import scores, shown
+from pages import page_of, parsed, read_page, stored
+
+from sweeps.report.confusion import most_confused
+from sweeps.report.places import page_file
+from sweeps.report.stores import opened
+
+SHIPS, ASPECTS = ["duncan", "horne", "texas"], [0.0, 30.0, 60.0]
+
+
+def answers(order=(0, 1, 2), wrong=(), cnr=(5.0, 10.0)):
+    """Ships named, all right but for some (true, named, aspect); ships in an order."""
+    named = np.tile(np.arange(3)[:, None], (len(cnr), 1, 3))
+    for true, other, aspect in wrong:
+        named[:, order.index(true), aspect] = order.index(other)
+    coords = {"cnr": list(cnr), "ship": [SHIPS[k] for k in order], "aspect": ASPECTS}
+    return xr.Dataset({"predicted": (("cnr", "ship", "aspect"), named)}, coords)
+
+
+def test_ships_are_confused_either_way_over_all_classifiers(tmp_path):
+    """Duncan as Horne at 0, Texas as Horne at 30, and Horne as Texas at 60, by two classifiers."""
+    groups = {
+        "classification__acn": answers(wrong=[(0, 1, 0), (2, 1, 1)]),
+        "classification__mnn": answers((2, 0, 1), wrong=[(2, 1, 1), (1, 2, 2), (0, 1, 0)]),
+    }
+    assert most_confused(opened(stored(tmp_path / "s.zarr", **groups))) == (
+        ("horne", "texas"),
+        30.0,
+    )
+
+
+def test_without_wrong_answers_no_ships_are_confused(tmp_path):
+    groups = {"classification__acn": answers(), "tables__acn": shown(scores(cnr=[5.0, 10.0]))}
+    path = stored(tmp_path / "s.zarr", **groups)
+    assert most_confused(opened(path)) is None
+    assert not parsed(page_of(path)).root.all("section", id="confused")
+    assert most_confused(opened(stored(tmp_path / "t.zarr", tables__acn=scores(a=[1])))) is None
+
+
+def test_the_page_shows_them_beside_the_confusion(smoke_store):
+    (section,) = read_page(page_file(smoke_store)).root.all("section", id="confused")
+    assert section.one("img").attrs["src"].startswith("data:image/png;base64,")

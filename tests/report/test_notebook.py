@@ -1,0 +1,63 @@
+"""Charts in notebooks: what the page has of the same table, and refused arguments."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+from made import scores, shown
+from pages import page_of, parsed, stored
+
+from sweeps.report import chart
+
+AXES = {"cnr": [5.0, 10.0, 20.0], "range": [25.0, 50.0]}
+
+
+def document(made):
+    """The document in the frame of a notebook's output."""
+    (source,) = re.findall(
+        r'^<iframe srcdoc="(.*?)" sandbox="allow-scripts', made._repr_html_(), re.S
+    )
+    return parsed(html.unescape(source))
+
+
+def test_it_has_the_rows_and_scales_of_the_page(tmp_path):
+    path = stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=shown(scores(**AXES)))
+    ds = xr.open_zarr(path, group="tables/acn")
+    made = document(chart(ds, x="cnr", y="accuracy", colour="range"))
+    page = parsed(page_of(path)).data["tables"]["scores"]
+    assert made.data["tables"]["chart"]["figures"] == page["figures"]
+    assert made.data["tables"]["chart"]["x"] == page["x"]
+    for name in ("cnr_db", "range_km", "percent_correct", "ci_low"):
+        assert made.data["tables"]["chart"]["rows"][name] == page["rows"][name]
+    for name, chosen in (("against", "cnr_db"), ("colour", "range_km")):
+        (option,) = made.root.one("select", id=name).all("option", selected="")
+        assert option.attrs["value"] == chosen
+    assert made.root.one("meta", http_equiv="Content-Security-Policy")
+
+
+def test_a_table_without_a_display_and_a_selection_have_a_chart():
+    table = xr.Dataset(
+        {"height": (("age", "tree"), np.eye(2))}, {"age": [1, 2], "tree": ["a", "<b>"]}
+    )
+    made = document(chart(table, x="age", colour="tree"))
+    assert made.data["tables"]["chart"]["figures"].keys() == {"height"}
+    assert not made.root.all("b")
+    part = document(chart(table.sel(tree="a"), x="age"))
+    assert part.data["tables"]["chart"]["rows"]["height"] == [1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"x": "age"}, "x is 'age', but must be one of cnr, range, aspect_bin"),
+        ({"x": ""}, "x is '', but must be one of"),
+        ({"x": "cnr", "y": "height"}, "y is 'height', but must be one of accuracy, ci_low"),
+        ({"x": "cnr", "colour": "age"}, "colour is 'age', but must be one of cnr"),
+        ({"x": "cnr", "colour": "cnr"}, "colour is 'cnr', but must differ from x"),
+    ],
+)
+def test_other_arguments_are_refused(arguments, said):
+    with pytest.raises(ValueError, match=f"^{re.escape(said)}"):
+        chart(shown(scores(**AXES)), **arguments)
