@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import gc
 import os
 from pathlib import Path
 from typing import Any
 
 from _pytest.doctest import DoctestModule
+
+from sweeps.engine.run.collector import relax_gc
 
 LIBRARY = tuple(Path(__file__).parent / name for name in ("ncti", "studies"))
 
@@ -20,7 +21,7 @@ for variable in ("SWEEP_CACHE", "NUMBA_CACHE_DIR"):  # which would come first
 for library in ("OMP", "MKL", "OPENBLAS"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-gc.set_threshold(50_000)  # at the default, tests spend a tenth of their time looking for garbage
+relax_gc()
 
 LONG = (
     *("claims/test_claims", "sweeps/test_experiments", "test_docs", "engine/test_survival"),

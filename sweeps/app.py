@@ -84,8 +84,8 @@ def command(*modules: Any) -> Command:
     raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    of_modules = partial(about, (*MODULES, *modules))
-    return Command(experiment, report, report_paths, of_modules, REPORT_MODULES)
+    about_modules = partial(about, (*MODULES, *modules))
+    return Command(experiment, report, report_paths, about_modules, REPORT_MODULES)
 
 
 def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:

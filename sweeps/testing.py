@@ -51,7 +51,7 @@ def check_pure(
         schedule = Schedule(Plan(experiment, choices))
         schedule.look_up(index)
         executor = InlineExecutor()
-        call_each(experiment.prepare(choices, _ignore), executor)
+        call_each(experiment.prepare(choices, _ignore), executor, lambda: None)
         failures = execute(schedule, executor, index, Watch(_ignore))
         found = [f"{name} failed: {why}" for name, why in failures]
         compared: Counter[str] = Counter()

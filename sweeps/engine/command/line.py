@@ -212,9 +212,10 @@ class Command:
         """Let local workers of new stores import their modules while this process checks jobs."""
         stages: dict[str, BoundStage] = {}
         for job in jobs:
-            one = job.choices.one
-            stays = one(Run.dry_run) or one(Run.partial) or Path(job.store).exists()
-            if one(Cluster.kind) == "local" and not stays:
+            one, store = job.choices.one, path_or_url("store", job.store)
+            computes = not (one(Run.dry_run) or one(Run.partial))
+            is_new = isinstance(store, Path) and not os.path.lexists(store)
+            if computes and is_new and one(Cluster.kind) == "local":
                 every = bind(self.experiment, job.choices.joint)
                 stages |= with_inputs(stored_stages(every.values(), job.choices), every)
         modules = modules_of(stages.values())

@@ -328,8 +328,8 @@ class Experiment:
     # nothing uses.
     check: Callable[[Choices], Choices] = lambda choices: choices
     attributes: Callable[[Choices], Mapping[str, Any]] = lambda choices: {}  # of its stores
-    # Called before stages run on this machine, with a function that prints a sentence. Returns
-    # functions for the workers to call first, side by side: work that one does for all.
+    # Returns functions that run once each, on any worker of this machine, before the first cell;
+    # prints a sentence on them by `say`.
     prepare: Callable[[Choices, Say], Sequence[Callable[[], object]]] = lambda choices, say: ()
     conf: Path | None = None  # folder of its Hydra configuration
     # Folders of other packages with more files of its groups, such as `experiment/mine.yaml`.

@@ -1,12 +1,13 @@
-"""Garbage collection of processes that run one command and end."""
+"""Garbage collection, which takes long in processes that import much."""
 
 from __future__ import annotations
 
+import atexit
 import gc
 
 
 def relax_gc() -> None:
-    """Raise the threshold of the garbage collector to 50,000 allocations.
+    """Raise the threshold of the garbage collector to 50,000 allocations, in this process.
 
     At its default, 700, it takes a quarter of the time of imports, and a tenth of a sweep's.
     """
@@ -14,5 +15,5 @@ def relax_gc() -> None:
 
 
 def skip_final_gc() -> None:
-    """Spare the interpreter looking through all objects as it ends, which takes a second."""
-    gc.freeze()
+    """Let the interpreter end without looking through all objects, which takes a second."""
+    atexit.register(gc.freeze)

@@ -34,6 +34,7 @@ IMPORTS = "IMPORTS"
 
 
 SERVER = "sweeps.engine.run.server"
+"""Module that the server imports first."""
 
 
 def check_guard() -> None:

@@ -1,4 +1,4 @@
-"""Imported first by the fork server, so that its other imports take less time."""
+"""Imported by the fork server alone, and first, so that its other imports take less time."""
 
 from sweeps.engine.run.collector import relax_gc
 

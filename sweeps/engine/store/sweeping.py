@@ -62,7 +62,7 @@ class RunOptions:
     """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
 
     A `partial` store has the cells that are in the cache; nothing is computed. `imports` are
-    modules that the command needs at the end, imported while workers start.
+    modules that the command needs at the end, of which it imports some while workers start.
     """
 
     store: PathOrUrl
@@ -247,19 +247,26 @@ def _compute(
     starting = thread.submit(stack.enter_context, entered)
     here = choice.kind in LOCAL_KINDS
     first = plan.experiment.prepare(plan.choices, unless_stopped(watch.say)) if here else ()
-    if choice.kind != "inline":
-        tables = TABLE_MODULES if plan.experiment.tables else ()
-        for name in (*tables, *options.imports):
-            raise_if_stopped()
+    tables = TABLE_MODULES if plan.experiment.tables else ()
+    for name in (*tables, *options.imports) if choice.kind != "inline" else ():
+        if starting.done():
+            break
+        raise_if_stopped()
+        with suppress(Exception):  # of which the report says why, when the store is written
             import_module(name)
     with interruptible():
         workers = starting.result()
-    call_each(first, workers)
+    call_each(first, workers, lambda: watch.step(schedule))
     return execute(schedule, workers, index, watch), workers
 
 
-def call_each(functions: Sequence[Callable[[], object]], executor: Executor) -> None:
-    """Call functions on workers, side by side, and wait; SweepIncomplete if one fails."""
+def call_each(
+    functions: Sequence[Callable[[], object]], executor: Executor, wait: Callable[[], None]
+) -> None:
+    """Call functions on workers, side by side, and `wait` whenever one returns.
+
+    Raises SweepIncomplete if one fails.
+    """
     for number, function in enumerate(functions):
         executor.submit(number, function)
     left = len(functions)
@@ -270,6 +277,7 @@ def call_each(functions: Sequence[Callable[[], object]], executor: Executor) -> 
             if error is not None:
                 raise SweepIncomplete(f"workers cannot be prepared: {one_line(error)}") from error
         left -= len(finished)
+        wait()
 
 
 def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
