@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ def _made(part: Part, sink: float) -> Manifold:
     return MAKERS[part.prim](**sizes)
 
 
+@lru_cache(maxsize=256)
 def equipment(parts: tuple[Part, ...], *, azimuth: float, sink: float = MOUNT_SINK) -> Manifold:
     """Return equipment about its mount axis, pointing to `azimuth` [deg, 90 to starboard]."""
     made = [
@@ -115,15 +117,20 @@ def _single(sheet: Sheet, component: Component) -> Manifold:
     return _made(component, min(HOUSE_SINK, sizes.get("height", 0.0) / 4))
 
 
-def piece(sheet: Sheet, component: Component) -> Piece:
-    """Return the solid of one component with all its copies."""
+def copies_of(sheet: Sheet, component: Component) -> list[Manifold]:
+    """Return the copies of a component where the sheet puts them, without mirror images."""
     single = _single(sheet, component)
     if single.status() != Error.NoError or single.volume() <= 0:
         raise ShipError(
             f"{sheet.name}: component {shown(component.name)} is not a solid with these sizes, "
             "but must enclose a volume."
         )
-    copies = [single.translate(np.add(component.at, (*shift, 0.0))) for shift in component.offsets]
+    return [single.translate(np.add(component.at, (*shift, 0.0))) for shift in component.offsets]
+
+
+def piece(sheet: Sheet, component: Component) -> Piece:
+    """Return the solid of one component with all its copies."""
+    copies = copies_of(sheet, component)
     if component.mirror:
         copies += [copy.mirror((0, 1, 0)) for copy in copies]
     return Piece(component.name, union(copies), component.cuts)

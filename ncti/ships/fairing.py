@@ -44,14 +44,14 @@ class MonotoneCubic:
         """Return the curves at some places between the knots, (..., curve)."""
         x = np.asarray(x, float)
         piece = np.clip(np.searchsorted(self.x, x, side="right") - 1, 0, len(self.x) - 2)
-        h = np.diff(self.x)[piece, None]
-        mean = (self.y[piece + 1] - self.y[piece]) / h
+        h, s = np.diff(self.x)[piece, None], (x - self.x[piece])[..., None]
         start, end = self.slopes[piece], self.slopes[piece + 1]
-        excess = (start + end - 2 * mean) / h
-        s = (x - self.x[piece])[..., None]
         square = s * s
-        curved = ((mean - start) / h - excess) * square
-        return self.y[piece] + start * s + curved + excess / h * (square * s)
+        with np.errstate(over="ignore", invalid="ignore"):  # of knots at one place, nearly
+            mean = (self.y[piece + 1] - self.y[piece]) / h
+            excess = (start + end - 2 * mean) / h
+            curved = ((mean - start) / h - excess) * square
+            return self.y[piece] + start * s + curved + excess / h * (square * s)
 
 
 def _end_slope(h0: Floats, h1: Floats, m0: Floats, m1: Floats) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from ncti.ships.build import Ship, build, piece
+from ncti.ships.build import Ship, build, copies_of
 from ncti.ships.errors import ShipError, shown
 from ncti.ships.hull import Hull
 from ncti.ships.sheets import Component, Sheet
@@ -131,14 +131,6 @@ class Carriage:
         return least
 
 
-def _copies(sheet: Sheet, component: Component) -> list[Manifold]:
-    """Return the copies of a component where the sheet puts them, without mirror images."""
-    return [
-        piece(sheet, replace(component, mirror=False, offsets=(offset,))).solid
-        for offset in component.offsets
-    ]
-
-
 def _shared(copies: list[Manifold], bearers: list[Manifold]) -> Floats:
     """Return the volume that each copy has in common with its carrier [m^3]."""
     return np.array([sum((copy ^ bearer).volume() for bearer in bearers) for copy in copies])
@@ -157,7 +149,7 @@ def carriage(sheet: Sheet) -> Carriage:
     carry nothing. The hull carries a component that touches nothing.
     """
     count = len(sheet.components)
-    solids = [_copies(sheet, component) for component in sheet.components]
+    solids = [copies_of(sheet, component) for component in sheet.components]
     solids.append([sheet.hull.solid()])
     low, high = np.array([_bounds(copies) for copies in solids]).transpose(1, 0, 2)
     touching = (low[:, None] <= high[None]).all(axis=-1)
@@ -383,8 +375,8 @@ def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale:
             changed = _own_size(changed, factor, 2 * sheet.hull.stations[:, 2].max())
         return changed
 
-    def holds(number: int, base: Floats, copies: list[Manifold]) -> bool:
-        low, high = _bounds([*hull, *_copies(fresh, placed(number, base))])[:, :2]
+    def holds(number: int, room: Floats, copies: list[Manifold]) -> bool:
+        low, high = room
         reach = _bounds(copies)[:, :2]
         if (reach[0] < low).any() or (reach[1] > high).any():
             return False
@@ -400,14 +392,17 @@ def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale:
             base, own = base * [1, 0], own * [1, 0]
         if component.cuts or "edge" in component.sizes:
             own[:] = 0.0  # their place is that of the deck's edge, or of what they are cut from
-        for halving in range(HALVINGS):
-            if not own.any() or holds(number, base, _copies(fresh, placed(number, base + own))):
-                break
-            own = own / 2 if halving < HALVINGS - 1 else np.zeros(2)
+        if own.any():
+            unmoved = copies_of(fresh, placed(number, base))
+            room = _bounds([*hull, *unmoved])[:, :2]
+            halved = (own / 2**halving for halving in range(HALVINGS))
+            tried = ((move, copies_of(fresh, placed(number, base + move))) for move in halved)
+            fitting = (move for move, copies in tried if holds(number, room, copies))
+            own = next(fitting, np.zeros(2))
         moves[number] = base + own
         made[number] = placed(number, moves[number])
         if number in carriers:
-            solids[number] = _copies(fresh, made[number])
+            solids[number] = copies_of(fresh, made[number])
     return replace(fresh, components=tuple(made))
 
 
