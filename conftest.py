@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,25 @@ LONG = (
     *("stages/test_flights", "engine/test_buckets", "sweeps/test_own_ships", "sweeps/test_wheel"),
 )
 """Files of tests that take half a minute or more."""
+
+
+def pytest_configure(config: Any) -> None:
+    """Compile all loops once, before the processes of tests, each of which would compile them."""
+    if not getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
+        return
+    from ncti.classify.loops import DENSITIES
+    from ncti.compiled import keep
+    from ncti.infrared.loops import IMAGES
+    from ncti.irar.loops import TILTS
+    from ncti.ladar.loops import BOXES, FRAMES
+    from ncti.render.loops import of_engine
+
+    engines = map(of_engine, ("lines", "embree", "osmesa", "mask"))
+    every = (*engines, FRAMES, IMAGES, DENSITIES, TILTS, BOXES)
+    if missing := [loops for loops in every if loops.are_missing()]:
+        spawn = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(min(len(missing), os.cpu_count() or 1), spawn) as pool:
+            list(pool.map(keep, missing))
 
 
 def pytest_collection_modifyitems(items: list[Any]) -> None:

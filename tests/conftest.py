@@ -11,7 +11,7 @@ from once import made_once, sharing_ships
 from platformdirs import user_cache_path
 
 # The first example of a test may import a library, which takes longer than a deadline allows.
-settings.register_profile("untimed", deadline=None)
+settings.register_profile("untimed", deadline=None, max_examples=50)
 settings.load_profile("untimed")
 
 for room in ("engine", "sweeps", "convergence", "report"):  # whose modules others import
