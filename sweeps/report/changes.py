@@ -11,7 +11,7 @@ import pandas as pd
 
 from sweeps.report.answer import thinned
 from sweeps.report.compare import FIRST, NAME, SECOND, STORE, Comparison
-from sweeps.report.contest import SHIP, UNTESTED, main_axis
+from sweeps.report.contest import SHIP, is_test, main_axis
 from sweeps.report.frames import Column, Frame
 from sweeps.report.page.provenance import flat, in_words
 from sweeps.report.pairs import LEVEL
@@ -46,11 +46,11 @@ def sentences(compared: Comparison) -> list[str]:
         return [said, "Without intervals it is not known whether chance alone would do so."]
     number = f"{compared.number:,} comparison{'s' * (compared.number != 1)}"
     corrected = f"by Holm's correction at {100 * LEVEL:.0f} %"
-    if row["sure"] == 1:
-        verb = "is" if compared.sure == 1 else "are"
+    if row["significant"] == 1:
+        verb = "is" if compared.significant == 1 else "are"
         return [
             said,
-            f"That is more than chance: {compared.sure:,} of {number} {verb}, {corrected}.",
+            f"That is more than chance: {compared.significant:,} of {number} {verb}, {corrected}.",
         ]
     return [said, f"That may be chance: none of {number} exceeds it {corrected}."]
 
@@ -150,16 +150,16 @@ def _rows(frame: Frame) -> pd.DataFrame:
     overall = MAIN["aspect_bin"]
     if frame.across and (rows[frame.across] == overall).any():
         rows = rows[rows[frame.across] == overall]
-    if "kind" in rows and (tests := ~rows.kind.isin(UNTESTED)).any():
+    if "kind" in rows and (tests := rows.kind.map(is_test)).any():
         rows = rows[tests]
     return rows
 
 
 def _largest(frame: Frame) -> tuple[Any, pd.Series]:
-    """Return label and row of the largest difference, of those that exceed chance if any do."""
+    """Return label and row of the largest difference, of the significant ones if any are."""
     rows = _rows(frame)
-    if "sure" in rows and (rows.sure == 1).any():
-        rows = rows[rows.sure == 1]
+    if "significant" in rows and (rows.significant == 1).any():
+        rows = rows[rows.significant == 1]
     label = rows[frame.figures[0]].astype(float).abs().idxmax()
     return label, rows.loc[label]
 

@@ -11,7 +11,7 @@ from typing import Any
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.contest import SCORES, UNTESTED
+from sweeps.report.contest import SCORES, is_test
 from sweeps.report.frames import PART, Column, Frame, Part, read_frames, stacked, tidy, values_of
 from sweeps.report.pairs import ANSWERS, Pairs, answers_of, holm, paired
 from sweeps.report.stores import groups, opened
@@ -27,7 +27,7 @@ DISPLAY = Display(
             "difference",
             low="ci_low",
             high="ci_high",
-            beside={"n": "n", "unequal": "unequal", "sure": "sure"},
+            beside={name: name for name in ("n", "discordant", "significant")},
             percent=True,
             format="+.0f",
         ),
@@ -52,15 +52,15 @@ class Comparison:
         Their names, which differ.
     frames : mapping of str to Frame
         Differences that are not all 0, those of percent correct first.
-    number, sure : int
-        Comparisons over all aspects, and how many exceed chance by `holm`.
+    number, significant : int
+        Comparisons over all aspects, and how many are significant by `holm`.
     """
 
     paths: tuple[PathOrUrl, ...]
     names: tuple[str, ...]
     frames: Mapping[str, Frame]
     number: int = 0
-    sure: int = 0
+    significant: int = 0
 
     @property
     def place(self) -> Path:
@@ -101,20 +101,20 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
         found += pairs
         for table in rest:
             tables.setdefault(table.name, []).append(table)
-    sure, number = holm([of for display, of in found if _tests(display)])
-    exceeding = iter(sure)
+    significant, number = holm([of for display, of in found if _of_tests(display)])
+    of_tests = iter(significant)
     for display, of in found:
-        dataset = of.tabulate(next(exceeding) if _tests(display) else None)
+        dataset = of.tabulate(next(of_tests) if _of_tests(display) else None)
         part = tidy(dataset, display, "")
         tables[NAME] += [part] if part is not None else []
     whole = [_changed(stacked(parts)) for parts in tables.values() if parts]
     frames = {frame.name: _in_words(frame, names) for frame in whole if frame is not None}
-    return Comparison(paths, names, frames, number, sum(int(cells.sum()) for cells in sure))
+    count = sum(int(cells.sum()) for cells in significant)
+    return Comparison(paths, names, frames, number, count)
 
 
-def _tests(display: Display) -> bool:
-    """Return whether answers are of tests."""
-    return display.labels.get("kind") not in UNTESTED
+def _of_tests(display: Display) -> bool:
+    return is_test(display.labels.get("kind"))
 
 
 def _paired(
@@ -232,7 +232,7 @@ def _changed(frame: Frame) -> Frame | None:
     """Return a table of differences without the figures and curves in which all are 0."""
     values = frame.rows[frame.figures].fillna(0).astype(float) != 0
     if frame.name == NAME:
-        kept, changed = frame.figures, frame.rows.unequal > 0
+        kept, changed = frame.figures, frame.rows.discordant > 0
     else:
         kept = [name for name in frame.figures if values[name].any()]
         changed = values.any(axis=1)
