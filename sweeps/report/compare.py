@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
@@ -54,6 +56,8 @@ class Comparison:
         Differences that are not all 0, those of percent correct first.
     number, significant : int
         Comparisons over all aspects, and how many are significant by `holm`.
+    partial : bool
+        Whether a store has tables, places or answers that another lacks.
     """
 
     paths: tuple[PathOrUrl, ...]
@@ -61,6 +65,7 @@ class Comparison:
     frames: Mapping[str, Frame]
     number: int = 0
     significant: int = 0
+    partial: bool = False
 
     @property
     def place(self) -> Path:
@@ -87,15 +92,18 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
     names, ours = names_of(paths), read_frames(first)
     found: list[tuple[Display, Pairs]] = []
     tables: dict[str, list[Frame]] = {NAME: []}
+    partial = False
     for path, name in zip(others, names[1:], strict=True):
         theirs, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
-        pairs = _paired(first, ours, path, theirs, labels)
-        rest = [
-            _subtracted(ours[table], theirs[table], labels)
-            for table in theirs
-            if table in ours and table != SCORES
-        ]
-        rest = [table for table in rest if len(table.rows) and table.figures]
+        pairs, incomplete = _paired(first, ours, path, theirs, labels)
+        partial |= incomplete or {*ours} != {*theirs}
+        rest = []
+        for table in (name for name in theirs if name in ours and name != SCORES):
+            both = ours[table], theirs[table]
+            less = _subtracted(*both, labels)
+            partial |= any(len(frame.rows) > len(less.rows) for frame in both)
+            partial |= {*both[0].figures} != {*both[1].figures}
+            rest += [less] if len(less.rows) and less.figures else []
         if not pairs and not rest:
             raise ConfigurationError(_nothing_in_common(names[0], ours, name, theirs))
         found += pairs
@@ -110,7 +118,7 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
     whole = [_changed(stacked(parts)) for parts in tables.values() if parts]
     frames = {frame.name: _in_words(frame, names) for frame in whole if frame is not None}
     count = sum(int(cells.sum()) for cells in significant)
-    return Comparison(paths, names, frames, number, count)
+    return Comparison(paths, names, frames, number, count, partial)
 
 
 def _of_tests(display: Display) -> bool:
@@ -123,16 +131,19 @@ def _paired(
     second: PathOrUrl,
     theirs: Mapping[str, Frame],
     labels: Mapping[str, str],
-) -> list[tuple[Display, Pairs]]:
-    """Return the answers in common of each part of the scores of two stores."""
-    known = {_key(part): part for part in _scored(first, ours)}
-    found = []
-    for part in _scored(second, theirs):
-        if (other := known.get(_key(part))) is not None:
-            pairs = paired(answers_of(first, other), answers_of(second, part))
-            display = replace(DISPLAY, labels={**labels, **part.display.labels})
-            found += [(display, pairs)] if pairs is not None else []
-    return found
+) -> tuple[list[tuple[Display, Pairs]], bool]:
+    """Return the answers in common of each part of two stores' scores, and if these are not all."""
+    known, others = (
+        {_key(part): part for part in _scored(path, frames)}
+        for path, frames in ((first, ours), (second, theirs))
+    )
+    found, partial = [], known.keys() != others.keys()
+    for key in (key for key in others if key in known):
+        pairs = paired(answers_of(first, known[key]), answers_of(second, others[key]))
+        partial |= pairs is None or pairs.partial
+        display = replace(DISPLAY, labels={**labels, **others[key].display.labels})
+        found += [(display, pairs)] if pairs is not None else []
+    return found, partial
 
 
 def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
@@ -229,11 +240,11 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
 
 
 def _changed(frame: Frame) -> Frame | None:
-    """Return a table of differences without the figures and curves in which all are 0."""
-    values = frame.rows[frame.figures].fillna(0).astype(float) != 0
+    """Return a table of differences without the figures and curves in which nothing differs."""
     if frame.name == NAME:
         kept, changed = frame.figures, frame.rows.discordant > 0
     else:
+        values = pd.DataFrame({name: differs(frame, name) for name in frame.figures})
         kept = [name for name in frame.figures if values[name].any()]
         changed = values.any(axis=1)
     if not changed.any():
@@ -246,6 +257,12 @@ def _changed(frame: Frame) -> Frame | None:
     dropped = {*frame.figures} - {*kept}
     columns = {n: c for n, c in frame.columns.items() if not {n, c.axis} & dropped}
     return replace(frame, rows=left[[PART, *columns]].reset_index(drop=True), columns=columns)
+
+
+def differs(frame: Frame, figure: str) -> pd.Series:
+    """Return in which rows a figure differs between stores, or only one of them has a value."""
+    first, second = (frame.rows[f"{figure}_{end}"] for end in (FIRST, SECOND))
+    return (first != second) & (first.notna() | second.notna())
 
 
 def _in_words(frame: Frame, names: Sequence[str]) -> Frame:

@@ -34,6 +34,7 @@ class Pairs:
 
     first: xr.DataArray
     second: xr.DataArray
+    partial: bool = False  # whether a store has settings or views that the other lacks
 
     @property
     def _draws(self) -> list[str]:
@@ -147,7 +148,12 @@ def paired(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
     if 0 in former.shape or not {*VIEW} <= {*former.dims}:
         return None
     draws = [dim for dim in DRAWS if dim in former.dims]
-    return Pairs(*(answers.transpose(..., *draws, *VIEW) for answers in (former, other)))
+    partial = bool(((former >= 0) != (other >= 0)).any()) or any(
+        answers.sizes[dim] > former.sizes[dim]
+        for answers in (first, second)
+        for dim in answers.dims
+    )
+    return Pairs(*(answers.transpose(..., *draws, *VIEW) for answers in (former, other)), partial)
 
 
 def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:

@@ -67,9 +67,49 @@ def test_what_changed_most_is_said_either_way(better, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
     said, chance = sentences(compare(*paths))
     ends, sign = (("90", "10"), "-") if better == 0 else (("10", "90"), "+")
-    wanted = f"ACN, range profile changed most: from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr"
-    assert said.startswith(f"{wanted}, {sign}80 points [{sign}")
-    assert chance == "That is more than chance: 1 of 1 comparison is, by Holm's correction at 5 %."
+    wanted = "The largest difference beyond chance is that of ACN, range profile: "
+    wanted += f"from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr, {sign}80 points [{sign}"
+    assert said.startswith(wanted)
+    assert chance == "Comparisons significant by Holm's correction at 5 %: 1 of 1."
+
+
+def test_a_larger_difference_that_is_not_significant_is_not_said_to_be_the_largest(tmp_path):
+    """Of two cells, 2 of 4 views changed in one, and 16 of 40 in the other."""
+    paths = []
+    for name, few, many in (("a", 2, 10), ("b", 4, 26)):
+        right = np.full((2, 40), -1)
+        right[0, :4], right[1] = np.arange(4) < few, np.arange(40) < many
+        cells = right.reshape(2, 2, 20)
+        paths.append(store(tmp_path / f"{name}.zarr", cells, pulse_width=[10.0, 30.0]))
+    found = compare(*paths)
+    rows = found.frames[NAME].rows
+    assert rows.loc[rows.difference.abs().idxmax(), "pulse_width"] == 10.0
+    said, counted = sentences(found)
+    assert said.startswith(
+        "The largest difference beyond chance is that of ACN, range profile, at "
+    )
+    assert "at pulse width 30: from 25 % in a.zarr to 65 % in b.zarr, +40 points" in said
+    assert counted.endswith(": 1 of 2.")
+
+
+def test_as_many_answers_wrong_as_right_are_no_change_of_a_percentage(tmp_path):
+    right = np.arange(40).reshape(2, 20) % 2 == 0
+    found = compare(*(store(tmp_path / f"{k}.zarr", of) for k, of in enumerate((right, ~right))))
+    assert sentences(found) == [
+        "ACN, range profile: from 0.zarr to 1.zarr as many answers became wrong as right.",
+        "Comparisons significant by Holm's correction at 5 %: 0 of 1.",
+    ]
+
+
+def test_answers_that_differ_in_training_alone_are_said_to_be_no_tests(answers, tmp_path):
+    paths = [store(tmp_path / f"{k}.zarr", answers[1]) for k in range(2)]
+    for path, right in zip(paths, answers[0], strict=True):
+        coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
+        learned = xr.Dataset({"training_correct": (("ship", "aspect"), right.astype("i1"))}, coords)
+        stored(path, classification__acn=learned, tables__acn=shown(scores(prefixes=["training_"])))
+    said, equal = sentences(compare(*paths))
+    assert "changed most" in said
+    assert equal == "All answers of tests are equal; only those at learned aspects changed."
 
 
 def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, capsys):
@@ -181,6 +221,52 @@ def test_stores_with_the_same_results_are_one_sentence(answers, tmp_path, monkey
     assert {path.name for path in tmp_path.iterdir()} == {"0.zarr", "1.zarr"}
 
 
+@pytest.mark.parametrize("begin", [0, 1])
+def test_equal_stores_that_share_only_a_part_are_said_to(begin, answers, tmp_path):
+    paths = [store(tmp_path / "0.zarr", answers[1])]
+    paths.append(store(tmp_path / "1.zarr", answers[1][:, begin:], ASPECTS[begin:]))
+    wanted = "1.zarr and 0.zarr have the same results"
+    wanted += " in all that they have in common." if begin else "."
+    assert sentences(compare(*paths)) == sentences(compare(*paths)) == [wanted]
+
+
+def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
+    """Stores of a table of heights by size, with attributes."""
+    paths = [tmp_path / f"{'abc'[k]}.zarr" for k in range(len(heights))]
+    for k, (path, figures) in enumerate(zip(paths, heights, strict=True)):
+        table = xr.Dataset({"height": ("size", figures)}, {"size": list(sizes[: len(figures)])})
+        stored(path, {key: values[k] for key, values in about.items()}, tables__tree=table)
+    return paths
+
+
+def test_tables_of_which_one_store_has_more_are_equal_in_part(tmp_path):
+    (said,) = sentences(compare(*_trees(tmp_path, [5.0, 6.0], [5.0, 6.0, 7.0])))
+    assert said == "b.zarr and a.zarr have the same results in all that they have in common."
+
+
+def test_a_figure_that_one_store_lacks_has_changed(tmp_path):
+    nan = float("nan")
+    found = compare(*_trees(tmp_path, [5.0, nan, nan], [5.0, nan, 7.0]))
+    said = sentences(found)[0]
+    assert (
+        said == "Of tree, height changed most, at size 3: from no value in a.zarr to 7 in b.zarr."
+    )
+    (*_, last) = answer(found, ["size"]).lines
+    assert [cell.text for cell in last.cells] == ["–", "7", "–"]
+
+
+def test_ships_of_one_name_that_differ_are_named(tmp_path):
+    digests = [{"duncan": "1", "horne": "2"}, {"duncan": "1", "horne": "3", "texas": "4"}]
+    paths = _trees(tmp_path, [5.0], [6.0], mesh_digests=digests, configuration=[{}, {}])
+    said = "All settings are the same. Ships that differ: horne."
+    assert settings_sentence(compare(*paths)) == said
+    moved = [{"duncan": "offset 1"}, {}]
+    paths = _trees(
+        tmp_path / "moved", [5.0], [6.0], mesh_digests=[digests[0]] * 2, mesh_transforms=moved
+    )
+    assert settings_sentence(compare(*paths)).endswith(" Ships that differ: duncan.")
+
+
 def test_classifiers_that_do_not_differ_are_left_out(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
     for path in paths:
@@ -212,9 +298,9 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
         assert [cell.text for cell in line.cells[:2]] == [f"{end:.0f}" for end in ends]
         assert line.cells[2].text == f"{ends[1] - ends[0]:+.0f}" and line.cells[2].interval
     three = answer(compare(*paths), ["pulse_width"])
-    assert three.heads == ("a.zarr", "b.zarr", "c.zarr")
+    assert three.heads == ("b.zarr", "c.zarr") and "other stores less a.zarr" in three.title
     cells = [cell.text for cell in three.lines[0].cells]
-    assert cells == [f"{100 * of[0].mean():.0f}" for of in right]
+    assert cells == [f"{100 * (of[0].mean() - right[0][0].mean()):+.0f}" for of in right[1:]]
     said, _ = sentences(compare(*paths))
     assert " in c.zarr, -" in said and "at pulse width " in said
 
@@ -228,7 +314,10 @@ def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path
         stored(path, {"configuration": {"depth": sizes[0]}, "seed": 1}, tables__tree=table)
     found = compare(*paths)
     said = sentences(found)
-    assert said[0] == "Height changed most, at size 3: from 7 m in a.zarr to 9 m in b.zarr, +2 m."
+    assert (
+        said[0]
+        == "Of tree, height changed most, at size 3: from 7 m in a.zarr to 9 m in b.zarr, +2 m."
+    )
     assert said[1].startswith("Without intervals") and len(said) == 2
     assert [line.place for line in answer(found, ["size"]).lines] == [(2.0,), (3.0,)]
     assert settings_sentence(found) == "Settings that differ: depth 1 in a.zarr and 2 in b.zarr."
@@ -286,5 +375,6 @@ def test_a_difference_that_chance_may_make_is_said_to_be_no_more(answers, tmp_pa
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
     found = compare(*paths)
     assert found.significant == 0
-    wanted = "That may be chance: none of 1 comparison exceeds it by Holm's correction at 5 %."
-    assert sentences(found)[1] == wanted
+    said, counted = sentences(found)
+    assert said.startswith("ACN, range profile changed most: from ")
+    assert counted == "Comparisons significant by Holm's correction at 5 %: 0 of 1."
