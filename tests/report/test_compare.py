@@ -1,12 +1,14 @@
 """Two stores compared: pairs of answers on what both have, and nothing else."""
 
+import shutil
+
 import numpy as np
 import pytest
 import xarray as xr
 from made import categories, scores, shown
 from pages import read_page, stored
 from scipy import stats
-from stores import reported, signed
+from stores import contents, reported, signed
 
 from ncti.evaluate import paired_difference
 from sweeps.engine.declare.errors import ConfigurationError
@@ -219,6 +221,30 @@ def test_stores_with_the_same_results_are_one_sentence(answers, tmp_path, monkey
     assert reported(monkeypatch, *paths, "--html") == 0
     assert capsys.readouterr().out.startswith("1.zarr and 0.zarr have the same results.\n")
     assert {path.name for path in tmp_path.iterdir()} == {"0.zarr", "1.zarr"}
+
+
+def test_failed_cells_of_equal_stores_are_named(tmp_path, monkeypatch, capsys):
+    paths = _trees(tmp_path, [5.0], [5.0], failures=[{}, {"size=2": "ValueError"}])
+    capsys.readouterr()
+    assert reported(monkeypatch, *paths) == 0
+    assert "failed  1 cell of b.zarr: the comparison covers the others" in capsys.readouterr().out
+
+
+def test_no_table_of_equal_stores_and_no_files_of_an_earlier_comparison(
+    tmp_path, monkeypatch, capsys
+):
+    paths = _trees(tmp_path, [5.0], [6.0])
+    assert reported(monkeypatch, *paths, "--html") == 0
+    page, folder = tmp_path / "b-less-a-report.html", tmp_path / "b-less-a-tables"
+    (folder / "mine.csv").write_text("1")
+    assert page.is_file() and (folder / "tree_differences.csv").is_file()
+    shutil.rmtree(paths[1])
+    _trees(tmp_path, [5.0], [5.0])
+    capsys.readouterr()
+    assert reported(monkeypatch, *paths, "--table", "differences") == 2
+    said = "there is no table 'differences': b.zarr and a.zarr have the same results."
+    assert capsys.readouterr().err.endswith(f"{said}\n")
+    assert not page.exists() and set(contents(folder)) == {"mine.csv"}
 
 
 @pytest.mark.parametrize("begin", [0, 1])
