@@ -110,7 +110,7 @@ def comparison(
 
 
 def _without_files(place: Path) -> list[Path]:
-    """Remove tables and page of a comparison; return the paths of those that were changed since."""
+    """Remove unchanged tables and page of a comparison; return the paths that are in the way."""
     written, folder = page_file(place), tables_folder(place)
     if written.is_file() and is_free(written):
         written.unlink()
