@@ -98,8 +98,8 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
         pairs, incomplete = _paired(first, ours, path, theirs, labels)
         partial |= incomplete or {*ours} != {*theirs}
         rest = []
-        for table in (name for name in theirs if name in ours and name != SCORES):
-            both = ours[table], theirs[table]
+        for shared in (table for table in theirs if table in ours and table != SCORES):
+            both = ours[shared], theirs[shared]
             less = _subtracted(*both, labels)
             partial |= any(len(frame.rows) > len(less.rows) for frame in both)
             partial |= {*both[0].figures} != {*both[1].figures}
@@ -155,9 +155,7 @@ def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
     whole = [place.resolve() for place in places]
     for one in whole:
         if whole.count(one) > 1:
-            raise ConfigurationError(
-                f"store is {str(one)!r} twice, but must be of different sweeps"
-            )
+            raise ConfigurationError(f"{str(one)!r} is given twice; give two different stores")
     for count in range(1, max(len(place.parts) for place in places) + 1):
         names = tuple(printable("/".join(place.parts[-count:])) for place in places)
         if len(set(names)) == len(names):

@@ -153,7 +153,8 @@ def paired(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
         for answers in (first, second)
         for dim in answers.dims
     )
-    return Pairs(*(answers.transpose(..., *draws, *VIEW) for answers in (former, other)), partial)
+    order = ..., *draws, *VIEW
+    return Pairs(former.transpose(*order), other.transpose(*order), partial)
 
 
 def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:

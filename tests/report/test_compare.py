@@ -360,7 +360,7 @@ def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path)
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("a.zarr", "a.zarr"), "twice, but must be of different sweeps"),
+        (("a.zarr", "a.zarr"), "a.zarr' is given twice; give two different stores"),
         (("a.zarr", "none.zarr"), "which does not exist"),
         (
             ("a.zarr", "tree.zarr"),
