@@ -34,20 +34,32 @@ def spans_at(columns: Floats, vertices: Floats, faces: NDArray[np.integer]) -> l
     """Return the (span, 2) heights from bottom to top that facets cover in planes of constant x."""
     corners = vertices[faces][..., [0, 2]]
     corners = np.take_along_axis(corners, corners[..., :1].argsort(axis=1), axis=1)
+    # The columns strictly inside each facet are neighbours in ascending order.
+    order = columns.argsort()
+    start = np.searchsorted(columns[order], corners[:, 0, 0], side="right")
+    stop = np.searchsorted(columns[order], corners[:, 2, 0], side="left")
+    count = np.maximum(stop - start, 0)
+    # Pairs of facet and column, by column.
+    facet = np.repeat(np.arange(len(faces)), count)
+    place = np.arange(len(facet)) - np.repeat(count.cumsum() - count - start, count)
+    column = order[place]
+    facet = facet[column.argsort(kind="stable")]
+    ends = np.bincount(column, minlength=len(columns)).cumsum()
+    met = np.split(facet, ends[:-1])
+    return [_united(*_crossed(x, corners[those])) for x, those in zip(columns, met, strict=True)]
+
+
+def _crossed(x: float, corners: Floats) -> tuple[Floats, Floats]:
+    """Return the lowest and highest points of facets, corners by x, in a plane of constant x."""
     (x0, z0), (x1, z1), (x2, z2) = (corners[:, k].T for k in range(3))
-    spans = []
-    for x in columns:
-        inside = (x0 < x) & (x < x2)
-        # The plane meets the longest side, and the one before or after the middle corner.
-        a, b, c = x0[inside], x1[inside], x2[inside]
-        long = z0[inside] + (x - a) / (c - a) * (z2 - z0)[inside]
-        first = x < b
-        start, end = np.where(first, a, b), np.where(first, b, c)
-        bottom, top = (np.where(first, *(z[inside] for z in ends)) for ends in ((z0, z1), (z1, z2)))
-        share = (x - start) / np.where(end > start, end - start, 1.0)
-        short = bottom + share * (top - bottom)
-        spans.append(_united(np.minimum(long, short), np.maximum(long, short)))
-    return spans
+    # The plane meets the longest side, and the one before or after the middle corner.
+    long = z0 + (x - x0) / (x2 - x0) * (z2 - z0)
+    first = x < x1
+    start, end = np.where(first, x0, x1), np.where(first, x1, x2)
+    bottom, top = np.where(first, z0, z1), np.where(first, z1, z2)
+    share = (x - start) / np.where(end > start, end - start, 1.0)
+    short = bottom + share * (top - bottom)
+    return np.minimum(long, short), np.maximum(long, short)
 
 
 def _united(low: Floats, high: Floats) -> Floats:

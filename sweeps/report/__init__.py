@@ -10,6 +10,11 @@ if TYPE_CHECKING:
 __all__ = ["chart"]
 
 
+def __dir__() -> list[str]:
+    """Return the names of the module, with those that are imported when they are used."""
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> Any:
     """Import a name when it is used: the command line starts faster without it."""
     if name in __all__:

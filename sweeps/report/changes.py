@@ -11,15 +11,15 @@ import pandas as pd
 
 from sweeps.report.answer import thinned
 from sweeps.report.compare import FIRST, NAME, SECOND, STORE, Comparison
-from sweeps.report.contest import SHIP, UNTESTED, main_axis
+from sweeps.report.contest import SHIP, is_test, main_axis
 from sweeps.report.frames import Column, Frame
 from sweeps.report.page.provenance import flat, in_words
 from sweeps.report.pairs import LEVEL
 from sweeps.report.pivot import Entry, Line, Table, entry
 from sweeps.report.stores import attributes, opened
-from sweeps.report.words import MAIN, missing
+from sweeps.report.words import MAIN, missing, printable
 
-MOST_LINES, MOST_SETTINGS = 10, 3
+MOST_LINES, MOST_LISTED = 10, 3
 ABOUT = ("seed", "version")  # attributes of a store that its results may depend on
 
 
@@ -27,39 +27,50 @@ def sentences(compared: Comparison) -> list[str]:
     """Return in words what changed most, at which setting, and whether chance alone would do it."""
     first, *others = compared.names
     if not compared.frames:
-        return [f"{', '.join(others)} and {first} have the same results."]
+        common = " in all that they have in common" if compared.partial else ""
+        return [f"{', '.join(others)} and {first} have the same results{common}."]
     frame = next(iter(compared.frames.values()))
     label, row = _largest(frame)
     figure = frame.figures[0]
-    column, main = frame.columns[figure], frame.name == NAME
-    unit = f" {column.unit}".rstrip()
-    one, other = (_end(frame, row, end) for end in (FIRST, SECOND))
-    store = row.get(STORE, others[0])
-    who = ", ".join(_names(frame, row))
+    column, store = frame.columns[figure], row.get(STORE, others[0])
     where = _place(frame, row)
-    changed = _signed(entry(frame, label, figure))
-    interval = f" [{changed.interval}]" if changed.interval else ""
-    said = f"{who or column.words} changed most{f', at {where}' if where else ''}: "
-    said = said[0].upper() + said[1:]
-    said += f"from {one} in {first} to {other} in {store}, {changed.text}{unit}{interval}."
-    if not main:
-        return [said, "Without intervals it is not known whether chance alone would do so."]
-    number = f"{compared.number:,} comparison{'s' * (compared.number != 1)}"
-    corrected = f"by Holm's correction at {100 * LEVEL:.0f} %"
-    if row["sure"] == 1:
-        verb = "is" if compared.sure == 1 else "are"
+    at = f", at {where}" if where else ""
+    who = ", ".join(_names(frame, row)) or column.words
+    one, other = (_end(frame, row, end) for end in (FIRST, SECOND))
+    course = f"from {one} in {first} to {other} in {store}"
+    if not missing(row[figure]):
+        changed = _signed(entry(frame, label, figure))
+        interval = f" [{changed.interval}]" if changed.interval else ""
+        course += f", {changed.text} {column.unit}".rstrip() + interval
+    if frame.name != NAME:
+        table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [
-            said,
-            f"That is more than chance: {compared.sure:,} of {number} {verb}, {corrected}.",
+            f"Of {table}, {who} changed most{at}: {course}.",
+            "Without intervals it is not known whether chance alone would do so.",
         ]
-    return [said, f"That may be chance: none of {number} exceeds it {corrected}."]
+    who = who[0].upper() + who[1:]
+    if row[figure] == 0:
+        even = f"from {first} to {store} as many answers became wrong as right"
+        said = f"{who}{at}: {even}."
+    elif row["significant"] == 1:
+        said = f"The largest difference beyond chance is that of {who}{at}: {course}."
+    else:
+        said = f"{who} changed most{at}: {course}."
+    if not compared.number:
+        return [said, "All answers of tests are equal; only those at learned aspects changed."]
+    counted = f"{compared.significant:,} of {compared.number:,}"
+    return [
+        said,
+        f"Comparisons significant by Holm's correction at {100 * LEVEL:.0f} %: {counted}.",
+    ]
 
 
 def answer(compared: Comparison, swept: Sequence[str]) -> Table:
-    """Return a table of at most ten lines of what changed most, a column a store, along an axis.
+    """Return a table of at most ten lines of what changed most, along an axis.
 
-    Without an axis, the lines are the curves that changed most. Of two stores the last column is
-    the difference.
+    Of two stores it has the figures of both and the difference; of more, the differences from the
+    first, whose figures are of other views beside each of the others. Without an axis, the lines
+    are the curves that changed most.
     """
     frame = next(iter(compared.frames.values()))
     _, largest = _largest(frame)
@@ -77,24 +88,24 @@ def answer(compared: Comparison, swept: Sequence[str]) -> Table:
         down = Column("", "", ", ".join(frame.columns[n].words for n in curve) or "figure")
     order = rows[figure].abs().groupby(keys).max().sort_values(ascending=False, kind="stable")
     places = sorted(order.index) if axis and rows[axis].dtype.kind in "fiu" else [*order.index]
-    lines = []
+    lines, two = [], len(compared.names) == 2
     for place in places:
         at = rows[keys == place]
-        ends = {row.get(STORE, compared.names[1]): row for _, row in at.iterrows()}
-        cells = [Entry(_end(frame, next(iter(ends.values())), FIRST, unit=False))]
-        cells += [
-            Entry(_end(frame, ends[name], SECOND, unit=False) if name in ends else "")
+        labels = {row.get(STORE, compared.names[1]): label for label, row in at.iterrows()}
+        cells = [
+            _signed(entry(frame, labels[name], figure)) if name in labels else Entry("")
             for name in compared.names[1:]
         ]
-        if len(compared.names) == 2:
-            cells.append(_signed(entry(frame, at.index[0], figure)))
+        if two:
+            row = at.iloc[0]
+            cells = [*(Entry(_end(frame, row, end, unit=False)) for end in (FIRST, SECOND)), *cells]
         text = down.text(place) if axis else str(place)
         lines.append(Line((place,), (text,), tuple(cells)))
     count = len(lines)
     lines = thinned(lines, MOST_LINES) if axis else lines[:MOST_LINES]
-    title = frame.title.partition(":")[0].replace("[points]", "[%]")
+    title = frame.title.partition(":")[0].replace("[points]", "[%]") if two else frame.title
     where = [*_names(frame, largest), _place(frame, largest, but=axis)] if axis else []
-    heads = (*compared.names, "difference") if len(compared.names) == 2 else compared.names
+    heads = (*compared.names, "difference") if two else compared.names[1:]
     fewer = f"{len(lines)} of {count} lines." if count > len(lines) else ""
     return Table(
         frame.name,
@@ -122,17 +133,30 @@ def settings_that_differ(compared: Comparison) -> list[tuple[str, list[str]]]:
 
 
 def settings_sentence(compared: Comparison) -> str:
-    """Return a sentence on the settings that differ, at most three."""
-    differ = settings_that_differ(compared)
-    if not differ:
-        return "All settings are the same."
-    listed = list[str]()
-    for key, values in differ[:MOST_SETTINGS]:
+    """Return what settings differ, and what ships of one name, at most three of each."""
+    settings, ships = list[str](), ships_that_differ(compared)
+    for key, values in settings_that_differ(compared):
         named = zip(values, compared.names, strict=True)
         *most, last = (f"{value} in {name}" for value, name in named)
-        listed.append(f"{key} {', '.join(most)} and {last}")
-    more = len(differ) - MOST_SETTINGS
-    return f"Settings that differ: {'; '.join(listed)}{f'; and {more} more' if more > 0 else ''}."
+        settings.append(f"{key} {', '.join(most)} and {last}")
+    said = f"Settings that differ: {_few(settings)}." if settings else "All settings are the same."
+    return said + (f" Ships that differ: {_few(ships)}." if ships else "")
+
+
+def ships_that_differ(compared: Comparison) -> list[str]:
+    """Return the names of ships whose meshes or transforms are not the same in all stores."""
+    meshes: dict[str, set[tuple[str, str]]] = {}
+    for about in (attributes(opened(path)) for path in compared.paths):
+        transforms = about.get("mesh_transforms", {})
+        for name, digest in about.get("mesh_digests", {}).items():
+            meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
+    return [printable(name) for name, several in meshes.items() if len(several) > 1]
+
+
+def _few(listed: Sequence[str]) -> str:
+    """Return the first texts of a list, and how many more there are."""
+    more = len(listed) - MOST_LISTED
+    return "; ".join(listed[:MOST_LISTED]) + (f"; and {more} more" if more > 0 else "")
 
 
 def _signed(cell: Entry) -> Entry:
@@ -146,21 +170,28 @@ def _written(value: Any) -> str:
 
 def _rows(frame: Frame) -> pd.DataFrame:
     """Return the rows of differences that are answers: over all aspects, of tests."""
-    rows = frame.rows[frame.rows[frame.figures[0]].notna()]
+    ends = [_end_name(frame, end) for end in (FIRST, SECOND)]
+    rows = frame.rows[frame.rows[ends].notna().any(axis=1)]
     overall = MAIN["aspect_bin"]
     if frame.across and (rows[frame.across] == overall).any():
         rows = rows[rows[frame.across] == overall]
-    if "kind" in rows and (tests := ~rows.kind.isin(UNTESTED)).any():
+    if "kind" in rows and (tests := rows.kind.map(is_test)).any():
         rows = rows[tests]
     return rows
 
 
 def _largest(frame: Frame) -> tuple[Any, pd.Series]:
-    """Return label and row of the largest difference, of those that exceed chance if any do."""
+    """Return label and row of the largest difference, of the significant ones if any are.
+
+    If none is a number other than 0, of those where only one store has a value.
+    """
     rows = _rows(frame)
-    if "sure" in rows and (rows.sure == 1).any():
-        rows = rows[rows.sure == 1]
-    label = rows[frame.figures[0]].astype(float).abs().idxmax()
+    if "significant" in rows and (rows.significant == 1).any():
+        rows = rows[rows.significant == 1]
+    sizes = rows[frame.figures[0]].astype(float).abs().fillna(-1)
+    if not (sizes > 0).any() and (sizes < 0).any():
+        sizes = -sizes
+    label = sizes.idxmax()
     return label, rows.loc[label]
 
 
@@ -191,9 +222,15 @@ def _place(frame: Frame, row: pd.Series, *, but: str = "") -> str:
     return ", ".join(frame.columns[name].in_words(row[name]) for name in names)
 
 
+def _end_name(frame: Frame, end: str) -> str:
+    """Return the column of the main figure in the first store, or in the second."""
+    return end if frame.name == NAME else f"{frame.figures[0]}_{end}"
+
+
 def _end(frame: Frame, row: pd.Series, end: str, *, unit: bool = True) -> str:
-    """Return the figure of a row in the first store, or in the second."""
-    name = end if frame.name == NAME else f"{frame.figures[0]}_{end}"
-    column = frame.columns[name]
-    text = replace(column, role="figure").text(row[name])
-    return f"{text} {column.unit}".rstrip() if unit else text
+    """Return the main figure of a row in the first store, or in the second."""
+    name = _end_name(frame, end)
+    column = replace(frame.columns[name], role="figure")
+    if not unit:
+        return column.text(row[name])
+    return "no value" if missing(row[name]) else f"{column.text(row[name])} {column.unit}".rstrip()

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.contest import SCORES, UNTESTED
+from sweeps.report.contest import SCORES, is_test
 from sweeps.report.frames import PART, Column, Frame, Part, read_frames, stacked, tidy, values_of
 from sweeps.report.pairs import ANSWERS, Pairs, answers_of, holm, paired
 from sweeps.report.stores import groups, opened
@@ -27,7 +29,7 @@ DISPLAY = Display(
             "difference",
             low="ci_low",
             high="ci_high",
-            beside={"n": "n", "unequal": "unequal", "sure": "sure"},
+            beside={name: name for name in ("n", "discordant", "significant")},
             percent=True,
             format="+.0f",
         ),
@@ -52,15 +54,18 @@ class Comparison:
         Their names, which differ.
     frames : mapping of str to Frame
         Differences that are not all 0, those of percent correct first.
-    number, sure : int
-        Comparisons over all aspects, and how many exceed chance by `holm`.
+    number, significant : int
+        Comparisons over all aspects, and how many are significant by `holm`.
+    partial : bool
+        Whether a store has tables, places or answers that another lacks.
     """
 
     paths: tuple[PathOrUrl, ...]
     names: tuple[str, ...]
     frames: Mapping[str, Frame]
     number: int = 0
-    sure: int = 0
+    significant: int = 0
+    partial: bool = False
 
     @property
     def place(self) -> Path:
@@ -87,34 +92,37 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
     names, ours = names_of(paths), read_frames(first)
     found: list[tuple[Display, Pairs]] = []
     tables: dict[str, list[Frame]] = {NAME: []}
+    partial = False
     for path, name in zip(others, names[1:], strict=True):
         theirs, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
-        pairs = _paired(first, ours, path, theirs, labels)
-        rest = [
-            _subtracted(ours[table], theirs[table], labels)
-            for table in theirs
-            if table in ours and table != SCORES
-        ]
-        rest = [table for table in rest if len(table.rows) and table.figures]
+        pairs, incomplete = _paired(first, ours, path, theirs, labels)
+        partial |= incomplete or {*ours} != {*theirs}
+        rest = []
+        for shared in (table for table in theirs if table in ours and table != SCORES):
+            both = ours[shared], theirs[shared]
+            less = _subtracted(*both, labels)
+            partial |= any(len(frame.rows) > len(less.rows) for frame in both)
+            partial |= {*both[0].figures} != {*both[1].figures}
+            rest += [less] if len(less.rows) and less.figures else []
         if not pairs and not rest:
             raise ConfigurationError(_nothing_in_common(names[0], ours, name, theirs))
         found += pairs
         for table in rest:
             tables.setdefault(table.name, []).append(table)
-    sure, number = holm([of for display, of in found if _tests(display)])
-    exceeding = iter(sure)
+    significant, number = holm([of for display, of in found if _of_tests(display)])
+    of_tests = iter(significant)
     for display, of in found:
-        dataset = of.tabulate(next(exceeding) if _tests(display) else None)
+        dataset = of.tabulate(next(of_tests) if _of_tests(display) else None)
         part = tidy(dataset, display, "")
         tables[NAME] += [part] if part is not None else []
     whole = [_changed(stacked(parts)) for parts in tables.values() if parts]
     frames = {frame.name: _in_words(frame, names) for frame in whole if frame is not None}
-    return Comparison(paths, names, frames, number, sum(int(cells.sum()) for cells in sure))
+    count = sum(int(cells.sum()) for cells in significant)
+    return Comparison(paths, names, frames, number, count, partial)
 
 
-def _tests(display: Display) -> bool:
-    """Return whether answers are of tests."""
-    return display.labels.get("kind") not in UNTESTED
+def _of_tests(display: Display) -> bool:
+    return is_test(display.labels.get("kind"))
 
 
 def _paired(
@@ -123,16 +131,19 @@ def _paired(
     second: PathOrUrl,
     theirs: Mapping[str, Frame],
     labels: Mapping[str, str],
-) -> list[tuple[Display, Pairs]]:
-    """Return the answers in common of each part of the scores of two stores."""
-    known = {_key(part): part for part in _scored(first, ours)}
-    found = []
-    for part in _scored(second, theirs):
-        if (other := known.get(_key(part))) is not None:
-            pairs = paired(answers_of(first, other), answers_of(second, part))
-            display = replace(DISPLAY, labels={**labels, **part.display.labels})
-            found += [(display, pairs)] if pairs is not None else []
-    return found
+) -> tuple[list[tuple[Display, Pairs]], bool]:
+    """Return the answers in common of each part of two stores' scores, and if these are not all."""
+    known, others = (
+        {_key(part): part for part in _scored(path, frames)}
+        for path, frames in ((first, ours), (second, theirs))
+    )
+    found, partial = [], known.keys() != others.keys()
+    for key in (key for key in others if key in known):
+        pairs = paired(answers_of(first, known[key]), answers_of(second, others[key]))
+        partial |= pairs is None or pairs.partial
+        display = replace(DISPLAY, labels={**labels, **others[key].display.labels})
+        found += [(display, pairs)] if pairs is not None else []
+    return found, partial
 
 
 def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
@@ -144,9 +155,7 @@ def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
     whole = [place.resolve() for place in places]
     for one in whole:
         if whole.count(one) > 1:
-            raise ConfigurationError(
-                f"store is {str(one)!r} twice, but must be of different sweeps"
-            )
+            raise ConfigurationError(f"{str(one)!r} is given twice; give two different stores")
     for count in range(1, max(len(place.parts) for place in places) + 1):
         names = tuple(printable("/".join(place.parts[-count:])) for place in places)
         if len(set(names)) == len(names):
@@ -229,11 +238,11 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
 
 
 def _changed(frame: Frame) -> Frame | None:
-    """Return a table of differences without the figures and curves in which all are 0."""
-    values = frame.rows[frame.figures].fillna(0).astype(float) != 0
+    """Return a table of differences without the figures and curves in which nothing differs."""
     if frame.name == NAME:
-        kept, changed = frame.figures, frame.rows.unequal > 0
+        kept, changed = frame.figures, frame.rows.discordant > 0
     else:
+        values = pd.DataFrame({name: differs(frame, name) for name in frame.figures})
         kept = [name for name in frame.figures if values[name].any()]
         changed = values.any(axis=1)
     if not changed.any():
@@ -246,6 +255,12 @@ def _changed(frame: Frame) -> Frame | None:
     dropped = {*frame.figures} - {*kept}
     columns = {n: c for n, c in frame.columns.items() if not {n, c.axis} & dropped}
     return replace(frame, rows=left[[PART, *columns]].reset_index(drop=True), columns=columns)
+
+
+def differs(frame: Frame, figure: str) -> pd.Series:
+    """Return in which rows a figure differs between stores, or only one of them has a value."""
+    first, second = (frame.rows[f"{figure}_{end}"] for end in (FIRST, SECOND))
+    return (first != second) & (first.notna() | second.notna())
 
 
 def _in_words(frame: Frame, names: Sequence[str]) -> Frame:

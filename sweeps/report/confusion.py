@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,33 +24,41 @@ DISPLAY = Display(
 )
 
 
-def confusion_of(store: Any) -> Frame | None:
-    """Return the share of the answers to each true ship that name each ship; None without any."""
-    parts = []
+def read_predictions(store: Any) -> dict[str, xr.DataArray]:
+    """Return the ships named by each classifier of a store, unless these are too many to count."""
+    found = {}
     for name in groups(store, "classification"):
         answers = read(store, f"classification/{name}")
         if "predicted" in answers and answers.predicted.size <= LARGEST:
-            counted = _counted(answers.predicted.load())
-            channel = "infrared" if name.endswith("_infrared") else "range"
-            labels = {"classifier": name.removesuffix("_infrared"), "channel": channel}
-            own = {key: text for key, text in labels.items() if key not in counted.coords}
-            parts.append(tidy(counted, replace(DISPLAY, labels=own), ""))
+            found[name] = answers.predicted.load()
+    return found
+
+
+def confusion_of(predictions: Mapping[str, xr.DataArray]) -> Frame | None:
+    """Return the share of the answers to each true ship that name each ship; None without any."""
+    parts = []
+    for name, predicted in predictions.items():
+        counted = _counted(predicted)
+        channel = "infrared" if name.endswith("_infrared") else "range"
+        labels = {"classifier": name.removesuffix("_infrared"), "channel": channel}
+        own = {key: text for key, text in labels.items() if key not in counted.coords}
+        parts.append(tidy(counted, replace(DISPLAY, labels=own), ""))
     answered = [part for part in parts if part is not None]
     return stacked(answered) if answered else None
 
 
-def most_confused(store: Any) -> tuple[tuple[str, str], float] | None:
+def most_confused(
+    predictions: Mapping[str, xr.DataArray],
+) -> tuple[tuple[str, str], float] | None:
     """Return the two ships that are named each other most often, and the aspect where most so.
 
     Over all classifiers and settings, by the share of the answers to both. None without any.
     """
-    counts: list[xr.DataArray] = []
-    for name in groups(store, "classification"):
-        answers = read(store, f"classification/{name}")
-        if "predicted" not in answers or answers.predicted.size > LARGEST:
-            continue
-        if {"ship", "aspect"} <= {*answers.predicted.dims}:
-            counts.append(_named(answers.predicted.load(), ("ship", "aspect")))
+    counts = [
+        _named(predicted, ("ship", "aspect"))
+        for predicted in predictions.values()
+        if {"ship", "aspect"} <= {*predicted.dims}
+    ]
     if not counts:
         return None
     whole = xr.concat(counts, "group", join="outer", fill_value=0).sum("group")

@@ -18,6 +18,11 @@ UNTESTED = ("training", "learned")  # kinds of scores that are none of tests
 FALLBACK = "frame_count"  # the axis of scores where nothing was swept
 
 
+def is_test(kind: Any) -> bool:
+    """Return whether scores of a kind are of tests."""
+    return kind not in UNTESTED
+
+
 @dataclass(frozen=True)
 class Rival:
     """One classifier's results at the preferred setting, in the order of an axis.
@@ -58,7 +63,7 @@ def main_frame(frames: Mapping[str, Frame]) -> Frame:
     if SCORES not in frames:
         return next(iter(frames.values()))
     scores = frames[SCORES]
-    return scores.where(~scores.rows.kind.isin(UNTESTED))
+    return scores.where(scores.rows.kind.map(is_test))
 
 
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:

@@ -125,7 +125,8 @@ def _ranked(rivals: Sequence[Rival]) -> str:
     if not rival.shared:
         return f" Ranked by means over different values of {words}, since none is shared."
     count = len(rival.shared)
-    return f" Ranked by {count} of {rival.count} values of {words}, those that all have."
+    those = "those" if count > 1 else "the one"
+    return f" Ranked by {count} of {rival.count} values of {words}, {those} that all have."
 
 
 def _of_any(whole: Frame, rival: Rival) -> str:

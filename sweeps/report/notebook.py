@@ -42,7 +42,7 @@ class Chart:
 
 
 def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
-    """Return a chart of a figure along an axis, as the report page draws it.
+    """Return a chart of a figure along an axis, as the report page draws it, of about 1 MB.
 
     Parameters
     ----------
@@ -98,6 +98,8 @@ def _display_of(table: xr.Dataset, variable: str) -> Display:
     wanted = (
         variable or next((figure.variable for _, figure in figures), "") or next(iter(numeric), "")
     )
+    if not numeric:
+        raise ValueError("the data set has no numeric variable")
     if wanted not in numeric:
         raise ValueError(f"y is {variable!r}, but must be {_one_of(numeric)}")
     for display, figure in figures:
@@ -108,4 +110,4 @@ def _display_of(table: xr.Dataset, variable: str) -> Display:
 
 
 def _one_of(names: Sequence[str]) -> str:
-    return f"one of {', '.join(names)}" if names else "of a table with figures, which this is not"
+    return f"one of {', '.join(names)}"

@@ -1,4 +1,4 @@
-"""Answers of two stores to the same views, and which of their differences exceed chance."""
+"""Answers of two stores to the same views, and which of their differences are significant."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ANSWERS = {
 }
 """Variables of answers by those of their scores."""
 MARKED = ("range_profile", "infrared")  # groups that say which aspects are learned
-LEVEL = 0.05  # probability of any difference by chance that is said to be more
+LEVEL = 0.05  # family-wise error rate
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class Pairs:
 
     first: xr.DataArray
     second: xr.DataArray
+    partial: bool = False  # whether a store has settings or views that the other lacks
 
     @property
     def _draws(self) -> list[str]:
@@ -44,24 +45,28 @@ class Pairs:
         return (self.first.values >= 0) & (self.second.values >= 0)
 
     @cached_property
-    def unequal(self) -> NDArray[np.intp]:
-        """Number of pairs of which one answer is right, (...)."""
+    def discordant(self) -> NDArray[np.intp]:
+        """Number of discordant pairs, in which one answer is right, (...)."""
         differ = (self.first.values != self.second.values) & self._asked
         return differ.sum(axis=tuple(range(-2 - len(self._draws), 0)))
 
-    def differences(self, confidence: float = 0.95) -> AspectAccuracy:
-        """Return the second fraction of right answers less the first, with intervals."""
+    def differences(self) -> AspectAccuracy:
+        """Return the second fraction of right answers less the first, with 95 % intervals."""
         right = self.first.values == 1, self.second.values == 1
-        about: dict[str, Any] = {"answered": self._asked, "confidence": confidence}
-        return paired_difference(*right, self.first.aspect.values, draws=len(self._draws), **about)
+        about: dict[str, Any] = {"answered": self._asked, "draws": len(self._draws)}
+        return paired_difference(*right, self.first.aspect.values, **about)
 
-    def exceed(self, confidence: float) -> NDArray[np.bool_]:
-        """Return whether the interval over all aspects leaves out 0, (...)."""
-        found = self.differences(confidence)
+    def excludes_zero(self, confidence: float, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return whether the intervals over all aspects of some cells exclude 0, (cell,)."""
+        right = self.first.values[cells] == 1, self.second.values[cells] == 1
+        about: dict[str, Any] = {"answered": self._asked[cells], "confidence": confidence}
+        # Bins do not matter to the interval over all aspects: one is the quickest.
+        one_bin = np.zeros(self.first.sizes["aspect"])
+        found = paired_difference(*right, one_bin, draws=len(self._draws), **about)
         return (found.ci_low[..., -1] > 0) | (found.ci_high[..., -1] < 0)
 
-    def tabulate(self, sure: NDArray[np.bool_] | None) -> xr.Dataset:
-        """Return differences by aspect bin, and which over all aspects exceed chance, if known."""
+    def tabulate(self, significant: NDArray[np.bool_] | None) -> xr.Dataset:
+        """Return differences by aspect bin, and which are significant over all, if known."""
         found = self.differences()
         second = replicated_accuracy(
             self.second.values == 1,
@@ -70,8 +75,8 @@ class Pairs:
             answered=self._asked,
         ).fraction
         whole = np.full(found.fraction.shape, np.nan)
-        whole[..., -1] = np.nan if sure is None else sure
-        unequal = np.broadcast_to(self.unequal[..., None], found.fraction.shape)
+        whole[..., -1] = np.nan if significant is None else significant
+        discordant = np.broadcast_to(self.discordant[..., None], found.fraction.shape)
         figures = {
             "difference": (found.fraction, "fraction of ships identified, second less first"),
             "ci_low": (found.ci_low, "lower end of its 95 % interval"),
@@ -79,27 +84,32 @@ class Pairs:
             "first": (second - found.fraction, "fraction of ships identified in the first store"),
             "second": (second, "fraction of ships identified in the second store"),
             "n": (found.n, "number of pairs of answers"),
-            "unequal": (unequal, "number of pairs, at all aspects, of which one answer is right"),
-            "sure": (whole, "1 where the difference is more than chance (Holm, 5 %), else 0"),
+            "discordant": (discordant, "number of pairs, at all aspects, with one right answer"),
+            "significant": (whole, "1 where the difference is significant (Holm, 5 %), else 0"),
         }
         return by_bin(self.first, found.labels, figures)
 
 
 def holm(family: Sequence[Pairs]) -> tuple[list[NDArray[np.bool_]], int]:
-    """Return which differences over all aspects exceed chance, and the number of comparisons.
+    """Return which differences over all aspects are significant, and the number of comparisons.
 
     Holm's step-down procedure: the intervals are those of `LEVEL` over the number of comparisons
-    that do not exceed chance so far. Cells in which all answers are equal are not counted, since
-    the number of unequal pairs says nothing about the direction of a difference.
+    that are not significant so far. Cells in which all answers are equal are not counted, since
+    the number of discordant pairs says nothing about the direction of a difference.
     """
-    counted = [pairs.unequal > 0 for pairs in family]
-    number = sum(int(cells.sum()) for cells in counted)
-    sure, before = [np.zeros_like(cells) for cells in counted], -1
-    # Each difference that exceeds chance leaves a smaller number to correct the others for.
-    while before < (found := sum(int(cells.sum()) for cells in sure)) < number:
-        confidence, before = 1 - LEVEL / (number - found), found
-        sure = [c & pairs.exceed(confidence) for c, pairs in zip(counted, family, strict=True)]
-    return sure, number
+    # np.asarray: a cell alone is else a scalar, which cannot be assigned to.
+    left = [np.asarray(pairs.discordant > 0) for pairs in family]
+    significant = [np.zeros_like(cells) for cells in left]
+    number, before = sum(int(cells.sum()) for cells in left), -1
+    # Each significant difference leaves fewer to correct the others for. Intervals only shrink
+    # from round to round, so significant cells need not be computed again.
+    while before != (remaining := sum(int(cells.sum()) for cells in left)) > 0:
+        confidence, before = 1 - LEVEL / remaining, remaining
+        for pairs, cells, those in zip(family, left, significant, strict=True):
+            if cells.any():
+                those[cells] = pairs.excludes_zero(confidence, cells)
+                cells &= ~those
+    return significant, number
 
 
 def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
@@ -138,7 +148,13 @@ def paired(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
     if 0 in former.shape or not {*VIEW} <= {*former.dims}:
         return None
     draws = [dim for dim in DRAWS if dim in former.dims]
-    return Pairs(*(answers.transpose(..., *draws, *VIEW) for answers in (former, other)))
+    partial = bool(((former >= 0) != (other >= 0)).any()) or any(
+        answers.sizes[dim] > former.sizes[dim]
+        for answers in (first, second)
+        for dim in answers.dims
+    )
+    order = ..., *draws, *VIEW
+    return Pairs(former.transpose(*order), other.transpose(*order), partial)
 
 
 def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +43,7 @@ SCALE = 50.0  # m, drawn below its images
 STEP = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
 SHIPS, CONFUSED = "ships", "classification"  # groups
+PICTURED = ("range_profile", "infrared")  # groups with pictures of each view
 Floats = NDArray[np.float64]
 
 MEASURES = ("length", "beam", "height", "facets")
@@ -150,19 +152,12 @@ def _cropped(view: xr.Dataset) -> tuple[Floats, Floats]:
     return image[np.ix_(row, column)], np.ravel(edges)
 
 
-def draw_confused(store: PathOrUrl) -> Figure:
-    """Draw the two ships most often confused, side by side: range profiles, and images of each.
-
-    Raises ValueError if no ships are confused, or the store has no pictures of them.
-    """
+def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Figure:
+    """Draw two ships side by side at an aspect: range profiles, and images of each."""
     from matplotlib.figure import Figure
 
     whole = opened(store)
-    found, shown = most_confused(whole), {*groups(whole)}
-    rows = [name for name in ("range_profile", "infrared") if name in shown]
-    if found is None or not rows:
-        raise ValueError("no ships are confused, or none have pictures")
-    ships, aspect = found
+    rows = [name for name in PICTURED if name in groups(whole)]
     figure = Figure(figsize=(5.6, 1.7 * len(rows) + 0.5), layout="constrained")
     panels = figure.subplots(len(rows), 2, sharex="row", sharey="row", squeeze=False)
     for row, group in zip(panels, rows, strict=True):
@@ -253,7 +248,6 @@ def write_pictures(
 
 
 DRAWN: dict[str, Callable[[PathOrUrl], Figure]] = {
-    CONFUSED: draw_confused,
     "range_profile": draw_profiles,
     "infrared": draw_silhouettes,
     "validation": lambda path: next(iter(draw_flights(path).values()))(),
@@ -282,39 +276,43 @@ class Pictures:
         return of, self.before.get(of) or draw()
 
 
-def pictures_of(path: PathOrUrl, store: Any, pictures: Pictures) -> dict[str, tuple[str, str, str]]:
+def pictures_of(
+    path: PathOrUrl,
+    store: Any,
+    pictures: Pictures,
+    predictions: Mapping[str, xr.DataArray] = MappingProxyType({}),
+) -> dict[str, tuple[str, str, str]]:
     """Return the pictures of the groups that a store has: of what, itself, why it was not drawn.
 
-    A picture that fails is empty, and does not prevent the page.
+    Among them is that of the ships most often confused in some predictions. A picture that fails is
+    empty, and does not prevent the page.
     """
-    manifest, drawn = require_manifest(path), {}
+    manifest, drawn, present = require_manifest(path), {}, groups(store)
     content = [*sorted(manifest.files.items()), *sorted(manifest.chunks.items())]
-    for group in (name for name in DRAWN if name in groups(store)):
-        if group == CONFUSED and not _has_confused(store):
-            continue
+    for group in (name for name in (CONFUSED, *DRAWN) if name in present):
         # Flights are corrected again for their picture, as the attributes of the store say, and
         # ships that are confused are of other groups.
         inside = "" if group in ("validation", CONFUSED) else f"{group}/"
         shown = [item for item in content if item[0].startswith(inside)]
         try:
-            drawn[group] = *pictures.taken(repr(shown).encode(), partial(_png, path, group)), ""
+            draw = DRAWN.get(group)
+            if group == CONFUSED:
+                found = most_confused(predictions) if {*PICTURED} & {*present} else None
+                draw = found and partial(draw_confused, ships=found[0], aspect=found[1])
+            if draw is None:
+                continue
+            drawn[group] = *pictures.taken(repr(shown).encode(), partial(_png, draw, path)), ""
         except Exception as error:
             drawn[group] = "", "", reason(error)
     return drawn
 
 
-def _has_confused(store: Any) -> bool:
-    """Return whether a store has pictures of ships, two of which are confused."""
-    known = {"range_profile", "infrared"} & {*groups(store)}
-    return bool(known) and most_confused(store) is not None
-
-
-def _png(path: PathOrUrl, group: str) -> str:
-    """Return the picture of a group."""
+def _png(draw: Callable[[PathOrUrl], Figure], path: PathOrUrl) -> str:
+    """Return the picture that a function draws of a store."""
     content = io.BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of figures smaller than labels
-        DRAWN[group](path).savefig(content, format="png", dpi=DPI)
+        draw(path).savefig(content, format="png", dpi=DPI)
     return base64.b64encode(content.getvalue()).decode("ascii")
 
 

@@ -81,15 +81,19 @@ def comparison(
 ) -> list[Path]:
     """Print what changed most from one store to others, or one table of differences whole.
 
-    Also write all differences, with `html` as a page, too. Nothing is written of stores with the
-    same results. Returns the paths at which other files are in the way. Raises ConfigurationError
-    and OSError as `report`, and ConfigurationError if the stores have nothing in common.
+    Also write all differences, with `html` as a page, too. Of stores with the same results the
+    files of an earlier comparison are removed instead. Returns the paths at which other files are
+    in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError if the
+    stores have nothing in common, or a table is asked for of equal ones.
     """
     from sweeps.report.page.write import comparison_page, write_page
 
     for path in (first, *others):
         check_whole(path, groups=None)
     compared = compare(first, *others)
+    kept = [] if compared.frames else _without_files(compared.place)
+    if table is not None and not compared.frames:
+        raise ConfigurationError(f"there is no table {table!r}: {sentences(compared)[0]}")
     shown = None if table is None else chosen(compared.frames, table)
     with page(console) as aside:
         if shown is not None:
@@ -97,12 +101,20 @@ def comparison(
         else:
             _print_changes(compared, aside, html=html)
     if not compared.frames:
-        return []
+        return kept
     kept = write_tables(compared.place, compared.frames.values())
     if html:
         with _refused():
             kept += write_page(page_file(compared.place), lambda _: comparison_page(compared))
     return kept
+
+
+def _without_files(place: Path) -> list[Path]:
+    """Remove unchanged tables and page of a comparison; return the paths that are in the way."""
+    written, folder = page_file(place), tables_folder(place)
+    if written.is_file() and is_free(written):
+        written.unlink()
+    return write_tables(place, []) if folder.is_dir() else []
 
 
 def written_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
@@ -150,14 +162,15 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
     for sentence in sentences(compared):
         note(sentence, console, style="bold")
     note(settings_sentence(compared), console)
-    if not compared.frames:
-        return
-    print_table(answer(compared, swept_of(compared.paths[0])), console)
+    if compared.frames:
+        print_table(answer(compared, swept_of(compared.paths[0])), console)
     line("", console)
     for path, name in zip(compared.paths, compared.names, strict=True):
         if failed := failed_cells(opened(path)):
             number = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-            line(f"failed  {number} of {name}: the differences cover the others", console)
+            line(f"failed  {number} of {name}: the comparison covers the others", console)
+    if not compared.frames:
+        return
     count = f"{len(compared.frames)} CSV file" + "s" * (len(compared.frames) > 1)
     line(f"tables  {located(tables_folder(compared.place))} ({count})", console)
     if html:

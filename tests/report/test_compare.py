@@ -1,12 +1,14 @@
 """Two stores compared: pairs of answers on what both have, and nothing else."""
 
+import shutil
+
 import numpy as np
 import pytest
 import xarray as xr
 from made import categories, scores, shown
 from pages import read_page, stored
 from scipy import stats
-from stores import reported, signed
+from stores import contents, reported, signed
 
 from ncti.evaluate import paired_difference
 from sweeps.engine.declare.errors import ConfigurationError
@@ -67,9 +69,49 @@ def test_what_changed_most_is_said_either_way(better, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
     said, chance = sentences(compare(*paths))
     ends, sign = (("90", "10"), "-") if better == 0 else (("10", "90"), "+")
-    wanted = f"ACN, range profile changed most: from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr"
-    assert said.startswith(f"{wanted}, {sign}80 points [{sign}")
-    assert chance == "That is more than chance: 1 of 1 comparison is, by Holm's correction at 5 %."
+    wanted = "The largest difference beyond chance is that of ACN, range profile: "
+    wanted += f"from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr, {sign}80 points [{sign}"
+    assert said.startswith(wanted)
+    assert chance == "Comparisons significant by Holm's correction at 5 %: 1 of 1."
+
+
+def test_a_larger_difference_that_is_not_significant_is_not_said_to_be_the_largest(tmp_path):
+    """Of two cells, 2 of 4 views changed in one, and 16 of 40 in the other."""
+    paths = []
+    for name, few, many in (("a", 2, 10), ("b", 4, 26)):
+        right = np.full((2, 40), -1)
+        right[0, :4], right[1] = np.arange(4) < few, np.arange(40) < many
+        cells = right.reshape(2, 2, 20)
+        paths.append(store(tmp_path / f"{name}.zarr", cells, pulse_width=[10.0, 30.0]))
+    found = compare(*paths)
+    rows = found.frames[NAME].rows
+    assert rows.loc[rows.difference.abs().idxmax(), "pulse_width"] == 10.0
+    said, counted = sentences(found)
+    assert said.startswith(
+        "The largest difference beyond chance is that of ACN, range profile, at "
+    )
+    assert "at pulse width 30: from 25 % in a.zarr to 65 % in b.zarr, +40 points" in said
+    assert counted.endswith(": 1 of 2.")
+
+
+def test_as_many_answers_wrong_as_right_are_no_change_of_a_percentage(tmp_path):
+    right = np.arange(40).reshape(2, 20) % 2 == 0
+    found = compare(*(store(tmp_path / f"{k}.zarr", of) for k, of in enumerate((right, ~right))))
+    assert sentences(found) == [
+        "ACN, range profile: from 0.zarr to 1.zarr as many answers became wrong as right.",
+        "Comparisons significant by Holm's correction at 5 %: 0 of 1.",
+    ]
+
+
+def test_answers_that_differ_in_training_alone_are_said_to_be_no_tests(answers, tmp_path):
+    paths = [store(tmp_path / f"{k}.zarr", answers[1]) for k in range(2)]
+    for path, right in zip(paths, answers[0], strict=True):
+        coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
+        learned = xr.Dataset({"training_correct": (("ship", "aspect"), right.astype("i1"))}, coords)
+        stored(path, classification__acn=learned, tables__acn=shown(scores(prefixes=["training_"])))
+    said, equal = sentences(compare(*paths))
+    assert "changed most" in said
+    assert equal == "All answers of tests are equal; only those at learned aspects changed."
 
 
 def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, capsys):
@@ -129,10 +171,10 @@ def test_of_many_comparisons_without_a_difference_few_families_have_one():
     assert stats.binom.sf(erred - 1, 200, 0.05) > 1e-4, erred
 
 
-def test_a_planted_difference_exceeds_chance_and_equal_cells_are_not_counted():
+def test_a_planted_difference_is_significant_and_equal_cells_are_not_counted():
     pairs = _family(np.random.default_rng(8), 25, 0.5)
-    (sure,), number = holm([pairs])
-    assert np.flatnonzero(sure).tolist() == [0] and number == 25
+    (significant,), number = holm([pairs])
+    assert np.flatnonzero(significant).tolist() == [0] and number == 25
     same = Pairs(pairs.first, pairs.first)
     assert holm([pairs, same])[1] == 25
     assert holm([same])[1] == 0 and holm([]) == ([], 0)
@@ -143,11 +185,11 @@ def test_holm_steps_down():
     rng = np.random.default_rng(9)
     pairs = _family(rng, 12, 0.5)
     pairs = Pairs(pairs.first, pairs.second | (rng.random(pairs.first.shape) < 0.5).astype("i1"))
-    low, high = np.zeros(12), np.ones(12)
+    low, high, cells = np.zeros(12), np.ones(12), np.arange(12)
     for _ in range(40):
         middle = (low + high) / 2
         beyond = np.array(
-            [pairs.exceed(c)[k] if 0 < c < 1 else False for k, c in enumerate(middle)]
+            [0 < c < 1 and pairs.excludes_zero(c, cells == k)[0] for k, c in enumerate(middle)]
         )
         low, high = np.where(beyond, middle, low), np.where(beyond, high, middle)
     p = np.sort(1 - low)
@@ -156,12 +198,99 @@ def test_holm_steps_down():
     assert 0 < wanted < 12 and int(holm([pairs])[0][0].sum()) == wanted
 
 
+def test_the_interval_over_all_aspects_does_not_depend_on_bins():
+    """So that one bin will do, with draws and views without an answer, and for a cell alone."""
+    rng = np.random.default_rng(10)
+    dims = ("cell", "replicate", "ship", "aspect")
+    coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
+    first, second = rng.integers(-1, 2, (2, 9, 3, 2, 20))
+    second[:4] = np.where(rng.random((4, 3, 2, 20)) < 0.7, 1, second[:4])
+    pairs = Pairs(*(xr.DataArray(answers, coords, dims) for answers in (first, second)))
+    found = pairs.differences()
+    wanted = (found.ci_low[..., -1] > 0) | (found.ci_high[..., -1] < 0)
+    every = np.ones(9, dtype=bool)
+    assert 0 < wanted.sum() < 9 and (pairs.excludes_zero(0.95, every) == wanted).all()
+    alone = Pairs(pairs.first[0], pairs.second[0])
+    assert alone.excludes_zero(0.95, np.asarray(True)) == wanted[:1]
+    assert holm([alone]) == ([wanted[0]], 1)
+
+
 def test_stores_with_the_same_results_are_one_sentence(answers, tmp_path, monkeypatch, capsys):
     paths = [store(tmp_path / f"{k}.zarr", answers[1]) for k in range(2)]
     capsys.readouterr()
     assert reported(monkeypatch, *paths, "--html") == 0
     assert capsys.readouterr().out.startswith("1.zarr and 0.zarr have the same results.\n")
     assert {path.name for path in tmp_path.iterdir()} == {"0.zarr", "1.zarr"}
+
+
+def test_failed_cells_of_equal_stores_are_named(tmp_path, monkeypatch, capsys):
+    paths = _trees(tmp_path, [5.0], [5.0], failures=[{}, {"size=2": "ValueError"}])
+    capsys.readouterr()
+    assert reported(monkeypatch, *paths) == 0
+    assert "failed  1 cell of b.zarr: the comparison covers the others" in capsys.readouterr().out
+
+
+def test_no_table_of_equal_stores_and_no_files_of_an_earlier_comparison(
+    tmp_path, monkeypatch, capsys
+):
+    paths = _trees(tmp_path, [5.0], [6.0])
+    assert reported(monkeypatch, *paths, "--html") == 0
+    page, folder = tmp_path / "b-less-a-report.html", tmp_path / "b-less-a-tables"
+    (folder / "mine.csv").write_text("1")
+    assert page.is_file() and (folder / "tree_differences.csv").is_file()
+    shutil.rmtree(paths[1])
+    _trees(tmp_path, [5.0], [5.0])
+    capsys.readouterr()
+    assert reported(monkeypatch, *paths, "--table", "differences") == 2
+    said = "there is no table 'differences': b.zarr and a.zarr have the same results."
+    assert capsys.readouterr().err.endswith(f"{said}\n")
+    assert not page.exists() and set(contents(folder)) == {"mine.csv"}
+
+
+@pytest.mark.parametrize("begin", [0, 1])
+def test_equal_stores_that_share_only_a_part_are_said_to(begin, answers, tmp_path):
+    paths = [store(tmp_path / "0.zarr", answers[1])]
+    paths.append(store(tmp_path / "1.zarr", answers[1][:, begin:], ASPECTS[begin:]))
+    wanted = "1.zarr and 0.zarr have the same results"
+    wanted += " in all that they have in common." if begin else "."
+    assert sentences(compare(*paths)) == sentences(compare(*paths)) == [wanted]
+
+
+def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
+    """Stores of a table of heights by size, with attributes."""
+    paths = [tmp_path / f"{'abc'[k]}.zarr" for k in range(len(heights))]
+    for k, (path, figures) in enumerate(zip(paths, heights, strict=True)):
+        table = xr.Dataset({"height": ("size", figures)}, {"size": list(sizes[: len(figures)])})
+        stored(path, {key: values[k] for key, values in about.items()}, tables__tree=table)
+    return paths
+
+
+def test_tables_of_which_one_store_has_more_are_equal_in_part(tmp_path):
+    (said,) = sentences(compare(*_trees(tmp_path, [5.0, 6.0], [5.0, 6.0, 7.0])))
+    assert said == "b.zarr and a.zarr have the same results in all that they have in common."
+
+
+def test_a_figure_that_one_store_lacks_has_changed(tmp_path):
+    nan = float("nan")
+    found = compare(*_trees(tmp_path, [5.0, nan, nan], [5.0, nan, 7.0]))
+    said = sentences(found)[0]
+    assert (
+        said == "Of tree, height changed most, at size 3: from no value in a.zarr to 7 in b.zarr."
+    )
+    (*_, last) = answer(found, ["size"]).lines
+    assert [cell.text for cell in last.cells] == ["–", "7", "–"]
+
+
+def test_ships_of_one_name_that_differ_are_named(tmp_path):
+    digests = [{"duncan": "1", "horne": "2"}, {"duncan": "1", "horne": "3", "texas": "4"}]
+    paths = _trees(tmp_path, [5.0], [6.0], mesh_digests=digests, configuration=[{}, {}])
+    said = "All settings are the same. Ships that differ: horne."
+    assert settings_sentence(compare(*paths)) == said
+    moved = [{"duncan": "offset 1"}, {}]
+    paths = _trees(
+        tmp_path / "moved", [5.0], [6.0], mesh_digests=[digests[0]] * 2, mesh_transforms=moved
+    )
+    assert settings_sentence(compare(*paths)).endswith(" Ships that differ: duncan.")
 
 
 def test_classifiers_that_do_not_differ_are_left_out(answers, tmp_path):
@@ -195,9 +324,9 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
         assert [cell.text for cell in line.cells[:2]] == [f"{end:.0f}" for end in ends]
         assert line.cells[2].text == f"{ends[1] - ends[0]:+.0f}" and line.cells[2].interval
     three = answer(compare(*paths), ["pulse_width"])
-    assert three.heads == ("a.zarr", "b.zarr", "c.zarr")
+    assert three.heads == ("b.zarr", "c.zarr") and "other stores less a.zarr" in three.title
     cells = [cell.text for cell in three.lines[0].cells]
-    assert cells == [f"{100 * of[0].mean():.0f}" for of in right]
+    assert cells == [f"{100 * (of[0].mean() - right[0][0].mean()):+.0f}" for of in right[1:]]
     said, _ = sentences(compare(*paths))
     assert " in c.zarr, -" in said and "at pulse width " in said
 
@@ -211,7 +340,10 @@ def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path
         stored(path, {"configuration": {"depth": sizes[0]}, "seed": 1}, tables__tree=table)
     found = compare(*paths)
     said = sentences(found)
-    assert said[0] == "Height changed most, at size 3: from 7 m in a.zarr to 9 m in b.zarr, +2 m."
+    assert (
+        said[0]
+        == "Of tree, height changed most, at size 3: from 7 m in a.zarr to 9 m in b.zarr, +2 m."
+    )
     assert said[1].startswith("Without intervals") and len(said) == 2
     assert [line.place for line in answer(found, ["size"]).lines] == [(2.0,), (3.0,)]
     assert settings_sentence(found) == "Settings that differ: depth 1 in a.zarr and 2 in b.zarr."
@@ -228,7 +360,7 @@ def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path)
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("a.zarr", "a.zarr"), "twice, but must be of different sweeps"),
+        (("a.zarr", "a.zarr"), "a.zarr' is given twice; give two different stores"),
         (("a.zarr", "none.zarr"), "which does not exist"),
         (
             ("a.zarr", "tree.zarr"),
@@ -268,6 +400,7 @@ def test_stores_of_one_name_are_told_apart_by_their_folders(answers, tmp_path):
 def test_a_difference_that_chance_may_make_is_said_to_be_no_more(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
     found = compare(*paths)
-    assert found.sure == 0
-    wanted = "That may be chance: none of 1 comparison exceeds it by Holm's correction at 5 %."
-    assert sentences(found)[1] == wanted
+    assert found.significant == 0
+    said, counted = sentences(found)
+    assert said.startswith("ACN, range profile changed most: from ")
+    assert counted == "Comparisons significant by Holm's correction at 5 %: 0 of 1."

@@ -5,7 +5,7 @@ import xarray as xr
 from made import scores, shown
 from pages import page_of, parsed, read_page, stored
 
-from sweeps.report.confusion import most_confused
+from sweeps.report.confusion import most_confused, read_predictions
 from sweeps.report.places import page_file
 from sweeps.report.stores import opened
 
@@ -27,20 +27,31 @@ def test_ships_are_confused_either_way_over_all_classifiers(tmp_path):
         "classification__acn": answers(wrong=[(0, 1, 0), (2, 1, 1)]),
         "classification__mnn": answers((2, 0, 1), wrong=[(2, 1, 1), (1, 2, 2), (0, 1, 0)]),
     }
-    assert most_confused(opened(stored(tmp_path / "s.zarr", **groups))) == (
-        ("horne", "texas"),
-        30.0,
-    )
+    found = most_confused(read_predictions(opened(stored(tmp_path / "s.zarr", **groups))))
+    assert found == (("horne", "texas"), 30.0)
 
 
 def test_without_wrong_answers_no_ships_are_confused(tmp_path):
     groups = {"classification__acn": answers(), "tables__acn": shown(scores(cnr=[5.0, 10.0]))}
     path = stored(tmp_path / "s.zarr", **groups)
-    assert most_confused(opened(path)) is None
+    assert most_confused(read_predictions(opened(path))) is None
     assert not parsed(page_of(path)).root.all("section", id="confused")
-    assert most_confused(opened(stored(tmp_path / "t.zarr", tables__acn=scores(a=[1])))) is None
+    without = opened(stored(tmp_path / "t.zarr", tables__acn=scores(a=[1])))
+    assert most_confused(read_predictions(without)) is None
 
 
 def test_the_page_shows_them_beside_the_confusion(smoke_store):
     (section,) = read_page(page_file(smoke_store)).root.all("section", id="confused")
     assert section.one("img").attrs["src"].startswith("data:image/png;base64,")
+
+
+def test_answers_that_cannot_be_joined_do_not_prevent_the_page(tmp_path):
+    twice = answers(wrong=[(0, 1, 0)]).assign_coords(aspect=[0.0, 30.0, 30.0])
+    groups = {"classification__acn": answers(), "classification__mnn": twice}
+    groups |= {
+        "range_profile": xr.Dataset({"image": ("x", [1.0])}),
+        "tables__acn": shown(scores(cnr=[5.0, 10.0])),
+    }
+    root = parsed(page_of(stored(tmp_path / "s.zarr", **groups))).root
+    (section,) = root.all("section", id="confused")
+    assert "Error" in section.text and not section.all("img")

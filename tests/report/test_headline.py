@@ -61,8 +61,13 @@ def test_the_best_on_average_is_named_and_of_equals_the_simplest(likelihood, bes
 @pytest.mark.parametrize(
     ("likelihood", "acn", "best", "ranked"),
     [
-        ((0.5, 0.9), (np.nan, 0.8), "maximum likelihood", "1 of 2 values of CNR, those"),
-        ((0.5, 0.7), (np.nan, 0.8), "ACN", "1 of 2 values of CNR, those"),
+        (
+            (0.5, 0.9),
+            (np.nan, 0.8),
+            "maximum likelihood",
+            "1 of 2 values of CNR, the one that all have.",
+        ),
+        ((0.5, 0.7), (np.nan, 0.8), "ACN", "1 of 2 values of CNR, the one that all have."),
         ((0.5, 0.9), (0.6, 0.9), "ACN", ""),
         (
             (0.5, np.nan),

@@ -2,6 +2,8 @@
 
 import html
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -61,3 +63,14 @@ def test_a_table_without_a_display_and_a_selection_have_a_chart():
 def test_other_arguments_are_refused(arguments, said):
     with pytest.raises(ValueError, match=f"^{re.escape(said)}"):
         chart(shown(scores(**AXES)), **arguments)
+
+
+def test_a_data_set_without_numbers_is_refused():
+    with pytest.raises(ValueError, match=r"^the data set has no numeric variable$"):
+        chart(xr.Dataset({"name": ("age", ["a", "b"])}, {"age": [1, 2]}), x="age")
+
+
+def test_it_is_listed_before_it_is_imported():
+    listed = "import sys, sweeps.report as of; print('chart' in dir(of), 'xarray' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", listed], capture_output=True, check=True)
+    assert done.stdout == b"True False\n"

@@ -12,7 +12,7 @@ from sweeps.report.changes import sentences as changes
 from sweeps.report.changes import settings_sentence, settings_that_differ
 from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
-from sweeps.report.confusion import confusion_of
+from sweeps.report.confusion import confusion_of, read_predictions
 from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import accuracy, headline, headline_for_script
@@ -36,14 +36,15 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     """
     store = opened(path)
     about = attributes(store)
-    work, matrix = frames.get(WORK), confusion_of(store)
+    predictions = read_predictions(store)
+    work, matrix = frames.get(WORK), confusion_of(predictions)
     tables = {name: frame for name, frame in frames.items() if name != WORK}
     sentences = headline(tables, about)
     axes, first = list(about.get("swept", ())), next(iter(tables.values()))
     if matrix is not None:
         tables = {first.name: first, CONFUSION: matrix, **tables}
     settings = list(flat(about.get("configuration", {})))
-    drawn = pictures_of(path, store, pictures)
+    drawn = pictures_of(path, store, pictures, predictions)
     charts = charted(tables, axes, path_beside(path).name)
     charts["data"]["headline"] = headline_for_script(tables, about, CHARTED)
     return {

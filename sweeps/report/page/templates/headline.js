@@ -50,7 +50,7 @@ const headlineOf = (about, table, kept, axis, bin) => {
   const start = rivals.size > 1 ? `Best of ${rivals.size}: ${name}` : name[0].toUpperCase() + name.slice(1);
   const level = chance && rows[chance][first] !== null ? `; chance ${whole(rows[chance][first])} %.` : ".";
   const by = shared.length === values.size ? ""
-    : shared.length ? ` Ranked by ${shared.length} of ${values.size} values of ${about.axes[along][0]}, those that all have.`
+    : shared.length ? ` Ranked by ${shared.length} of ${values.size} values of ${about.axes[along][0]}, ${shared.length > 1 ? "those" : "the one"} that all have.`
     : ` Ranked by means over different values of ${about.axes[along][0]}, since none is shared.`;
   const least = rows.n ? Math.min(...best.own.map((k) => rows.n[k])) : about.few;
   return `${start} identifies ${score.join(score[0].endsWith("chance") ? ", and " : " and ")}${where.length ? ` (${where.join(", ")})` : ""}${level}${by}`
