@@ -10,7 +10,7 @@ from typing import Any
 
 from _pytest.doctest import DoctestModule
 
-from sweeps.engine.run.collector import relax_gc
+from sweeps.engine.run.interpreter import relax_gc
 
 LIBRARY = tuple(Path(__file__).parent / name for name in ("ncti", "studies"))
 

@@ -12,9 +12,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from sweeps.engine.run.collector import relax_gc, skip_final_gc
+from sweeps.engine.run.interpreter import end_with, relax_gc
 from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, signals_deferred
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
             status = 2
         if arguments is None:  # this process ends, and a signal that comes too late is only noted
             _until_exit.append(signals.pop_all())
-            skip_final_gc()
     sys.exit(status)
 
 
@@ -134,5 +133,10 @@ def _said() -> Iterator[None]:
         _say(str(error))
 
 
+def script() -> NoReturn:
+    """Run `ncti-sweep` in a process of its own."""
+    end_with(main)
+
+
 if __name__ == "__main__":
-    main()
+    script()

@@ -6,7 +6,7 @@ import argparse
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 NAME, DISTRIBUTION = "ncti-report", "ncti-sweep"
 
@@ -17,7 +17,7 @@ def main() -> None:
     Exits with 1 if another file is in the place of one to be written, or the output cannot be, and
     with 2 if the store cannot be read.
     """
-    from sweeps.engine.run.collector import relax_gc, skip_final_gc
+    from sweeps.engine.run.interpreter import relax_gc
 
     relax_gc()
     arguments = _parser().parse_args()
@@ -29,9 +29,15 @@ def main() -> None:
         if why := lost():
             complain(f"tables cannot be printed: {why}")
             status = status or 1
-    skip_final_gc()
     if status:
         sys.exit(status)
+
+
+def script() -> NoReturn:
+    """Run `ncti-report` in a process of its own."""
+    from sweeps.engine.run.interpreter import end_with
+
+    end_with(main)
 
 
 def _reported(arguments: argparse.Namespace) -> int:

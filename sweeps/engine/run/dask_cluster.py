@@ -30,8 +30,8 @@ from tornado.ioloop import PeriodicCallback
 
 from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.run.cluster import import_jobqueue
-from sweeps.engine.run.collector import relax_gc
 from sweeps.engine.run.forking import ENVIRONMENT, interrupts_blocked
+from sweeps.engine.run.interpreter import relax_gc
 from sweeps.engine.run.process import environment, one_thread
 from sweeps.engine.run.shared import REQUIREMENT_ERRORS, Requirements
 

@@ -1,0 +1,34 @@
+"""Python's own work that a command can spare: looking for garbage, and taking itself apart."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import NoReturn
+
+
+def relax_gc() -> None:
+    """Raise the threshold of the garbage collector to 50,000 allocations, in this process.
+
+    At its default, 700, it takes a quarter of the time of imports, and a tenth of a sweep's.
+    """
+    gc.set_threshold(50_000)
+
+
+def end_with(main: Callable[[], None]) -> NoReturn:
+    """Run a command, and end this process with its status, but without what takes Python a second.
+
+    Only its output is written; no object is destroyed, and no function of `atexit` called.
+    """
+    status: str | int | None = None
+    try:
+        main()
+    except SystemExit as ended:
+        status = ended.code
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):  # of which the command has said so
+            stream.flush()
+    os._exit(status if isinstance(status, int) else status is not None)
