@@ -48,14 +48,14 @@ def sentences(compared: Comparison) -> list[str]:
             f"Of {table}, {who} changed most{at}: {course}.",
             "Without intervals it is not known whether chance alone would do so.",
         ]
-    who = who[0].upper() + who[1:]
+    begin = who[0].upper() + who[1:]
     if row[figure] == 0:
         even = f"from {first} to {store} as many answers became wrong as right"
-        said = f"{who}{at}: {even}."
+        said = f"{begin}{at}: {even}."
     elif row["significant"] == 1:
         said = f"The largest difference beyond chance is that of {who}{at}: {course}."
     else:
-        said = f"{who} changed most{at}: {course}."
+        said = f"{begin} changed most{at}: {course}."
     if not compared.number:
         return [said, "All answers of tests are equal; only those at learned aspects changed."]
     counted = f"{compared.significant:,} of {compared.number:,}"
