@@ -6,4 +6,4 @@ import os
 from sweeps.engine.run.interpreter import relax_gc
 
 relax_gc()
-atexit.register(os._exit, 0)  # whoever reads the output of the command waits for the server, too
+atexit.register(os._exit, 0)  # it keeps the output of the command open
