@@ -81,10 +81,8 @@ def machine() -> dict[str, str]:
 def cache_size() -> str:
     """Return the size of the largest cache of the processor, as Linux states it."""
     sizes = Path("/sys/devices/system/cpu/cpu0/cache").glob("index*/size")
-    found = [one.read_text().strip() for one in sizes]
-    return max(
-        found, key=lambda size: int(size.rstrip("KM")) << 10 * size.endswith("M"), default="?"
-    )
+    kilobytes = [int(one.read_text().strip().removesuffix("K")) for one in sizes]
+    return f"{max(kilobytes) / 1024:g} MiB" if kilobytes else "an unknown size"
 
 
 def copy_rate() -> float:

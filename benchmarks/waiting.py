@@ -21,7 +21,7 @@ from benchmarks.reports import Column, Report, Sample
 SMOKE, PAPER = ("+experiment=smoke",), ("+experiment=paper",)
 REFUSED = ("grid.aspect=-1",)
 PROFILE = "import ncti; ncti.simulate.range_profile('duncan', aspect=37)"
-PLANNED, COMPILING, DONE = "cells to compute", "compiling the loops", "cells computed"
+PLANNED, DONE = "cells to compute", "cells computed"
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -29,13 +29,11 @@ ROOT = Path(__file__).resolve().parent.parent
 class Waited:
     """Times of a command, from its start [s]; those of a step that it does not have are NaN.
 
-    `planned` and `done` are when it said so, `compiling` how long it compiled before its first
-    cell, and `work` the time of all calls of stages.
+    `planned` and `done` are when it said so, and `work` is the time of all calls of stages.
     """
 
     end: float
     planned: float = math.nan
-    compiling: float = math.nan
     done: float = math.nan
     work: float = math.nan
 
@@ -43,7 +41,6 @@ class Waited:
 COLUMNS = (
     Column("step", "step"),
     Column("planned", "planned [s]", ".1f"),
-    Column("compiling", "compiling", ".1f"),
     Column("done", "cells done", ".1f"),
     Column("ideal", f"work on {CORES} cores", ".1f"),
     Column("report", "report, exit", ".1f"),
@@ -156,12 +153,9 @@ def timed(
         text=True,
     ) as process:
         assert process.stderr is not None
-        compiling = 0.0
         for line in process.stderr:
             now = time.perf_counter() - start
-            if COMPILING in seconds:
-                compiling += now - seconds.pop(COMPILING)
-            for said in (PLANNED, COMPILING, DONE):
+            for said in (PLANNED, DONE):
                 if said in line:
                     seconds[said] = now
             if found := re.search(r"work ([\d.]+) s", line):
@@ -172,7 +166,6 @@ def timed(
     return Waited(
         end,
         seconds.get(PLANNED, math.nan),
-        compiling or math.nan,
         seconds.get(DONE, math.nan),
         work,
     )

@@ -76,3 +76,10 @@ def test_the_process_ends_with_the_one_that_started_it():
         [one for one in psutil.process_iter() if one.pid == int(found.stdout)], timeout=30
     )
     assert not psutil.pid_exists(int(found.stdout))
+
+
+def test_the_server_s_module_hides_no_failure_elsewhere():
+    """It ends the fork server at once with status 0, and no other process that imports it."""
+    code = "import sweeps.engine.run.server, sys; sys.exit(3)"
+    done = subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": SEARCH})
+    assert done.returncode == 3

@@ -32,7 +32,6 @@ ENVIRONMENT = ONE_THREAD | dict(
 IMPORTS = "IMPORTS"
 """Name of a module's list of the modules that its stages import when called."""
 
-
 SERVER = "sweeps.engine.run.server"
 """Module that the server imports first."""
 

@@ -2,8 +2,11 @@
 
 import atexit
 import os
+import sys
+from multiprocessing import forkserver
 
 from sweeps.engine.run.interpreter import relax_gc
 
 relax_gc()
-atexit.register(os._exit, 0)  # it keeps the output of the command open
+if vars(sys.modules["__main__"]).get("main") is forkserver.main:  # else failures would be hidden
+    atexit.register(os._exit, 0)  # it keeps the output of the command open

@@ -45,7 +45,10 @@ from sweeps.engine.store.writing import read_attributes, recover, write_store
 MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
 QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
 LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
-TABLE_MODULES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers start
+TABLE_MODULES = (
+    "sweeps.engine.store.tables",
+    "dask.array",
+)  # imported early, since it takes long
 INLINE_SECONDS = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
@@ -62,7 +65,7 @@ class RunOptions:
     """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
 
     A `partial` store has the cells that are in the cache; nothing is computed. `imports` are
-    modules that the command needs at the end, of which it imports some while workers start.
+    modules that the command needs at the end, imported while workers start and compute.
     """
 
     store: PathOrUrl
@@ -248,22 +251,23 @@ def _compute(
     here = choice.kind in LOCAL_KINDS
     first = plan.experiment.prepare(plan.choices, unless_stopped(watch.say)) if here else ()
     tables = TABLE_MODULES if plan.experiment.tables else ()
-    for name in (*tables, *options.imports) if choice.kind != "inline" else ():
-        if starting.done():
-            break
+    names = deque((*tables, *options.imports) if choice.kind != "inline" else ())
+    while names and not starting.done():
         raise_if_stopped()
         with suppress(Exception):  # of which the report says why, when the store is written
-            import_module(name)
+            import_module(names.popleft())
     with interruptible():
         workers = starting.result()
+    for name in names:  # while workers compute
+        thread.submit(import_module, name)
     call_each(first, workers, lambda: watch.step(schedule))
     return execute(schedule, workers, index, watch), workers
 
 
 def call_each(
-    functions: Sequence[Callable[[], object]], executor: Executor, wait: Callable[[], None]
+    functions: Sequence[Callable[[], object]], executor: Executor, progress: Callable[[], None]
 ) -> None:
-    """Call functions on workers, side by side, and `wait` whenever one returns.
+    """Call functions on workers, side by side; `progress` is called whenever one ends.
 
     Raises SweepIncomplete if one fails.
     """
@@ -277,7 +281,7 @@ def call_each(
             if error is not None:
                 raise SweepIncomplete(f"workers cannot be prepared: {one_line(error)}") from error
         left -= len(finished)
-        wait()
+        progress()
 
 
 def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
