@@ -20,7 +20,7 @@ def main() -> None:
     from sweeps.engine.run.interpreter import relax_gc
 
     relax_gc()
-    arguments = _parser().parse_args()
+    arguments = _parser().parse_intermixed_args()  # `a.zarr --html b.zarr`, too
     from sweeps.engine.run.process import tolerant_output
     from sweeps.report.screen import complain
 
@@ -51,8 +51,8 @@ def _reported(arguments: argparse.Namespace) -> int:
 
     console = screen()
     try:
-        path = _place(arguments.store)
-        if others := [_place(other) for other in arguments.others]:
+        path, *others = map(_place, arguments.stores)
+        if others:
             if arguments.pictures:
                 raise ConfigurationError("--pictures draws one store, but several are given")
             shown = {"table": arguments.table, "html": arguments.html}
@@ -103,12 +103,12 @@ def _parser() -> argparse.ArgumentParser:
         prog=NAME,
         description="Print the answer of a sweep, and write its tables as CSV.",
     )
-    parser.add_argument("store", help="store of a sweep, such as sweep.zarr")
     parser.add_argument(
-        "others",
-        metavar="other",
-        nargs="*",
-        help="more stores: print what changed most from the first to these",
+        "stores",
+        metavar="store",
+        nargs="+",
+        help="store of a sweep, such as sweep.zarr; of several, print what changed most from the "
+        "first to the others",
     )
     parser.add_argument(
         "--table",

@@ -372,6 +372,7 @@ def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path)
         ),
         (("a.zarr", "c.zarr", "--table", "x"), "table is 'x', but must be one of differences"),
         (("a.zarr", "c.zarr", "--pictures"), "--pictures draws one store"),
+        (("a.zarr", "--pictures", "c.zarr"), "--pictures draws one store"),
     ],
 )
 def test_mistakes_are_one_sentence(arguments, said, answers, tmp_path, monkeypatch, capsys):
