@@ -77,7 +77,8 @@ def beside(path):
     return [name for name in Objects(above).sizes() if name.endswith(".lock")]
 
 
-def test_there_is_one_writer_at_a_time(place):
+def test_there_is_one_writer_at_a_time(place, monkeypatch):
+    monkeypatch.setattr(locks, "LEASE", 60)  # nobody dies, however slow the machine
     path = below(place, "s.zarr")
     inside, most, refused, written = 0, 0, 0, 0
 
@@ -128,6 +129,20 @@ def test_of_many_that_find_a_dead_owner_one_takes_over(place):
         thread.join()
     assert took.count(True) == 1
     assert not beside(path)
+
+
+def test_a_slow_answer_of_a_bucket_is_no_silence_of_the_owner(bucket, monkeypatch):
+    def slow(objects, name, get=Objects.get_versioned):
+        time.sleep(2 * locks.LEASE)
+        return get(objects, name)
+
+    path = below(bucket, "s.zarr")
+    monkeypatch.setattr(locks, "RENEW_INTERVAL", 0.1)
+    with store_lock(path) as check:
+        monkeypatch.setattr(Objects, "get_versioned", slow)
+        with pytest.raises(ConfigurationError, match="being written"), store_lock(path):
+            pytest.fail("two writers")
+        check()
 
 
 def test_an_owner_in_a_bucket_that_renews_its_lease_keeps_it(bucket, monkeypatch):

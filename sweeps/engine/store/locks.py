@@ -128,7 +128,7 @@ def _lock_file(folder: Path, name: str) -> Lock:
 def _lock_object(parent: PathOrUrl, name: str) -> Lock:
     """Make a lock object that `check` renews, or take over one whose lease has ended."""
     objects, own, using = Objects(parent), uuid.uuid4().hex, threading.Lock()
-    owner, turns, found, since = _owner(), count(), None, time.monotonic()
+    owner, turns, found, since = _owner(), count(), None, 0.0
 
     def content() -> bytes:
         return f"{owner}\n{own} {next(turns)}".encode()  # another each time
@@ -137,6 +137,8 @@ def _lock_object(parent: PathOrUrl, name: str) -> Lock:
         before, found = found, objects.get_versioned(name)
         if found and before and found != before:
             raise _HeldError(found[0])
+        if before is None:
+            since = time.monotonic()  # not before the answer, which may have taken longer
         if found is None or time.monotonic() - since > LEASE:
             version = objects.put_if(name, content(), found and found[1])
             if version:
