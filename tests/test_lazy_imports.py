@@ -39,3 +39,10 @@ def test_the_command_line_loads_no_library_that_takes_long():
         *("dask", "distributed", "matplotlib", "networkx", "numba", "pandas", "pyrender"),
         *("scipy", "skimage", "sklearn", "trimesh", "xarray", "zarr"),
     }
+
+
+def test_one_profile_of_a_ship_loads_no_mesh_library():
+    ncti.ships.load("duncan")  # so that it need not be built
+    found = loaded_after("import ncti.simulate\nncti.simulate.range_profile('duncan', aspect=30)")
+    assert "ncti.ladar.extent" in found
+    assert not found & {"networkx", "sklearn", "trimesh"}

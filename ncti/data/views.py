@@ -26,7 +26,7 @@ from ncti.render.far_field import SHARE, reach_of
 from ncti.simulate.subject import Ship, mesh_of, roll_at
 
 if TYPE_CHECKING:
-    import trimesh
+    from ncti.ships.shape import Mesh
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -121,13 +121,13 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
         yield found
 
 
-def drawn_at(mesh: trimesh.Trimesh, slant_range: float, error: float) -> float | None:
+def drawn_at(mesh: Mesh, slant_range: float, error: float) -> float | None:
     """Return the slant range [m] to draw a ship at; None for the far field, if that errs less."""
     return drawn_range(reach_of(mesh.vertices), slant_range, tolerance=error / SHARE)
 
 
 def drawn_lines(
-    mesh: trimesh.Trimesh,
+    mesh: Mesh,
     *,
     aspect: float,
     depression: float,

@@ -21,9 +21,8 @@ from ncti.render.surfaces import Surfaces
 from ncti.render.view import View
 
 if TYPE_CHECKING:
-    import trimesh
-
     from ncti.render.pieces import Parts
+    from ncti.ships.shape import Mesh
 
 Binned = TypeVar("Binned", "Parts", RangeExtent)
 
@@ -47,7 +46,7 @@ lines than most views take, larger ones draw more views twice."""
 
 
 def lines_within(
-    mesh: trimesh.Trimesh,
+    mesh: Mesh,
     view: View,
     *,
     tolerance: float,
@@ -133,7 +132,7 @@ def lines_within(
 
 
 def extent_within(
-    mesh: trimesh.Trimesh,
+    mesh: Mesh,
     view: View,
     *,
     tolerance: float,
@@ -209,7 +208,7 @@ def extent_within(
 
 
 def _within(
-    mesh: trimesh.Trimesh,
+    mesh: Mesh,
     view: View,
     binned: Callable[[LineImage], Binned],
     *,
@@ -237,9 +236,7 @@ def _within(
         lines = refined(mesh, lines, factor)
 
 
-def first_spacing(
-    mesh: trimesh.Trimesh, view: View, *, tolerance: float, resolution: float
-) -> float:
+def first_spacing(mesh: Mesh, view: View, *, tolerance: float, resolution: float) -> float:
     """Return the spacing of lines [m] with which a typical ship meets a tolerance, to two digits.
 
     For the extents h across the lines, w along them and l down-range of the box around the ship,

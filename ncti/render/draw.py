@@ -11,11 +11,11 @@ from ncti.render.solid import Solid, surface
 from ncti.render.view import ROLL, Lattice, View
 
 if TYPE_CHECKING:
-    import trimesh
+    from ncti.ships.shape import Mesh
 
 
 def range_image(
-    mesh: trimesh.Trimesh,
+    mesh: Mesh,
     *,
     aspect: float,
     depression: float,

@@ -15,7 +15,7 @@ from ncti.render.threads import swept
 from ncti.render.view import ROLL, View
 
 if TYPE_CHECKING:
-    import trimesh
+    from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ MAX_LINES = 2**20
 
 
 def line_image(
-    mesh: trimesh.Trimesh,
+    mesh: Mesh,
     *,
     aspect: float,
     depression: float,
@@ -113,7 +113,7 @@ def line_image(
     return _drawn(Surfaces.of(mesh), view, float(spacing), float(phase))
 
 
-def refined(mesh: trimesh.Trimesh, lines: LineImage, factor: int = 2) -> LineImage:
+def refined(mesh: Mesh, lines: LineImage, factor: int = 2) -> LineImage:
     """Return a view by lines closer together: the given lines, and new ones between them.
 
     Parameters

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from ncti.machine_code import Loops
+from ncti.ships.shape import ShipMesh
 
 LINES, MASK = "lines", "mask"
 _VIEW: dict[str, Any] = {"aspect": 30.0, "depression": 10.0}
+_BOX = ShipMesh(
+    np.array([*product((-4.0, 4.0), (-2.0, 2.0), (-2.0, 2.0))]),
+    np.reshape([int(corner) for corner in "130410032240173514571372642276654756"], (12, 3)).astype(
+        np.int32
+    ),
+    {"digest": "box"},
+)
+"""8 by 4 by 4 m, its corners numbered by their bits."""
 
 
 def of_engine(engine: str) -> Loops:
@@ -25,38 +35,29 @@ def of_engine(engine: str) -> Loops:
 
 
 def _draw_lines() -> None:
-    import trimesh
-
     from ncti.render.draw_lines import line_image, refined
 
-    box = trimesh.creation.box()
-    refined(box, line_image(box, **_VIEW)).bin(side=1.0)
+    refined(_BOX, line_image(_BOX, **_VIEW)).bin(side=1.0)
 
 
 def _draw_mask() -> None:
-    import trimesh
-
     from ncti.render.mask import ship_mask
 
-    ship_mask(trimesh.creation.box(), pixel=0.25, **_VIEW)
+    ship_mask(_BOX, pixel=0.25, **_VIEW)
 
 
 def _draw_by_embree() -> None:
-    import trimesh
-
     from ncti.render.draw import range_image
 
-    range_image(trimesh.creation.box((8.0, 4.0, 4.0)), engine="embree", **_VIEW)
+    range_image(_BOX, engine="embree", **_VIEW)
 
 
 def _draw_without_context() -> None:
     """Run the loops of OpenGL engines, without an engine, which would bind OpenGL for good."""
-    import trimesh
-
     from ncti.render.solid import Solid, sampled, surface
     from ncti.render.view import Lattice, View
 
-    solid = Solid.of(trimesh.creation.box((8.0, 4.0, 4.0)))
+    solid = Solid.of(_BOX)
     seen = View.checked(**_VIEW, roll=0.0, slant_range=None)
     points = solid.along(seen)
     lattice = Lattice.around(points, seen, 0.25)

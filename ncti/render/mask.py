@@ -19,7 +19,7 @@ from ncti.render.solid import SNAP, Solid
 from ncti.render.view import ROLL, Lattice, View, clip_matrix
 
 if TYPE_CHECKING:
-    import trimesh
+    from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -39,7 +39,7 @@ class Mask:
 
 
 def ship_mask(
-    mesh: trimesh.Trimesh,
+    mesh: Mesh,
     *,
     aspect: float,
     depression: float,

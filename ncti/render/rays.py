@@ -13,7 +13,7 @@ from ncti.render.incidence import STEEP, STEEPEST
 from ncti.render.solid import Solid
 
 if TYPE_CHECKING:
-    import trimesh
+    from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class RayHits:
     cosine: Floats
 
 
-def cast_rays(mesh: trimesh.Trimesh, origin: Floats, direction: Floats) -> RayHits:
+def cast_rays(mesh: Mesh, origin: Floats, direction: Floats) -> RayHits:
     """Return the first intersections of rays with the facets of a ship that face them.
 
     Parameters

@@ -15,10 +15,9 @@ from ncti.render.surfaces import Surfaces
 from ncti.render.view import View
 
 if TYPE_CHECKING:
-    import trimesh
-
     from ncti.render.image import RangeImage
     from ncti.render.mask import Mask
+    from ncti.ships.shape import Mesh
 
 FINEST = 0.25
 """Finest pixel of the given one: more would not pay for the few samples of a thin pole."""
@@ -75,7 +74,7 @@ class Sampling:
 
     def draw(
         self,
-        mesh: trimesh.Trimesh,
+        mesh: Mesh,
         *,
         aspect: float,
         depression: float,
@@ -114,7 +113,7 @@ class Sampling:
         """Return whether an area [m^2] has too few samples, and lines may be closer together."""
         return area < self.samples * spacing**2 and spacing > FINEST * self.pixel
 
-    def _most_visible(self, mesh: trimesh.Trimesh, aspect: float, depression: float) -> float:
+    def _most_visible(self, mesh: Mesh, aspect: float, depression: float) -> float:
         """Return an upper bound on the visible area of a ship [m^2]."""
         sight = View(aspect, depression).axes[2]
         return VISIBLE * Surfaces.of(mesh).facing(-sight)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ncti.render.view import Lattice, View
 
 if TYPE_CHECKING:
-    import trimesh
+    from ncti.ships.shape import Mesh
 
 KEPT = 8
 """Ships kept, here and on a canvas: the six packaged ones and two of the user's."""
@@ -36,7 +36,7 @@ class Solid:
     offsets: NDArray[np.float64]
 
     @classmethod
-    def of(cls, mesh: trimesh.Trimesh) -> Solid:
+    def of(cls, mesh: Mesh) -> Solid:
         """Return the solid of a mesh, made once for each content of the mesh."""
         key = hash(mesh)
         with _lock:
@@ -47,7 +47,7 @@ class Solid:
         return solid
 
     @classmethod
-    def _prepare(cls, mesh: trimesh.Trimesh) -> Solid:
+    def _prepare(cls, mesh: Mesh) -> Solid:
         vertices = np.array(mesh.vertices, dtype=np.float64)
         faces = np.array(mesh.faces, dtype=np.int32)
         if len(faces) == 0:

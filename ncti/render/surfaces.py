@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ncti.render.solid import Solid
 
 if TYPE_CHECKING:
-    import trimesh
+    from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Surfaces:
         return np.ascontiguousarray(self.area.T)
 
     @classmethod
-    def of(cls, mesh: trimesh.Trimesh) -> Surfaces:
+    def of(cls, mesh: Mesh) -> Surfaces:
         """Return the surfaces of a mesh, kept as long as its solid is."""
         solid = Solid.of(mesh)
         with _lock:

@@ -31,6 +31,7 @@ from ncti.ships.perturbation import (
     carriage,
     no_variant,
 )
+from ncti.ships.shape import ShipMesh
 from ncti.ships.transform import Transform
 
 if TYPE_CHECKING:
@@ -184,19 +185,30 @@ def load(
     >>> print(f"{half.extents[0]:.1f} m")
     67.8 m
     """
-    # Imported where it is used: trimesh takes half a second.
-    import trimesh
-
-    source = _find(name_or_path)
     transform = Transform(up=up, forward=forward, scale=scale, offset=offset, repair=repair)
+    return ship_mesh(name_or_path, transform, cache=cache).to_trimesh()
+
+
+def ship_mesh(
+    name_or_path: str | Path,
+    transform: Transform | None = None,
+    *,
+    cache: str | Path | None = None,
+) -> ShipMesh:
+    """Return the mesh of `load` without importing trimesh; raises as `load` does."""
+    source, transform = _find(name_or_path), transform or Transform()
     ship, diagnosis, faults = _solid(source, transform, cache)
-    mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
-    mesh.metadata.update(name=source.name, digest=transform.digest(source.digest))
-    mesh.metadata.update(loa=ship.loa, beam=ship.beam)
-    mesh.metadata.update(variant_of=source.variant.base if source.variant else None)
-    mesh.metadata.update(findings=diagnosis.findings, mend=_whole(transform, diagnosis))
-    mesh.metadata.update(faults=faults)
-    return mesh
+    about = {
+        "name": source.name,
+        "digest": transform.digest(source.digest),
+        "loa": ship.loa,
+        "beam": ship.beam,
+        "variant_of": source.variant.base if source.variant else None,
+        "findings": diagnosis.findings,
+        "mend": _whole(transform, diagnosis),
+        "faults": faults,
+    }
+    return ShipMesh(ship.vertices, ship.faces, about)
 
 
 def variants(

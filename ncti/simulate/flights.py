@@ -15,7 +15,7 @@ from ncti.irar.snapshot import Snapshot, ship_window
 from ncti.irar.time_delay import time_delay_integrate
 from ncti.labels import labelled
 from ncti.ladar.budget import LOUDEST, power_ratio
-from ncti.simulate.subject import Ship, check_known, coordinates, generator, mesh_of, seed_of
+from ncti.simulate.subject import Ship, check_known, coordinates, generator, seed_of, trimesh_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -111,7 +111,7 @@ def flight(
         parameters["cnr"] = power_ratio(level)
     passed = Flight(slant_range=slant_range, ship_heading=heading, **parameters)
     stream = generator(rng, aspect=aspect)
-    mesh = mesh_of(ship)
+    mesh = trimesh_of(ship)
     scan = fly(mesh, passed, rng=stream).record(stream)
     window = ship_window(mesh, scan.flight)
     snapshot = segmented(correct(scan, correction, window=window), scan.flight)

@@ -37,8 +37,9 @@ from ncti.simulate.subject import (
 )
 
 if TYPE_CHECKING:
-    import trimesh
     import xarray as xr
+
+    from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -244,9 +245,7 @@ def _check_binning(beam: Beam, pulse_width: float) -> None:
     require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
 
 
-def _check_fits(
-    mesh: trimesh.Trimesh, views: Sequence[View], beam: Beam, pulse_width: float
-) -> None:
+def _check_fits(mesh: Mesh, views: Sequence[View], beam: Beam, pulse_width: float) -> None:
     """Raise `ValueError` if a ship does not fit into the window, or its IFOVs into memory."""
     name, reach = mesh.metadata.get("name", "mesh"), reach_of(mesh.vertices)
     check_window(beam.window, ship=name, reach=reach, pulse_width=pulse_width)
@@ -255,7 +254,7 @@ def _check_fits(
         _check_memory(mesh, level, beam.ifov, bins_of(beam.window, beam.bin_width)[1])
 
 
-def _check_memory(mesh: trimesh.Trimesh, view: View, ifov: float, bins: int) -> None:
+def _check_memory(mesh: Mesh, view: View, ifov: float, bins: int) -> None:
     """Raise `ValueError` if a ship takes too many IFOVs of some range bins."""
     across, up, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
     nearest = float(view.slant_range or 0.0) - depth / 2

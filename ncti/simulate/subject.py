@@ -12,10 +12,14 @@ import numpy as np
 from ncti.checks import require
 from ncti.labels import labelled
 from ncti.render.view import ROLL
-from ncti.ships import digest, load
+from ncti.ships import digest
+from ncti.ships.loading import ship_mesh
+from ncti.ships.shape import ShipMesh
 
 if TYPE_CHECKING:
     import trimesh
+
+    from ncti.ships.shape import Mesh
 
 Ship = Any
 """A name of `ncti.ships.names()`, the path of a sheet or mesh, or a mesh in the ship frame."""
@@ -53,7 +57,7 @@ def check_known(given: Iterable[str], known: Iterable[str], what: str) -> None:
         )
 
 
-def mesh_of(ship: Ship) -> trimesh.Trimesh:
+def mesh_of(ship: Ship) -> Mesh:
     """Return the mesh of a ship, which is a name, a path, or the mesh itself.
 
     Meshes of names and paths are kept while their files have the same content, and are not for
@@ -76,10 +80,16 @@ def mesh_of(ship: Ship) -> trimesh.Trimesh:
     )
 
 
+def trimesh_of(ship: Ship) -> trimesh.Trimesh:
+    """Return the mesh of a ship as `mesh_of`, for flights, which read more of it."""
+    mesh = mesh_of(ship)
+    return mesh.to_trimesh() if isinstance(mesh, ShipMesh) else mesh
+
+
 @lru_cache(maxsize=KEPT)
-def _loaded(ship: str | Path, digest: str) -> trimesh.Trimesh:
+def _loaded(ship: str | Path, digest: str) -> ShipMesh:
     """Return the mesh of a name or path whose content has a digest."""
-    mesh = load(ship)
+    mesh = ship_mesh(ship)
     if mesh.metadata["digest"] != digest:
         raise ValueError(f"ship {ship} was changed while it was read")
     return mesh
@@ -93,7 +103,7 @@ SINGLE = {
 """Factor from SI, unit and label of coordinates that have one value, by their names in stores."""
 
 
-def coordinates(mesh: trimesh.Trimesh, *, aspect: Any, **single: float) -> dict[str, Any]:
+def coordinates(mesh: Mesh, *, aspect: Any, **single: float) -> dict[str, Any]:
     """Return coordinates of a result: the ship, the aspect [deg], and some of `SINGLE` in SI.
 
     xarray makes the title of a plot from those that are single values, in at most 50 characters.

@@ -1,0 +1,39 @@
+"""The mesh of a ship without trimesh, whose import takes longer than a view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+@dataclass(frozen=True, eq=False)
+class ShipMesh:
+    """The mesh of `load` as views take it, which read its vertices, faces and hash.
+
+    `vertices` (n, 3) [m] are in ship axes, `faces` (m, 3) counter-clockwise from outside.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    metadata: dict[str, Any]
+
+    def __hash__(self) -> int:
+        return hash(self.metadata["digest"])  # equal digests mean equal meshes
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """Return the mesh as a trimesh of its own."""
+        import trimesh
+
+        mesh = trimesh.Trimesh(self.vertices, self.faces, process=False)
+        mesh.metadata.update(self.metadata)
+        return mesh
+
+
+Mesh: TypeAlias = "trimesh.Trimesh | ShipMesh"
+"""What views are drawn of."""
