@@ -88,7 +88,7 @@ def command(*modules: Any) -> Command:
 
 
 def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
-    """Write the report of a finished store and its tables, print a page, and draw pictures.
+    """Print the answer of a finished store, then write its page and tables, and draw pictures.
 
     Raises SweepIncomplete if another file is in the place of one of these; all others are written.
     """
@@ -96,7 +96,7 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     from sweeps.report.own import sentence_of
     from sweeps.report.page.write import is_current
     from sweeps.report.screen import screen
-    from sweeps.report.summary import summarize, tables_of, written_page
+    from sweeps.report.summary import finish, print_answer, tables_of, written_page
     from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
@@ -106,10 +106,11 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         with suppress(OSError):  # said of all tables below
             kept += write_work(store, finished.progress)
     frames = tables_of(store)
+    print_answer(store, frames, screen())
     if finished.written or not is_current(store):
         with _said():  # the tables are complete without it
             kept += written_page(store, frames)
-    kept += summarize(store, frames, screen())
+    kept += finish(store, frames, screen())
     if looks("irar")(choices) and choices.one(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 

@@ -33,36 +33,43 @@ def tables_of(path: PathOrUrl) -> dict[str, Frame]:
     return frames | ({work.name: work} if work is not None else {})
 
 
-def summarize(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> list[Path]:
-    """Write the tables of a finished store beside it, and print its answer and where the rest is.
+def print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
+    """Print the headline of a finished store, the accuracy, and its main table."""
+    with page(console) as aside:
+        _print_answer(path, frames, aside)
+
+
+def finish(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> list[Path]:
+    """Write the tables of a finished store beside it, and print where everything is.
 
     Returns the paths at which other files are in the way of tables. Raises OSError if tables cannot
-    be written; the summary is printed anyway.
+    be written; the places are printed anyway.
     """
     try:
         return write_tables(path, frames.values())
     finally:
         with page(console) as aside:
-            _print_answer(path, frames, aside)
             _print_places(path, frames, aside)
 
 
 def report(
     path: PathOrUrl, console: Console, *, table: str | None = None, html: bool = False
 ) -> list[Path]:
-    """Write the tables of a store beside it, then print its summary, or one table whole.
+    """Print the answer of a store, or one table whole, and write its tables beside it.
 
-    With `html`, write the report page first. Returns the paths at which other files are in the way.
+    With `html`, write the report page, too. Returns the paths at which other files are in the way.
     Raises ConfigurationError if files of the store that are read are not as they were written, if
     it has no tables or lacks that one, or if the page cannot be written, and OSError if tables
-    cannot be written beside it; they are printed anyway.
+    cannot be written beside it; the answer or the table is printed anyway.
     """
     check_whole(path, **({"groups": None} if html else {}))
     frames = tables_of(path)
     shown = None if table is None else chosen(frames, table)
+    if shown is None:
+        print_answer(path, frames, console)  # first, since the page takes longer
     kept = written_page(path, frames) if html else []
     if shown is None:
-        return kept + summarize(path, frames, console)
+        return kept + finish(path, frames, console)
     try:
         return kept + write_tables(path, frames.values())
     finally:

@@ -13,15 +13,17 @@ from rich.cells import cell_len
 from rich.console import Console
 from stores import reported, rows_of
 
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.function.sweep import sweep
 from sweeps.report.places import page_file
-from sweeps.report.summary import summarize, tables_of
+from sweeps.report.summary import finish, print_answer, report, tables_of
 
 
 def page(path, width=80):
     """What is printed at the end of a sweep."""
     console = Console(file=io.StringIO(), width=width)
-    summarize(path, tables_of(path), console)
+    print_answer(path, tables_of(path), console)
+    finish(path, tables_of(path), console)
     return console.file.getvalue()
 
 
@@ -44,6 +46,18 @@ def test_it_is_a_headline_one_table_and_where_the_rest_is(smoke_store, monkeypat
     assert "chance 50 %" in unwrapped(text)
     assert text.count("────\n") == 1 and "0-15°" not in text
     assert {"store   sweep.zarr", "page    sweep-report.html"} <= set(lines)
+
+
+def test_the_answer_does_not_wait_for_the_page(smoke_store, monkeypatch):
+    console = Console(file=io.StringIO(), width=80)
+
+    def page_of(*_, **__):
+        assert "Best of 8" in console.file.getvalue()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("sweeps.report.page.write.page_of", page_of)
+    with pytest.raises(ConfigurationError, match="page is not written: No space left"):
+        report(smoke_store, console, html=True)
 
 
 def test_its_rows_are_the_overall_percentages_of_the_files_best_first(smoke_store):
