@@ -72,21 +72,24 @@ def _check_size(where: str, text: str) -> None:
                     raise ShipError(f"{where}: '*{anchor}' holds itself, but no value may.")
                 values += size
             case yaml.ScalarEvent(anchor=anchor, value=value):
-                _check(where, f"has {shown(value)} of {len(value)} characters", len(value), LONGEST)
+                if len(value) > LONGEST:
+                    excess = f"has {shown(value)} of {len(value)} characters"
+                    raise _excessive(where, excess, LONGEST)
                 values += 1
                 size_of[anchor] = 1
             case yaml.CollectionStartEvent(anchor=anchor):
                 opened.append((anchor, values))
-                _check(where, f"is nested {len(opened)} deep", len(opened), DEEPEST)
+                if len(opened) > DEEPEST:
+                    raise _excessive(where, f"is nested {len(opened)} deep", DEEPEST)
                 values += 1
                 size_of[anchor] = None
             case yaml.CollectionEndEvent():
                 anchor, before = opened.pop()
                 size_of[anchor] = values - before
-        excess = f"has {values} values or more, with those that its aliases stand for"
-        _check(where, excess, values, MOST_VALUES)
+        if values > MOST_VALUES:
+            excess = f"has {values} values or more, with those that its aliases stand for"
+            raise _excessive(where, excess, MOST_VALUES)
 
 
-def _check(where: str, excess: str, size: int, most: int) -> None:
-    if size > most:
-        raise ShipError(f"{where}: {excess}, but may be at most {most}.")
+def _excessive(where: str, excess: str, most: int) -> ShipError:
+    return ShipError(f"{where}: {excess}, but may be at most {most}.")
