@@ -21,7 +21,7 @@ from sweeps.report.words import missing
 from sweeps.stages.acn import Network
 from sweeps.stages.classifier import Classifier, RandomAspects
 from sweeps.stages.infrared import Infrared
-from sweeps.stages.ladar import Ladar
+from sweeps.stages.ladar import CORNER, Ladar
 from sweeps.stages.mnn import Mnn
 from sweeps.stages.views import Grid, Scene
 
@@ -33,7 +33,10 @@ GROUPS: dict[str, tuple[type[Settings], ...]] = {
     "mnn": (Scene, Ladar, Classifier, Mnn),
     "acn_infrared": (Scene, Infrared, Classifier, Network),
 }
-"""Settings that must be the default, the article's, by its tables; `article` has the grid's."""
+"""Settings that must be the article's, by its tables; `article` has the grid's."""
+
+ARTICLE = {Ladar.place: CORNER}
+"""The article's values of settings whose default is another."""
 
 SENSOR = "sensor"  # the article's table of the sensor, which is compared at any setting
 LEARNED = "learned"  # aspects that the article tests
@@ -82,14 +85,14 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
     theirs: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
     for number, part in enumerate(frame.parts):
-        defaults = _defaults(part, attributes)
-        if defaults is None:
+        values_of = _article_values(part, attributes)
+        if values_of is None:
             continue
         printed = [row for row in article() if row[0] == part.display.source]
         for label in frame.rows.index[frame.rows["part"] == number]:
             values = frame.records[label]
             row = {axis: values[name] for axis, name in axes.items() if not missing(values[name])}
-            if any(row.get(name) not in (None, *given) for name, given in defaults.items()):
+            if any(row.get(name) not in (None, *given) for name, given in values_of.items()):
                 continue
             row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
             row["bin"] = _bin_start(str(row.get("aspect_bin")))
@@ -111,7 +114,7 @@ def _bin_start(label: str) -> Any:
     return min(BIN_WIDTH * (float(lowest[0]) // BIN_WIDTH), BINS[-1])
 
 
-def _defaults(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] | None:
+def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] | None:
     """Return the article's values of settings that a part has with others, too, by name.
 
     None if the part cannot be compared, or has other values only.
@@ -122,18 +125,19 @@ def _defaults(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] 
     if source not in GROUPS or not _has_source_views(part, attributes):
         return None
     settings = {setting.key: setting for group in GROUPS[source] for setting in group.declared}
-    defaults = {}
+    values_of = {}
     for key, written in flatten(settings.values(), attributes.get("configuration", {})).items():
         setting = settings[key]
         derived = setting.fallback is not None or isinstance(setting.kind, Draws)
         if derived or setting is Classifier.name:
             continue
-        given, default = set(setting.values(written)), set(setting.values(setting.default))
-        if not given & default:
+        given = set(setting.values(written))
+        theirs = set(setting.values(ARTICLE.get(setting, setting.default)))
+        if not given & theirs:
             return None
-        if given - default:
-            defaults[setting.name] = default
-    return defaults
+        if given - theirs:
+            values_of[setting.name] = theirs
+    return values_of
 
 
 def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:

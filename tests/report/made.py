@@ -11,10 +11,13 @@ from sweeps.stages.scores import category_display, score_displays
 UNITS = {"range": "km", "pulse_width": "ns", "aspect": "degree", "cnr": "dB", "ifov": "urad"}
 SHIPS = ("duncan", "horne", "spruance", "texas")
 SOURCE = {
-    "configuration": {"grid": {"ship": list(SHIPS), "aspect": list(range(0, 91, 3))}},
+    "configuration": {
+        "grid": {"ship": list(SHIPS), "aspect": list(range(0, 91, 3))},
+        "ladar": {"place": "corner"},
+    },
     "mesh_digests": {name: ships.digest(name) for name in SHIPS},
 }
-"""Attributes of a store of the article's own ships and aspects, all settings at their defaults."""
+"""Attributes of a store of the article's own ships and aspects, all settings at the article's values."""
 BINS = ("0-27", "30-57", "overall")
 
 

@@ -4,10 +4,14 @@ import copy
 
 import numpy as np
 import pytest
+from commands import chosen
 from made import SOURCE, categories, scores, shown
 from pages import stored
 
 from ncti.article import article_figures
+from sweeps.engine.declare.settings import nested
+from sweeps.engine.store.provenance import as_input
+from sweeps.experiment import EXPERIMENT
 from sweeps.report.frames import read_frames
 
 AXES = {"pulse_width": [10.0, 30.0], "range": 100.0, "vigilance": [0.9, 0.95]}
@@ -37,6 +41,7 @@ def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
     [
         {"grid": {"aspect": [0, 90]}},
         {"ladar": {"cnr": 20.0}},
+        {"ladar": {"place": "random"}},
         {"classifier": {"unknown": ["texas"]}},
         {"digests": {"duncan": "0"}},
         {"range": 50.0},
@@ -62,9 +67,9 @@ def test_nothing_stands_beside_other_views_or_settings(changed, tmp_path):
     assert "article_percent_correct" not in rows
 
 
-def test_of_a_setting_that_is_swept_only_rows_at_its_default_are_compared(tmp_path):
+def test_of_a_setting_that_is_swept_only_rows_at_the_article_s_value_are_compared(tmp_path):
     given = copy.deepcopy(SOURCE)
-    given["configuration"]["ladar"] = {"cnr": [29.0, 32.0]}
+    given["configuration"]["ladar"]["cnr"] = [29.0, 32.0]
     rows = found(tmp_path, given, cnr=[29.0, 32.0])
     cnr = next(name for name in rows if name.startswith("cnr"))
     assert set(rows[rows.article_percent_correct.notna()][cnr]) == {32.0}
@@ -97,3 +102,12 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
         assert row.points_below_bound == pytest.approx(wanted - row.percent_correct, abs=0.11)
     unknown = rows[(rows.classifier == "likelihood") & (rows.gain_sigma == 0.0)]
     assert np.isfinite(unknown.points_below_bound).all()  # knows more: may lie above
+
+
+@pytest.mark.parametrize("name", ["paper", "draws", "table4"])
+def test_the_article_stands_beside_its_own_experiments(name, tmp_path):
+    choices = chosen(f"+experiment={name}")
+    settings = (setting for setting in EXPERIMENT.declared if setting.key in choices.values)
+    written = {one.key: as_input(one, choices[one]) for one in settings}
+    rows = found(tmp_path, SOURCE | {"configuration": nested(written)})
+    assert rows.article_percent_correct.notna().any()
