@@ -17,7 +17,7 @@ SOURCE = {
     },
     "mesh_digests": {name: ships.digest(name) for name in SHIPS},
 }
-"""Attributes of a store of the article's own ships and aspects, all settings at the article's values."""
+"""Attributes of a store of the article's own ships and aspects, with the article's settings."""
 BINS = ("0-27", "30-57", "overall")
 
 
