@@ -31,8 +31,8 @@ with locks.store_lock(place):
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    """Leases of half a second."""
-    monkeypatch.setattr(locks, "LEASE", 0.5)
+    """Leases that a dead owner does not hold for long, and a living one keeps on a busy machine."""
+    monkeypatch.setattr(locks, "LEASE", 2.0)
     monkeypatch.setattr(locks, "POLL_INTERVAL", 0.02)
 
 
@@ -105,7 +105,8 @@ def test_there_is_one_writer_at_a_time(place, monkeypatch):
     assert not beside(path)
 
 
-def test_of_many_that_find_a_dead_owner_one_takes_over(place):
+def test_of_many_that_find_a_dead_owner_one_takes_over(place, monkeypatch):
+    monkeypatch.setattr(locks, "RENEW_INTERVAL", 0.1)
     path, took, start = below(place, "s.zarr"), [], threading.Barrier(6)
     Objects(place, make=True).put(".s.zarr.lock", b"process 1 on host since 2000-01-01T00:00:00")
 
@@ -133,7 +134,7 @@ def test_of_many_that_find_a_dead_owner_one_takes_over(place):
 
 def test_a_slow_answer_of_a_bucket_is_no_silence_of_the_owner(bucket, monkeypatch):
     def slow(objects, name, get=Objects.get_versioned):
-        time.sleep(2 * locks.LEASE)
+        time.sleep(1.1 * locks.LEASE)
         return get(objects, name)
 
     path = below(bucket, "s.zarr")
