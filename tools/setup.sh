@@ -76,3 +76,5 @@ fi
 # --inexact keeps pip and uv itself, which are not the project's dependencies, and other groups.
 "$uv" sync --quiet --compile-bytecode --locked --inexact --no-default-groups "${@/#/--group=}" \
     --python .venv/bin/python
+# Its own modules, too: containers that write no bytecode would compile them at every start.
+.venv/bin/python -m compileall -q -j 0 ncti studies sweeps
