@@ -21,7 +21,7 @@ from sweeps.engine.declare.settings import Choices, Settings, count
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
 from sweeps.stages.infrared import Infrared, check_window
-from sweeps.stages.ladar import BEAM, FULL, Ladar, cnr_at_range
+from sweeps.stages.ladar import BEAM, FULL, Ladar, check_profiles, cnr_at_range
 from sweeps.stages.likelihood import Likelihood
 from sweeps.stages.views import Arrays, Grid, Render, looks, refuse
 
@@ -261,6 +261,7 @@ def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ranges and noise that cannot be compared."""
     if not looks(SENSOR)(choices):
         return choices
+    check_profiles(choices)
     views.require(choices, Ladar.receiver, FULL, f"with the sensor {SENSOR}")
     for spread in choices[Infrared.sea_spread]:
         if {spread} != {*choices[Infrared.target_spread]}:

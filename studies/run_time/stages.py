@@ -35,7 +35,7 @@ from sweeps.stages import views
 from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
 from sweeps.stages.correlation import match_views
-from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Ladar, check_pulses
+from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Ladar, check_profiles, check_pulses
 from sweeps.stages.views import Arrays, Floats, Grid, Keywords, Render, looks, refuse
 
 if TYPE_CHECKING:
@@ -246,6 +246,7 @@ def check(choices: Choices) -> Choices:
     """Drop unavailable engines, and refuse settings that cannot be measured."""
     if not looks(SENSOR)(choices):
         return choices
+    check_profiles(choices)
     reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
     views.require(choices, Render.tolerance, None, reason)
     window, widest_bin = choices.one(Ladar.window), max(choices[RunTime.bin_width])

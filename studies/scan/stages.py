@@ -26,7 +26,7 @@ from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_me
 from sweeps.stages import views
 from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window
-from sweeps.stages.ladar import Ladar
+from sweeps.stages.ladar import Ladar, check_profiles
 from sweeps.stages.likelihood import Likelihood
 from sweeps.stages.views import Arrays, Grid, Render, Scene, looks, quantity, refuse
 
@@ -272,6 +272,7 @@ def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) fields, ranges and rates that cannot be searched."""
     if not looks(SENSOR)(choices):
         return choices
+    check_profiles(choices)
     check_receiver(choices, "likelihood")
     if {*choices[Ladar.ifov], *choices[Infrared.ifov]} != {choices[Ladar.ifov][0]}:
         reason = f"with the sensor {SENSOR}: both sensors look through one aperture"

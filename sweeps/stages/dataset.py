@@ -36,7 +36,7 @@ from sweeps.engine.declare.settings import (
 from sweeps.engine.declare.stage import Condition, Group, Output, coordinate
 from sweeps.stages import views
 from sweeps.stages.infrared import Infrared
-from sweeps.stages.ladar import Ladar
+from sweeps.stages.ladar import Ladar, check_profiles
 from sweeps.stages.views import Arrays, Grid, Hull, Render, Scene, looks, quantity
 
 if TYPE_CHECKING:
@@ -203,6 +203,7 @@ def row_cells() -> Arrays:
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) scenes, ships and ranges of which no rows are made."""
     if looks(SENSOR)(choices):
+        check_profiles(choices)
         views.require(choices, Scene.geometry, "fixed", f"with the sensor {SENSOR}")
         views.require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
         views.check_ranges(choices, Grid.range, Ladar.ifov)

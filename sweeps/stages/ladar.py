@@ -309,15 +309,23 @@ def check(choices: Choices) -> Choices:
         if receiver != FULL and most > MOST_DRAWN:
             allowed = f"at most {MOST_DRAWN} with the {receiver} receiver, which draws each of them"
             views.refuse(Ladar.target_free_ifovs, most, allowed)
-    if set(choices.one(Sweep.sensor)) - {views.INFRARED}:  # flights make profiles, too
-        check_pulses(choices, Ladar.bin_width)
-        if FULL in choices[Ladar.receiver]:
-            _check_window(choices)
+    if {RANGE, views.IRAR} & {*choices.one(Sweep.sensor)}:  # flights make profiles, too
+        check_profiles(choices)
     if looks(RANGE)(choices):
         views.check_ranges(choices, Grid.range, Ladar.ifov)
         if FULL in choices[Ladar.receiver]:
             _check_cnr(choices)
     return choices
+
+
+def check_profiles(choices: Choices) -> None:
+    """Refuse pulses too short for the range bins, or a window too short for a ship.
+
+    The check of each sensor that makes range profiles calls it.
+    """
+    check_pulses(choices, Ladar.bin_width)
+    if FULL in choices[Ladar.receiver]:
+        _check_window(choices)
 
 
 def check_pulses(choices: Choices, bins: Setting) -> None:

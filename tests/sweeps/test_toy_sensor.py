@@ -132,3 +132,10 @@ def test_it_is_described_and_checked_like_the_others(capsys):
     }.items():
         assert ran(*SWEEP, overrides, modules=MODULES) == 2
         assert said in capsys.readouterr().err
+
+
+def test_a_ship_need_not_fit_into_the_window_of_a_radar_that_is_not_there(folder, capsys):
+    short = (*SWEEP, "ladar.window=60", "dry_run=true")
+    assert ran(*short, modules=MODULES) == 0
+    assert ran(*short, "sensor=[range,toy]", "classifier.name=toy", modules=MODULES) == 2
+    assert "ladar.window has 60" in capsys.readouterr().err
