@@ -108,14 +108,14 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     frames = tables_of(store)
     print_answer(store, frames, screen())
     if finished.written or not is_current(store):
-        with _said():  # the tables are complete without it
+        with _reporting_errors():  # the tables are complete without it
             kept += written_page(store, frames)
     kept += finish(store, frames, screen())
     if looks("irar")(choices) and choices.one(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}
-        with _said():
+        with _reporting_errors():
             kept += write_pictures(
                 store, screen(), ship=lambda label: read_mesh(hull.function(ships[label]))
             )
@@ -124,7 +124,7 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
 
 
 @contextmanager
-def _said() -> Iterator[None]:
+def _reporting_errors() -> Iterator[None]:
     """Print a sentence on what cannot be written."""
     from sweeps.engine.declare.errors import ConfigurationError
 

@@ -8,7 +8,7 @@ Place = tuple[float, float]  # right and up [cell]
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
 
 TEMPLATE_PLACES = 8
-"""Places that templates of the likelihood have: at 100 km more name no more ships."""
+"""Places that templates of the likelihood have: at 100 km more improve no score."""
 
 
 def spread_place(number: int) -> Place:

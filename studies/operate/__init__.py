@@ -1,7 +1,7 @@
 """Identification by optimal matching, quick enough for many settings of both sensors at once."""
 
 from studies.operate.costs import relative_cost
-from studies.operate.fleets import bootstrap_places, fleet_order, fleet_shares, views_of_ships
+from studies.operate.fleets import bootstrap_uniforms, fleet_order, fleet_shares, views_of_ships
 from studies.operate.identify import (
     CHANNELS,
     Trial,
@@ -23,7 +23,7 @@ __all__ = [
     "Seen",
     "SilhouetteMatch",
     "Trial",
-    "bootstrap_places",
+    "bootstrap_uniforms",
     "draw_views",
     "fleet_order",
     "fleet_shares",

@@ -42,7 +42,7 @@ def views_of_ships(tests: int, ships: int) -> list[int]:
     return [-(-tests // max(ship, LEAST)) for ship in range(1, ships + 1)]
 
 
-def bootstrap_places(
+def bootstrap_uniforms(
     resamples: int, tests: int, ships: int, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """Return (ship, resample, test) numbers in [0, 1) that choose the views of bootstrap resamples.
@@ -53,12 +53,12 @@ def bootstrap_places(
 
 
 def fleet_shares(
-    evidence: ArrayLike, tests: int, fleets: Sequence[int], places: NDArray[np.float32]
+    evidence: ArrayLike, tests: int, fleets: Sequence[int], uniforms: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (fleet,) and (fleet, resample) shares of views identified among the first n ships.
 
     `evidence` (sample, ship) is the log density of each measurement under each ship, ship by ship,
-    as many as `views_of_ships` gives; `fleets` are the n; `places` are those of `bootstrap_places`.
+    as many as `views_of_ships` gives; `fleets` are the n; `uniforms` as of `bootstrap_uniforms`.
     Resamples draw the views of each ship with replacement.
     """
     values = np.asarray(evidence)
@@ -71,7 +71,7 @@ def fleet_shares(
         which = (start[:fleet, None] + np.arange(each)).ravel()
         named = values[which, :fleet].argmax(axis=1).reshape(fleet, each)
         right = named == np.arange(fleet)[:, None]
-        drawn = (places[:fleet, :, :each] * each).astype(np.intp)
+        drawn = (uniforms[:fleet, :, :each] * each).astype(np.intp)
         again = np.take_along_axis(right[:, None, :], drawn, axis=2)
         share.append(right.mean())
         resampled.append(again.mean(axis=(0, 2)))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.infrared.imager import Imager
-from studies.operate.fleets import bootstrap_places, fleet_order, fleet_shares, views_of_ships
+from studies.operate.fleets import bootstrap_uniforms, fleet_order, fleet_shares, views_of_ships
 from studies.operate.matching import joint_evidence, over_places, relative_densities
 from studies.operate.profiles import ProfileMatch, Radar
 from studies.operate.silhouettes import SilhouetteMatch
@@ -126,7 +126,7 @@ def identify(
     normals = rng.standard_normal(shape, dtype=np.float32)
     rows = views_of_ships(tests, ships)
     drawn = np.concatenate([own[:number] for own, number in zip(normals, rows, strict=True)])
-    places = bootstrap_places(trial.resamples, tests, ships, rng)
+    uniforms = bootstrap_uniforms(trial.resamples, tests, ships, rng)
 
     def matched(p: int, width: float) -> ProfileMatch:
         templates, seen = in_order(signatures["excess"][p], ship, learned, tests)
@@ -152,5 +152,5 @@ def identify(
             of_profile, of_both = joint_evidence(profile), joint_evidence(profile, anywhere)
             for c, of_ships in enumerate((of_profile, of_silhouette, of_both)):
                 at = p, f, slice(None), c
-                share[at], resampled[at] = fleet_shares(of_ships, tests, fleet, places)
+                share[at], resampled[at] = fleet_shares(of_ships, tests, fleet, uniforms)
     return {"share": share, "resampled": resampled}

@@ -106,7 +106,7 @@ def _after_pulse(
     ).tocsr()
     density = seen.fraction.astype(np.float64) * (REFERENCE_BIN / bin_width)
     start = np.concatenate([[0], np.cumsum(seen.samples)])
-    extent = csr_array((density, seen.place, start), shape=(len(seen.samples), bins))
+    extent = csr_array((density, seen.range_bin, start), shape=(len(seen.samples), bins))
     after = (extent @ kernel).tocsr()
     place = np.repeat(seen.view, np.diff(after.indptr)) * bins + after.indices
     return place, after.data

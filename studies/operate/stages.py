@@ -92,7 +92,7 @@ BINS = {name: BEAM[name] for name in ("bin_width", "window", "reflectance")}
 
 @stage(  # arrays of a `Seen`
     Output("fraction", ("sample",)),
-    Output("place", ("sample",), "i2"),
+    Output("range_bin", ("sample",), "i2"),
     Output("samples", ("seen",), "i4"),
     Output("cell", ("seen", "side"), "i2"),
     Output("ifovs", ("view",), "i4"),

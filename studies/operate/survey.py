@@ -30,13 +30,13 @@ class Seen:
     """Range extents of several views of a ship, without empty bins; all attributes are arrays.
 
     `fraction` (sample,) is the projected area visible in a range bin of an IFOV over the IFOV's
-    area, `place` (sample,) the bin, `samples` (ifov,) the number of samples of each IFOV, `cell`
-    (ifov, 2) its column and row, with the ship origin in (0, 0), and `ifovs` (view,) how many see
+    area, `range_bin` (sample,) that bin, `samples` (ifov,) how many each IFOV has, `cell` (ifov, 2)
+    its column and row, with the ship origin in (0, 0), and `ifovs` (view,) how many see
     the ship.
     """
 
     fraction: NDArray[np.float32]
-    place: NDArray[np.int16]
+    range_bin: NDArray[np.int16]
     samples: NDArray[np.int32]
     cell: NDArray[np.int16]
     ifovs: NDArray[np.int32]

@@ -80,22 +80,22 @@ class TrainingSet:
     similarities: Similarities
     views: Indices
     valid: Views
-    see: Callable[[NDArray[Any]], NDArray[Any]]
+    to_vectors: Callable[[NDArray[Any]], NDArray[Any]]
 
     @classmethod
     def of(
-        cls, seen: NDArray[Any], valid: Views, training_views: Views, see: Callable[..., Any]
+        cls, seen: NDArray[Any], valid: Views, training_views: Views, to_vectors: Callable[..., Any]
     ) -> TrainingSet:
         """Return the training set of (ship, aspect, ...) profiles or maps."""
         flat = seen.reshape(1, -1, *seen.shape[2:])
         views = np.flatnonzero(valid & training_views)
-        vectors = see(flat[:, views]).astype(np.float64)
+        vectors = to_vectors(flat[:, views]).astype(np.float64)
         if not vectors.any():  # which is refused by name, with all views that there are
             views = np.arange(valid.size)
-            vectors = see(flat[:, views]).astype(np.float64)
-        return cls(vectors, Similarities.of(vectors), views, valid, see)
+            vectors = to_vectors(flat[:, views]).astype(np.float64)
+        return cls(vectors, Similarities.of(vectors), views, valid, to_vectors)
 
-    def places(self, views: Indices) -> Indices:
+    def rows_of(self, views: Indices) -> Indices:
         """Return the rows of vectors of the numbers of views learned."""
         return np.searchsorted(self.views, views)
 
@@ -110,7 +110,7 @@ class TrainingSet:
         category = np.empty((len(clusterings), count), dtype=np.intp)
         cosine = np.empty((len(clusterings), count))
         for rows in row_blocks(count):
-            seen = self.see(tests[number : number + 1, rows])
+            seen = self.to_vectors(tests[number : number + 1, rows])
             similarities = self.similarities.to(seen.astype(np.float64))
             for c, clustering in enumerate(clusterings):
                 category[c, rows], cosine[c, rows] = clustering.match(similarities)
@@ -123,7 +123,7 @@ class TrainingSet:
         """
 
         def vectors(views: Indices) -> Floats:
-            return self.see(tests[number : number + 1, views]).astype(np.float64)
+            return self.to_vectors(tests[number : number + 1, views]).astype(np.float64)
 
         if tests.shape[1] > HELD_ROWS:
             return vectors
@@ -158,13 +158,14 @@ def form_categories(
         training_category, training_confused : (ship, aspect), negative outside training;
         passes : (), negative where the categories did not settle;
         weights : (sample, coordinate) float64, of `Clustering`, zero below the last category;
-        turn : (view,), the order of all views; taught_by : vigilance, learning rate, passes
+        view_order : (view,), the order of presentation; training_parameters : vigilance, learning
+        rate, passes
     """
     known = training_views & training_set.valid
     ship, aspect = np.indices(known.shape).reshape(2, -1)
-    turn = presentation_order(known.size, *presentation)
+    view_order = presentation_order(known.size, *presentation)
     views = training_set.views
-    order = training_set.places(turn[known.reshape(-1)[turn]])
+    order = training_set.rows_of(view_order[known.reshape(-1)[view_order]])
     clustering = cluster(
         training_set.similarities,
         vigilance=vigilance,
@@ -189,8 +190,8 @@ def form_categories(
         "passes": np.array(clustering.passes if clustering.converged else -clustering.passes),
         "names": names,
         "weights": weights,
-        "turn": turn,
-        "taught_by": np.array([vigilance, learning_rate, max_passes]),
+        "view_order": view_order,
+        "training_parameters": np.array([vigilance, learning_rate, max_passes]),
     }
 
 
@@ -267,13 +268,13 @@ def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringN
 
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
 
-    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
-    presented = turn[training_views.reshape(-1)[turn]]
-    vigilance, learning_rate, passes = formed["taught_by"].tolist()
+    training_views, view_order = formed["training_confused"] >= 0, formed["view_order"]
+    presented = view_order[training_views.reshape(-1)[view_order]]
+    vigilance, learning_rate, passes = formed["training_parameters"].tolist()
     network = AdaptiveClusteringNetwork(
         vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
     )
-    vectors = training_set.vectors[training_set.places(presented)]
+    vectors = training_set.vectors[training_set.rows_of(presented)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
         network.fit(vectors, np.indices(training_views.shape)[0].reshape(-1)[presented])
@@ -288,10 +289,10 @@ def match_learning(
     They are presented in the order of the training, known ships first, so that unknown ones move
     no category before these are compared with it.
     """
-    training_views, turn = formed["training_confused"] >= 0, formed["turn"]
+    training_views, view_order = formed["training_confused"] >= 0, formed["view_order"]
     unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])
-    category, similarity = np.empty(len(turn), dtype=np.intp), np.empty(len(turn))
-    order, match = turn[np.argsort(unknown[turn], kind="stable")], network.follower()
+    category, similarity = np.empty(len(view_order), dtype=np.intp), np.empty(len(view_order))
+    order, match = view_order[np.argsort(unknown[view_order], kind="stable")], network.follower()
     for rows in row_blocks(len(order)):
         category[order[rows]], similarity[order[rows]] = match(shown(order[rows]))
     return category, similarity
@@ -357,8 +358,8 @@ acn_training = OF_RANGE.stage(
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
     inner("names", ("category",), "i2"),
     inner("weights", ("category", "coordinate"), "f8"),
-    inner("turn", ("view",), "i8"),
-    inner("taught_by", ("setting",), "f8"),
+    inner("view_order", ("view",), "i8"),
+    inner("training_parameters", ("setting",), "f8"),
     uses=(Grid, Network),
     reads=SEEN,
     name="acn_training",

@@ -465,7 +465,7 @@ class ClassifierGroup(Group):
 
         def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
             vigilances = choices[Classifier.test_vigilance]
-            # What is known to be unknown is no test of what is not.
+            # Ships that the classifier was told of do not test how it rejects others.
             asked = ~np.isin(choices[Grid.ship], choices.one(Classifier.alternative) or ())
             of_all = known_of(choices).isel(ship=asked), aspects_of(choices), vigilances
             return tabulate_rejection(classified.isel(ship=asked), *of_all)

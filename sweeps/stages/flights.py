@@ -54,7 +54,7 @@ flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
 
 
 def if_flown(function: Callable[..., Result]) -> Callable[..., Result | None]:
-    """Return a function that returns None of a ship that is not flown past, as its course is."""
+    """Return a function that returns None if an argument is None, as of a ship not flown past."""
 
     @wraps(function)
     def called(*given: Any, **named: Any) -> Result | None:

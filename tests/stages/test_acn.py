@@ -230,7 +230,8 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
         views=np.arange(valid.size),
     )
     formed, plain = (form_categories(one, training_views, *how) for one in (training_set, of_all))
-    for name in ("training_category", "training_confused", "training_correct", "passes", "turn"):
+    training = ("training_category", "training_confused", "training_correct")
+    for name in (*training, "passes", "view_order"):
         np.testing.assert_array_equal(formed[name], plain[name], err_msg=name)
     found = answer_tests(training_set, formed, tests[None], valid, "ship", False)
     [clustering] = [acn._clustering(plain)]

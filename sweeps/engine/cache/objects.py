@@ -77,9 +77,9 @@ def make_folder(path: Path, mode: int) -> None:
 def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
     """Translate obstore errors into OSErrors with a message of one line.
 
-    Its number is the operating system's where that is known, else EIO, or UNREACHED of a bucket. A
-    server's message is cut after its status, since it may repeat a key. FileNotFoundError is raised
-    if the object is absent, and ENXIO if the `whole` path is.
+    Its number is the operating system's where that is known, else EIO, or `UNREACHABLE` for a
+    bucket. A server's message is cut after its status, since it may repeat a key.
+    FileNotFoundError is raised if the object is absent, and ENXIO if the `whole` path is.
     """
     try:
         yield

@@ -226,7 +226,7 @@ class Run(Settings, fixed=AFFECTS_NO_RESULT):
     store = text(None, label="folder of the store; null: sweep.zarr")
     cache = text(None, label="place of finished results; null: the user's cache folder")
     cache_limit = number(
-        20, 0, 1e6, unit="GB", label="size of the cache from which on a sweep says it at its end"
+        20, 0, 1e6, unit="GB", label="size of the cache above which a finished sweep says so"
     )
     dry_run = switch(False, label="only print what would be computed")
     partial = switch(False, label="compute nothing, and store the cells that the cache has")

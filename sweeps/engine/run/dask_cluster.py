@@ -57,7 +57,7 @@ ANSWER_SECONDS, ARRIVAL_SECONDS = 10, 60  # for a scheduler's answer; for its fi
 CHECK_INTERVAL = 1.0  # s between checks of workers
 JOB_INTERVAL = 10.0  # s between checks whether a job has ended, for example by its time limit
 LOST_SECONDS = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
-MAX_VAIN_CHECKS = 3  # checks that find jobs ended, and no worker, until jobs are submitted no more
+MAX_VAIN_CHECKS = 3  # in a row without a worker, after which no more jobs are submitted
 SCHEDULER_GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
 
 SCRATCH = "temporary-directory"

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from studies.operate import (
-    bootstrap_places,
+    bootstrap_uniforms,
     fleet_order,
     fleet_shares,
     log_evidence,
@@ -70,11 +70,11 @@ def test_shares_of_some_ships_do_not_depend_on_others():
     rng = np.random.default_rng(2)
     rows = sum(views_of_ships(40, 9))
     evidence = rng.standard_normal((rows, 9))
-    places = bootstrap_places(7, 40, 9, np.random.default_rng(0))
-    share, resampled = fleet_shares(evidence, 40, [4, 9, 6], places)
+    uniforms = bootstrap_uniforms(7, 40, 9, np.random.default_rng(0))
+    share, resampled = fleet_shares(evidence, 40, [4, 9, 6], uniforms)
     fewer = sum(views_of_ships(40, 6))
     alone, again = fleet_shares(
-        evidence[:fewer, :6], 40, [6], bootstrap_places(7, 40, 6, np.random.default_rng(0))
+        evidence[:fewer, :6], 40, [6], bootstrap_uniforms(7, 40, 6, np.random.default_rng(0))
     )
     assert share[2] == alone[0] and np.array_equal(resampled[2], again[0])
 
@@ -85,8 +85,8 @@ def test_resampled_shares_scatter_as_binomials():
     evidence = np.zeros((400, 4))
     own = np.repeat(np.arange(4), 100)
     evidence[np.arange(400), np.where(right.ravel(), own, (own + 1) % 4)] = 1
-    places = bootstrap_places(resamples, tests, 4, np.random.default_rng(1))
-    share, resampled = fleet_shares(evidence, tests, [4], places)
+    uniforms = bootstrap_uniforms(resamples, tests, 4, np.random.default_rng(1))
+    share, resampled = fleet_shares(evidence, tests, [4], uniforms)
     assert share[0] == right.mean()
     variance = (right.mean(axis=1) * (1 - right.mean(axis=1))).sum() / 16 / 100
     # Ship by ship; four standard errors of a mean and of a variance of Gaussians.
