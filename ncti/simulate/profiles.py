@@ -99,7 +99,8 @@ def range_profile(
     target_free_ifovs : int
         IFOVs without target that each frame accumulates besides.
     rng : int or numpy.random.Generator
-        Seed, from which each aspect has a stream of its own, or source of randomness.
+        Seed, from which each aspect has a stream of its own, or source of randomness. The stream
+        is the same for every ship: give each its seed where their noise must be independent.
 
     Returns
     -------
