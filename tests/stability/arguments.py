@@ -25,7 +25,6 @@ SHIFT = {
 }
 FACET = [[0, 1, 2]]
 LINE = mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], FACET)
-ROWS = np.eye(4), ["duncan"] * 4, [0, 0, 1, 1]  # vectors, classes and views
 SIMULATED = {"ship": BOX, "aspect": 30.0, "rng": 0}
 
 # Each function below `ncti`, with arguments that it takes.
@@ -94,19 +93,9 @@ GOOD = {
     "evaluate.compare": {
         **{"first": [True] * 5, "second": [False] * 5, "groups": np.arange(5), "rng": RNG},
     },
-    "evaluate.learning_curve": {
-        "classifier": importlib.import_module("ncti.classify").CorrelationNeighbour(),
-        **{"train": ROWS, "test": ROWS, "views": [1], "draws": [1, 2], "rng": RNG},
-    },
     "evaluate.grouped_accuracy": {
         **{"correct": [True, False], "aspects": [0.0, 3.0], "groups": [0, 1]},
     },
-    "evaluate.isotonic": {"values": [0.1, 0.2]},
-    "evaluate.crossing": {"values": [0.1, 0.9], "places": [1, 2], "level": 0.5},
-    "evaluate.binomial_variance": {"percent": [50.0], "trials": [10]},
-    "evaluate.chi_square": {"simulated": [50.0], "given": [40.0], "variance": [25.0]},
-    "evaluate.posterior_weights": {"chi_square": [1.0, 2.0]},
-    "evaluate.reached": {"simulated": [[50.0]], "given": [40.0], "variance": [[25.0]]},
     "reproduction.assumed": {"number": 0},
     "article.figures": {"aspects": [0.0, 45.0, 90.0]},
     "irar.Correction": {},
@@ -311,24 +300,9 @@ OTHERS = {
         **{"first": [[], [0.5] * 5], "second": [[True] * 4], "groups": [[0]]},
         **{"confidence": [0.0, 1.0, NAN], "resamples": [99, 0.5]},
     },
-    "evaluate.learning_curve": {
-        **{"train": [3, (ROWS[0], ["duncan"], ROWS[2])], "test": [ROWS[:2], (ROWS[0], [], [])]},
-        **{"views": [[0], [3], [0.5], 1], "draws": [[3], [NAN]]},
-    },
     "evaluate.grouped_accuracy": {"correct": [[0.5, 1.0]], "groups": [[0], [NAN, 1.0]]},
-    "evaluate.isotonic": {"values": [[NAN], "rising"]},
-    "evaluate.crossing": {"values": [[NAN, 1.0]], "places": [[1, INF]], "level": [NAN]},
     "evaluate.replicated_accuracy": {"correct": [np.zeros((2, 4, 3)), np.zeros((4, 3), bool)]},
     "evaluate.category_formation": {"labels": [[0], [0.5, 1.0]]},
-    "evaluate.binomial_variance": {"percent": [[-1.0], [101.0], NAN], "trials": [0, NAN]},
-    "evaluate.chi_square": {"variance": [[0.0], [-1.0], NAN], "simulated": [[NAN]]},
-    "evaluate.posterior_weights": {
-        **{"chi_square": [[], [[1.0]], [-1.0], [NAN]], "effective": [0.5, 3, NAN]},
-    },
-    "evaluate.reached": {
-        **{"simulated": [[50.0], [[NAN]]], "given": [[40.0, 30.0]], "level": [0, NAN]},
-        **{"variance": [[25.0], [[0.0]]]},
-    },
     "reproduction.assumed": {"number": [-1, 0.5, 10**12], "seed": [-1, 0.5]},
     "article.figures": {"aspects": [[0.0, 45.0]]},
     "irar.Flight": {

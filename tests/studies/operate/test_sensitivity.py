@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ncti.evaluate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
+from studies.operate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 
 
 def ishigami(x):
@@ -23,11 +23,6 @@ def test_indices_of_the_ishigami_function():
     assert (np.abs(indices.first - expected) < 2 * indices.first_interval + 1e-3).all()
     assert (np.abs(indices.total - totals) < 2 * indices.total_interval + 1e-3).all()
     assert indices.names == ("a", "b", "c") and (indices.total_interval < 0.1).all()
-
-
-def test_numbers_of_samples_are_powers_of_two():
-    with pytest.raises(ValueError, match=r"samples is 1000, but must be a power of 2"):
-        sobol_indices(ishigami, {"a": (0.0, 1.0)}, samples=1000)
 
 
 def test_interpolant_is_exact_for_multilinear_functions_of_logarithms():
