@@ -71,9 +71,6 @@ GOOD = {
     "classify.cluster": {"similarities": SIMILARITIES, "vigilance": 0.9, "order": np.arange(3)},
     "classify.Similarities.of": PIECES,
     "classify.label_posterior": {"scores": np.zeros((2, 4)), "labels": list("abcd")},
-    "classify.calibration.fit_temperature_and_outliers": {
-        **{"scores": np.eye(2), "labels": [0, 1], "truth": [0, 1]},
-    },
     "evaluate.wilson_interval": {"successes": 1, "trials": 3},
     "evaluate.aspect_bins": {"aspects": [3.0]},
     "evaluate.open_set_scores": {
@@ -103,22 +100,6 @@ GOOD = {
     "irar.azimuth_shift": SHIFT,
     "irar.Course": {"speed": 90.0, "heading": 0.0},
     "irar.mirror_rotation": {"depression": 6.7},
-    "irar.clusters.histogram_cluster_average": {"ranges": [1.0, 2.0], "window": 4.0},
-    "irar.clutter.clutter": {
-        **{"places": np.zeros((1, 2)), "deviation": 1.0, "length": 1.0, "rng": RNG},
-    },
-    "irar.looks.gather_looks": {
-        **{"row": [0.0, 1.0], "column": [0.0, 1.0], "rows": [0, 1], "columns": 2},
-    },
-    "irar.profiling.range_profile": {
-        **{"intensity": [1.0, 2.0], "down_range": [0.5, 1.5], "start": 0.0, "bins": 4},
-    },
-    "irar.segmentation.noise_threshold": {
-        **{"looks": 10, "depth": 300.0, "pulse_length": 4.5, "dropout": 4.0, "false_alarm": 0.01},
-    },
-    "irar.segmentation.segment": {
-        **{"intensity": [7.0, 8.0], "range_": [1.0, 2.0], "threshold": 5.0},
-    },
     "irar.landmarks": {"profile": np.eye(9)[4], "down_range": np.arange(9.0)},
     "irar.profile_correlation": {"first": np.arange(5.0), "second": np.arange(5.0)},
     "irar.tilts": {"image": np.eye(8), "truth": np.eye(8)},
@@ -287,9 +268,6 @@ OTHERS = {
     "features.segment": {
         **{"image": [np.zeros(4), np.zeros((0, 4))], "contrast": [None, -1.0]},
     },
-    "classify.calibration.fit_temperature_and_outliers": {
-        "truth": [[0], [0, 0, 0], [[0, 0]], [0, 7]],
-    },
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
     "evaluate.score": {
         **{"y": [[], [NAN, 1.0], ["roberts", "roberts"], [["duncan", "texas"]]]},
@@ -325,10 +303,6 @@ OTHERS = {
     },
     "irar.azimuth_shift": {"slant_range": [0]},
     "irar.mirror_rotation": {"depression": [90]},
-    "irar.clutter.clutter": {"rng": [3]},
-    "irar.profiling.range_profile": {"intensity": [[1.0, NAN]]},
-    "irar.segmentation.noise_threshold": {"false_alarm": [0.0, 0.7]},
-    "irar.segmentation.segment": {"threshold": [[5.0, 5.0, 5.0], -1.0]},
     "irar.landmarks": {
         "profile": [np.ones((2, 2)), np.full(9, NAN)],
         "down_range": [np.arange(8.0), -np.arange(9.0), np.arange(9.0) ** 3],
