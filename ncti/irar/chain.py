@@ -353,4 +353,5 @@ def profile(
     place = np.searchsorted(edges, down_range, side="right") - 1  # NaN sorts beyond the last
     inside = (place >= 0) & (place < bins)
     counted = np.nan_to_num(snapshot.intensity).ravel()[inside]
-    return np.bincount(place[inside], weights=counted, minlength=int(bins)) * share
+    summed = np.bincount(place[inside], weights=counted, minlength=int(bins)).astype(np.float64)
+    return summed * share

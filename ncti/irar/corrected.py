@@ -65,8 +65,8 @@ Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 
-@dataclass(frozen=True)
-class Chain:
+@dataclass(frozen=True, kw_only=True)
+class Chain(Correction):
     """A chain of corrections.
 
     Attributes
@@ -74,7 +74,7 @@ class Chain:
     chain : str
         `exact`, or as printed by the article [1]_, `printed` or `printed_pulse_rate`.
     azimuth, mirror, range_filter : str
-        As of `ncti.irar.Correction`, for the exact chain.
+        As of `Correction`, for the exact chain.
     segmentation_threshold : float or None
         As of `ncti.irar.segmented`, in noise powers.
 
@@ -90,20 +90,12 @@ class Chain:
     Examples
     --------
     >>> from ncti.irar import Chain
-    >>> Chain(mirror="none").correction.azimuth
+    >>> Chain(mirror="none").azimuth
     'pixel'
     """
 
     chain: str = EXACT
-    azimuth: str = "pixel"
-    mirror: str = "exact"
-    range_filter: str = "cluster"
     segmentation_threshold: float | None = None
-
-    @property
-    def correction(self) -> Correction:
-        """The exact corrections."""
-        return Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
 
     def correct(
         self, scan: Scan, estimate: Flight, window: Window | None = None, overscanned: bool = False
@@ -112,13 +104,13 @@ class Chain:
         where: dict[str, Any] = {"estimate": estimate, "window": window}
         if self.chain != EXACT:
             return correct_as_printed(scan, rate=RATES[self.chain], **where)
-        return correct(scan, self.correction, overscanned=overscanned, **where)
+        return correct(scan, self, overscanned=overscanned, **where)
 
     def tilt(self, scan: Scan, images: Any, truths: Any, estimate: Flight, window: Window) -> Tilt:
         """Return the tilt of corrected images; only exact corrections give the places of looks."""
         if self.chain != EXACT:
             return tilts(images, truths)
-        row, column, _ = places(scan, self.correction, estimate=estimate)
+        row, column, _ = places(scan, self, estimate=estimate)
         return tilts(images, truths, places=(row - window.bottom, column - window.left))
 
     def window(self, mesh: trimesh.Trimesh, flight: Flight, error: tuple[str, float]) -> Window:
