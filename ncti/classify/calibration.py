@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_labels
+from ncti.checks import require, require_all, require_labels, require_shape
 from ncti.classify.between import CIRCLE, halves
 from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import label_posterior, members, posterior_of
@@ -111,16 +111,13 @@ def likely_outlier_fraction(
 
 
 def fit_temperature_and_outliers(
-    pieces: Sequence[Callable[[], Floats]],
-    labels: NDArray[np.intp],
-    truth: NDArray[np.intp],
-    weights: Floats,
+    scores: ArrayLike, labels: ArrayLike, truth: ArrayLike, *, weight: ArrayLike = 1.0
 ) -> tuple[float, float]:
     """Return the factor that turns scores into log densities, and their outlier fraction.
 
-    Scores (sample, template) are made piece by piece; `labels` (template,) are numbers from 0 on,
-    `truth` and `weights` (sample,). The factor is 0 if no sample has two different scores, or all
-    templates have one label.
+    `scores` and `labels` are those of `ncti.classify.label_posterior`; `truth` (sample,), `weight`
+    (sample,). The factor is 0 if no sample has two different scores, or all templates have one
+    label.
 
     Temperature scaling (Guo et al., ICML 2017, arXiv:1706.04599): numbers fitted to samples other
     than those to be classified, which do not change the order of templates, but decide the weight
@@ -130,6 +127,32 @@ def fit_temperature_and_outliers(
     with p the posterior at the inverse temperature s; s and e maximise its likelihood, with one
     right and one wrong answer added, as n correct answers in n do not make the next one certain
     (Platt, in Advances in Large Margin Classifiers, MIT Press 1999).
+    """
+    values, names = require_all("scores", scores), require_labels("labels", labels)
+    true, weights = require_labels("truth", truth), require_all("weight", weight, minimum=0)
+    require_shape("weight", weights, (), true.shape)
+    weights = np.broadcast_to(weights, true.shape)
+    classes, _ = label_posterior(values, names)
+    if true.shape != values.shape[:1] or not true.size or not np.isin(true, classes).all():
+        raise ValueError(
+            f"truth has shape {true.shape}, but must be one label of a template for each of "
+            f"{len(values)} samples, one or more"
+        )
+    pieces = [partial(values.__getitem__, rows) for rows in row_blocks(len(values))]
+    return _likeliest(
+        pieces, np.searchsorted(classes, names), np.searchsorted(classes, true), weights
+    )
+
+
+def _likeliest(
+    pieces: Sequence[Callable[[], Floats]],
+    labels: NDArray[np.intp],
+    truth: NDArray[np.intp],
+    weights: Floats,
+) -> tuple[float, float]:
+    """Return `fit_temperature_and_outliers` of scores that are made piece by piece.
+
+    Labels and truth are numbers, all of which are labels of templates.
     """
     classes = int(labels.max()) + 1
     ptp = np.concatenate([np.ptp(piece(), axis=1) for piece in pieces])
@@ -195,5 +218,5 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     for phase in range(phases):
         others = product((False, True), np.delete(np.arange(phases), phase), row_blocks(views))
         pieces = [partial(piece, other, rows, left_out) for left_out, other, rows in others]
-        constants[:, phase] = fit_temperature_and_outliers(pieces, names, truth, weight)
+        constants[:, phase] = _likeliest(pieces, names, truth, weight)
     return constants

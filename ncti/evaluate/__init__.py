@@ -3,6 +3,7 @@
 from ncti.evaluate.answers import tabulate_categories, tabulate_scores
 from ncti.evaluate.categories import CategoryFormation, category_formation
 from ncti.evaluate.comparison import Comparison, compare
+from ncti.evaluate.learning import LearningCurve, learning_curve
 from ncti.evaluate.open_set import OpenSetScores, open_set_scores, rejection_thresholds
 from ncti.evaluate.rejection import tabulate_rejection
 from ncti.evaluate.replicates import grouped_accuracy, paired_difference, replicated_accuracy
@@ -13,6 +14,7 @@ __all__ = [
     "AspectAccuracy",
     "CategoryFormation",
     "Comparison",
+    "LearningCurve",
     "OpenSetScores",
     "Reliability",
     "Scores",
@@ -21,6 +23,7 @@ __all__ = [
     "category_formation",
     "compare",
     "grouped_accuracy",
+    "learning_curve",
     "open_set_scores",
     "paired_difference",
     "rejection_thresholds",

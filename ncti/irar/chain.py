@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_word
+from ncti.checks import require, require_all, require_shape, require_word
 from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks, looks_of, median
@@ -274,9 +274,10 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
     >>> print(f"{np.count_nonzero(image.intensity) * flight.pixel**2:.0f} m^2")
     212 m^2
     """
-    if threshold is not None:
-        require("threshold", threshold, minimum=0.0)
-    least = sea_level(snapshot.looks, flight) if threshold is None else threshold
+    level = sea_level(snapshot.looks, flight) if threshold is None else threshold
+    least = require_all("threshold", level, minimum=0.0)
+    require_shape("range_", snapshot.range, snapshot.intensity.shape)
+    require_shape("threshold", least, (), snapshot.intensity.shape)
     ship = snapshot.intensity >= least
     # Zero is also a valid range, that of the ship's origin, so NaN marks none.
     intensity = np.where(ship, snapshot.intensity, 0.0)
@@ -345,6 +346,7 @@ def profile(
     """
     require("bins", bins, whole=True, minimum=1)
     require("bin_width", bin_width, positive=True)
+    require_shape("down_range", snapshot.range, snapshot.intensity.shape)
     share = math.prod(
         float(place[1] - place[0]) for place in (snapshot.row, snapshot.column) if len(place) > 1
     )

@@ -29,6 +29,8 @@ def histogram_cluster_average(ranges: NDArray[np.float64], *, window: float) -> 
     omit a true look: without false ranges the error is 5 % above that of the mean at 8 looks. A
     false range counts only if it falls beside true ones.
     """
+    if np.isinf(ranges).any():
+        raise ValueError("ranges holds an infinite value, but must be finite or NaN")
     ordered = np.sort(ranges, axis=-1).reshape(-1, ranges.shape[-1])  # NaN last
     average = np.empty(len(ordered))
     for block in range(0, len(ordered), _BLOCK):

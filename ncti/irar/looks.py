@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.checks import require, require_all
+
 Floats = NDArray[np.float64]
 
 
@@ -19,7 +21,9 @@ def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> 
     ascending row, then in their own order, then -1 up to the depth of the fullest pixel, at least
     1.
     """
-    wide, high = columns, len(rows)
+    require_all("rows", rows)
+    require("columns", columns, whole=True, minimum=1)
+    wide, high = int(columns), len(rows)
     # Column of each sample, and the range of rows whose windows contain it.
     place = np.searchsorted(np.arange(wide + 1) - 0.5, column.ravel(), side="right") - 1
     # A sample belongs to windows first to last - 1: begun and not yet ended.
@@ -48,7 +52,12 @@ def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
 
     `values` (...) are one per sample, and `index` that of `gather_looks`.
     """
-    return np.append(np.asarray(values, dtype=np.float64), math.nan)[index]  # -1 is the last
+    flat = np.asarray(values, dtype=np.float64).ravel()
+    if index.max(initial=-1) >= flat.size:
+        raise ValueError(
+            f"index is {int(index.max())} at most, but must be below the {flat.size} values"
+        )
+    return np.append(flat, math.nan)[index]  # -1 is the last
 
 
 def average(values: ArrayLike, index: NDArray[np.intp]) -> Floats:

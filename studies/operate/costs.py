@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.checks import require_all
 from ncti.ladar.beam import Beam, Signal
 
 FRAMES, CNR, IFOV = 16, 10 * math.log10(Signal.cnr), Beam.ifov
@@ -24,6 +25,9 @@ def relative_cost(frame_count: ArrayLike, cnr: ArrayLike, ifov: ArrayLike) -> ND
     so the energy sent to the box as frames CNR. Pulses of any width carry the same energy. The cost
     of a faster detector and that of the imager are not counted.
     """
-    frames, level, side = (np.asarray(a, dtype=np.float64) for a in (frame_count, cnr, ifov))
+    frames = np.asarray(frame_count, dtype=np.float64)
+    if not (frames >= 0).all():
+        raise ValueError(f"frame_count is {frame_count!r}, but must be at least 0")
+    level, side = require_all("cnr", cnr), require_all("ifov", ifov, positive=True)
     cost: NDArray[np.float64] = frames / FRAMES * 10 ** ((level - CNR) / 10) * (IFOV / side) ** 2
     return cost

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ncti.checks import require
+
 Floats = NDArray[np.float64]
 
 
@@ -43,6 +45,11 @@ def sobol_indices(
     alone: noise of the figure shows in the indices of resampled figures. Needs
     ``ncti-sweep[design]``.
     """
+    require("samples", samples, minimum=2, whole=True)
+    if samples & (samples - 1):
+        raise ValueError(f"samples is {samples}, but must be a power of 2")
+    for name, (low, high) in bounds.items():
+        require(f"bounds[{name!r}]", high - low, positive=True)
     from SALib.analyze import sobol as analysis
     from SALib.sample import sobol as sampling
 

@@ -199,7 +199,7 @@ def test_inverse_temperature_and_outlier_fraction_are_found_together(scale, shar
     """
     logs, truth = mistaken(4000, share, seed=11)
     inverse_temperature, outlier_fraction = fit_temperature_and_outliers(
-        [lambda: logs / scale], np.arange(4), truth, np.ones(len(truth))
+        logs / scale, np.arange(4), truth
     )
     assert abs(outlier_fraction - share) < 4 * np.sqrt(share * (1 - share) / 4000)
     assert inverse_temperature == pytest.approx(scale, rel=0.2)

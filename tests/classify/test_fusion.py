@@ -17,13 +17,6 @@ from ncti.classify.fusion import similarity_between_phases, with_outliers
 LABELS = np.repeat([0, 1, 2, 3], 5)  # four ships, five aspects
 
 
-def fitted(scores, labels, truth, weight=1.0):
-    """Inverse temperature and outlier fraction of scores in one piece."""
-    weights = np.broadcast_to(weight, len(truth))
-    pieces = [lambda: np.asarray(scores, dtype=float)]
-    return fit_temperature_and_outliers(pieces, np.array(labels), truth, weights)
-
-
 def looks(rng, samples, *, sigma, size=6, templates=None):
     """True templates, and exact log densities of noisy looks at them."""
     templates = rng.normal(size=(20, size)) if templates is None else templates
@@ -77,10 +70,10 @@ def test_exact_densities_are_found_to_be_exact(scale):
     """
     rng = np.random.default_rng(1)
     which, logs, _ = looks(rng, 4000, sigma=1.5)
-    found, _ = fitted(logs / scale, LABELS, LABELS[which])
+    found, _ = fit_temperature_and_outliers(logs / scale, LABELS, LABELS[which])
     assert found == pytest.approx(scale, rel=0.1)
     # Nothing but the unit of the scores changes, so all are one number: to the search's tolerance.
-    alone, _ = fitted(logs, LABELS, LABELS[which])
+    alone, _ = fit_temperature_and_outliers(logs, LABELS, LABELS[which])
     assert found == pytest.approx(scale * alone, rel=1e-4)
 
 
@@ -98,7 +91,7 @@ def test_a_sensor_that_is_always_right_does_not_drown_another():
     """
     rng = np.random.default_rng(8)
     logs, truth = apart(rng, 124, 8.0)
-    factor, outliers = fitted(100 * logs, [0, 1], truth)
+    factor, outliers = fit_temperature_and_outliers(100 * logs, [0, 1], truth)
     sure = np.array([[0.0, -2.5 * np.log(126)]])
     wrong = with_outliers([[-3200.0 * factor, 0.0]], [0, 1], outlier_fraction=outliers)
     both = label_posterior(fuse(sure, wrong, inverse_temperature=(1.0, 1.0)), [0, 1])[1]
@@ -112,7 +105,7 @@ def test_calibrated_probabilities_come_true():
     """
     rng = np.random.default_rng(3)
     which, logs, templates = looks(rng, 4000, sigma=1.5)
-    factor, outliers = fitted(logs / 40, LABELS, LABELS[which])
+    factor, outliers = fit_temperature_and_outliers(logs / 40, LABELS, LABELS[which])
     which, logs, _ = looks(rng, 8000, sigma=1.5, templates=templates)
     _, posterior = label_posterior(factor * logs / 40, LABELS)
     posterior = (1 - outliers) * posterior + outliers / 4
@@ -156,7 +149,7 @@ def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
         rows = [np.delete(one, phase, axis=0).reshape(-1, len(labels)) for one in (scores, unlike)]
         truth = np.tile(labels, 2 * (phases - 1))
         weight = np.repeat([1 - FRESH, FRESH], len(truth) // 2)
-        plain = fitted(np.concatenate(rows), labels, truth, weight=weight)
+        plain = fit_temperature_and_outliers(np.concatenate(rows), labels, truth, weight=weight)
         # Where the search stops hangs on rounding, but not by more than its tolerance.
         np.testing.assert_allclose(constants, plain, rtol=1e-6)
 

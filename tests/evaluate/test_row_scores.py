@@ -8,11 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 from sklearn.metrics import roc_auc_score
+from sklearn.neighbors import KNeighborsClassifier
 
 from ncti.evaluate import (
     accuracy_by_aspect,
     compare,
     grouped_accuracy,
+    learning_curve,
     score,
     wilson_interval,
 )
@@ -152,6 +154,24 @@ def test_equal_classifiers_are_told_apart_as_often_as_the_level_says():
         refused += outcome.p_value < 0.05
         outside += not outcome.ci_low <= 0 <= outcome.ci_high
     assert max(refused, outside) <= 32
+
+
+def test_larger_subsets_of_a_learning_curve_hold_the_smaller_ones():
+    seen = []
+
+    class Watched(KNeighborsClassifier):
+        def fit(self, X, y):
+            seen.append(set(X[:, 0]))
+            return super().fit(X, y)
+
+    view = np.repeat(np.arange(30), 4)
+    X, y = np.arange(120.0)[:, None], np.array(["duncan", "texas", "horne"])[view % 3]
+    sizes = {"views": [1, 4, 10], "draws": [1, 4], "rng": rng()}
+    curve = learning_curve(Watched(1), (X, y, view), (X, y, view), **sizes)
+    np.testing.assert_array_equal(curve.rows, [[3, 12], [12, 48], [30, 120]])
+    assert all(small <= large for small, large in zip(seen[:-2], seen[2:], strict=True))
+    assert all(small <= large for small, large in zip(seen[::2], seen[1::2], strict=True))
+    assert curve.fraction[-1, -1] == 1.0
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ SHIFT = {
 }
 FACET = [[0, 1, 2]]
 LINE = mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], FACET)
+ROWS = np.eye(4), ["duncan"] * 4, [0, 0, 1, 1]  # vectors, classes and views
 SIMULATED = {"ship": BOX, "aspect": 30.0, "rng": 0}
 
 # Each function below `ncti`, with arguments that it takes.
@@ -71,6 +72,9 @@ GOOD = {
     "classify.cluster": {"similarities": SIMILARITIES, "vigilance": 0.9, "order": np.arange(3)},
     "classify.Similarities.of": PIECES,
     "classify.label_posterior": {"scores": np.zeros((2, 4)), "labels": list("abcd")},
+    "classify.calibration.fit_temperature_and_outliers": {
+        **{"scores": np.eye(2), "labels": [0, 1], "truth": [0, 1]},
+    },
     "evaluate.wilson_interval": {"successes": 1, "trials": 3},
     "evaluate.aspect_bins": {"aspects": [3.0]},
     "evaluate.open_set_scores": {
@@ -89,6 +93,10 @@ GOOD = {
     },
     "evaluate.compare": {
         **{"first": [True] * 5, "second": [False] * 5, "groups": np.arange(5), "rng": RNG},
+    },
+    "evaluate.learning_curve": {
+        "classifier": importlib.import_module("ncti.classify").CorrelationNeighbour(),
+        **{"train": ROWS, "test": ROWS, "views": [1], "draws": [1, 2], "rng": RNG},
     },
     "evaluate.grouped_accuracy": {
         **{"correct": [True, False], "aspects": [0.0, 3.0], "groups": [0, 1]},
@@ -268,6 +276,9 @@ OTHERS = {
     "features.segment": {
         **{"image": [np.zeros(4), np.zeros((0, 4))], "contrast": [None, -1.0]},
     },
+    "classify.calibration.fit_temperature_and_outliers": {
+        "truth": [[0], [0, 0, 0], [[0, 0]], [0, 7]],
+    },
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
     "evaluate.score": {
         **{"y": [[], [NAN, 1.0], ["roberts", "roberts"], [["duncan", "texas"]]]},
@@ -277,6 +288,10 @@ OTHERS = {
     "evaluate.compare": {
         **{"first": [[], [0.5] * 5], "second": [[True] * 4], "groups": [[0]]},
         **{"confidence": [0.0, 1.0, NAN], "resamples": [99, 0.5]},
+    },
+    "evaluate.learning_curve": {
+        **{"train": [3, (ROWS[0], ["duncan"], ROWS[2])], "test": [ROWS[:2], (ROWS[0], [], [])]},
+        **{"views": [[0], [3], [0.5], 1], "draws": [[3], [NAN]]},
     },
     "evaluate.grouped_accuracy": {"correct": [[0.5, 1.0]], "groups": [[0], [NAN, 1.0]]},
     "evaluate.replicated_accuracy": {"correct": [np.zeros((2, 4, 3)), np.zeros((4, 3), bool)]},

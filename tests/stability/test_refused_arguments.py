@@ -8,7 +8,7 @@ from arguments import GOOD, found, refused
 
 from ncti import classify, evaluate
 from ncti.classify.between import cells
-from ncti.classify.calibration import fit_outlier_fraction
+from ncti.classify.calibration import fit_outlier_fraction, fit_temperature_and_outliers
 from ncti.classify.fusion import with_outliers
 from ncti.features.profile import estimated_floor
 
@@ -103,6 +103,10 @@ CALLS = {
     "cells": (
         cells,
         {"mean": PROFILES, "labels": NAMES, "aspect": ASPECTS, "correlation": np.eye(1, BINS)[0]},
+    ),
+    "temperature and outliers": (
+        fit_temperature_and_outliers,
+        {"scores": SCORES, "labels": NAMES, "truth": NAMES, "weight": np.ones(VIEWS)},
     ),
     "with_outliers": (
         with_outliers,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +61,9 @@ def _stamp(*stores: PathOrUrl) -> str:
 
 def _code() -> str:
     """Return a digest of the code that writes a page."""
-    digest = hashlib.sha256(version("ncti-sweep").encode())
+    digest = hashlib.sha256()
+    with suppress(PackageNotFoundError):
+        digest.update(version("ncti-sweep").encode())
     for file in sorted(FOLDER.rglob("*")):
         if file.suffix in SOURCES:
             digest.update(hashlib.sha256(file.read_bytes()).digest())

@@ -25,6 +25,11 @@ def test_indices_of_the_ishigami_function():
     assert indices.names == ("a", "b", "c") and (indices.total_interval < 0.1).all()
 
 
+def test_numbers_of_samples_are_powers_of_two():
+    with pytest.raises(ValueError, match=r"samples is 1000, but must be a power of 2"):
+        sobol_indices(ishigami, {"a": (0.0, 1.0)}, samples=1000)
+
+
 def test_interpolant_is_exact_for_multilinear_functions_of_logarithms():
     axes = [np.array([1.0, 3.0, 20.0]), np.array([2.0, 5.0])]
     x, y = np.meshgrid(*map(np.log, axes), indexing="ij")

@@ -1,0 +1,158 @@
+"""Learning curves: accuracy over the number of training views, and of draws of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ncti.checks import require, require_all, require_generator, require_labels, require_shape
+from ncti.evaluate.replicates import grouped_accuracy
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LearningCurve:
+    """Accuracy over the number of training views and of draws.
+
+    Attributes
+    ----------
+    views, draws : tuple of int
+        Training views of a class, and rows of a view.
+    fraction, ci_low, ci_high : (view, draw) float64 ndarray
+        Share of right answers, and the ends of its 95 % interval.
+    rows : (view, draw) intp ndarray
+        Training rows.
+
+    See Also
+    --------
+    learning_curve : Returns it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.evaluate import LearningCurve
+    >>> one = np.array([[0.5]])
+    >>> LearningCurve((4,), (1,), one, one - 0.1, one + 0.1, np.array([[8]])).fraction.item()
+    0.5
+    """
+
+    views: tuple[int, ...]
+    draws: tuple[int, ...]
+    fraction: Floats
+    ci_low: Floats
+    ci_high: Floats
+    rows: NDArray[np.intp]
+
+
+def learning_curve(
+    classifier: Any,
+    train: tuple[ArrayLike, ArrayLike, ArrayLike],
+    test: tuple[ArrayLike, ArrayLike, ArrayLike],
+    *,
+    views: Sequence[int],
+    draws: Sequence[int],
+    rng: np.random.Generator,
+) -> LearningCurve:
+    """Return the accuracy of a classifier over the number of training views and of draws.
+
+    Parameters
+    ----------
+    classifier : scikit-learn classifier
+        A copy of it is fitted to each subset.
+    train, test : tuple of (row, feature), (row,) and (row,) array_like
+        Vectors, classes and views, as `ncti.to_numpy` returns them.
+    views : sequence of int
+        Training views of each class.
+    draws : sequence of int
+        Rows of each of them.
+    rng : numpy.random.Generator
+        Draws the order in which views are added; rows of a view are added in theirs.
+
+    Returns
+    -------
+    LearningCurve
+
+    Raises
+    ------
+    ValueError
+        If lengths differ, a class has fewer views, or a view fewer rows, than asked for.
+
+    See Also
+    --------
+    score : Scores of one training.
+
+    Notes
+    -----
+    Smaller subsets are parts of larger ones, so that a curve shows the gain from more data, and
+    not the luck of another draw. The interval is of the tests, for this training.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ncti.classify import CorrelationNeighbour
+    >>> from ncti.evaluate import learning_curve
+    >>> X = np.repeat([[1.0, 0.1], [1.0, 0.4], [0.1, 1.0], [0.5, 1.0]], 2, axis=0)
+    >>> y, view = np.repeat(["duncan", "texas"], 4), np.repeat(np.arange(4), 2)
+    >>> of = {"views": [1, 2], "draws": [1, 2], "rng": np.random.default_rng(0)}
+    >>> curve = learning_curve(CorrelationNeighbour(), (X, y, view), (X, y, view), **of)
+    >>> curve.rows.tolist(), curve.fraction.min()
+    ([[2, 4], [4, 8]], np.float64(1.0))
+    """
+    # Imported here because scikit-learn takes a second.
+    from sklearn.base import clone
+
+    require_generator("rng", rng)
+    for name, rows_of in (("train", train), ("test", test)):
+        if not isinstance(rows_of, Sequence) or len(rows_of) != 3:
+            said = " ".join(repr(rows_of).split())
+            raise ValueError(f"{name} is {said:.60}, but must be vectors, classes and views")
+    (vectors, labels, groups), (seen, truth, of) = (
+        (require_all("X", X), require_labels("y", y), require_labels("groups", view))
+        for X, y, view in (train, test)
+    )
+    for name, X, of_rows in (("train", vectors, (labels, groups)), ("test", seen, (truth, of))):
+        for array in of_rows:
+            require_shape(name, array, X.shape[:1])
+    for name, given in (("views", views), ("draws", draws)):
+        wanted = require_all(name, given, whole=True, minimum=1)
+        require_shape(name, wanted, (wanted.size,))
+    _, of_class = np.unique(labels, return_inverse=True)
+    several, first, of_view = np.unique(groups, return_index=True, return_inverse=True)
+    if not np.array_equal(of_class, of_class[first][of_view]):
+        raise ValueError("groups has a view of several classes, but a view must be of one")
+    shuffled = rng.permutation(len(several))
+    turn = np.empty(len(several), dtype=np.intp)
+    turn[shuffled] = _places(of_class[first][shuffled])
+    rank = turn[of_view]
+    order = _places(of_view)
+    of_classes, of_views = np.bincount(of_class[first]), np.bincount(of_view)
+    for name, values, most in (("views", views, of_classes), ("draws", draws, of_views)):
+        for value in values:
+            require(f"each of {name}", value, maximum=most.min())
+    fraction, low, high = np.empty((3, len(views), len(draws)))
+    rows = np.empty(fraction.shape, dtype=np.intp)
+    everywhere = np.zeros(len(truth))
+    for place in np.ndindex(fraction.shape):
+        inside = (rank < views[place[0]]) & (order < draws[place[1]])
+        named = clone(classifier).fit(vectors[inside], labels[inside]).predict(seen)
+        accuracy = grouped_accuracy(named == truth, everywhere, of)
+        fraction[place], low[place], high[place] = (
+            ends[-1] for ends in (accuracy.fraction, accuracy.ci_low, accuracy.ci_high)
+        )
+        rows[place] = inside.sum()
+    return LearningCurve(tuple(views), tuple(draws), fraction, low, high, rows)
+
+
+def _places(kinds: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the number of equal elements before each."""
+    by_kind = np.argsort(kinds, kind="stable")
+    counts = np.bincount(kinds)
+    before = np.repeat(np.cumsum(counts) - counts, counts)
+    places = np.empty(len(kinds), dtype=np.intp)
+    places[by_kind] = np.arange(len(kinds)) - before
+    return places
