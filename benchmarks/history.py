@@ -22,9 +22,9 @@ from benchmarks.reports import Column, Report
 from benchmarks.views import DEPRESSION, EDGES, PULSE_WIDTH
 from ncti.ladar import RangeExtent, range_extent
 from ncti.ladar.pulse import target_response
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import Sampling
 from ncti.render.view import ROLL, View
+from studies.run_time.reference import reference_range_extent
 from sweeps.stages.views import LINES, Render, image
 
 if TYPE_CHECKING:

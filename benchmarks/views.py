@@ -27,9 +27,9 @@ from benchmarks.methods import (
 )
 from benchmarks.reports import Column, Report, Sample
 from ncti.ladar.pulse import target_kernel
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import LineImage, available_engines
 from ncti.render.view import View
+from studies.run_time.reference import reference_range_extent
 from sweeps.engine.run.process import ONE_THREAD, environment
 
 DEPRESSION = 3.84  # of the article's experiment [deg]

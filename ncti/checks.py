@@ -24,7 +24,7 @@ UNITS = {
         "dB": "decibels cnr_db",
         "dB/m": "extinction",
         "K": "contrast contrasts contrast_at_zero nedt deviation sea_sigma sea_spread "
-        "sea_temperature target_sigma target_spread",
+        "sea_temperature target_sigma target_spread temperature",
     }.items()
     for name in names.split()
 }

@@ -27,11 +27,11 @@ from ncti.ladar import (
     sample_frames,
 )
 from ncti.ladar.pulse import target_kernel
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import Sampling, drawn_range, line_image
 from ncti.render.choice import choose_engine
 from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL
+from studies.run_time.reference import reference_range_extent
 from sweeps.stages.views import Render, image
 
 STEP = 3.0  # between templates [deg]

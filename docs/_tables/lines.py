@@ -18,11 +18,11 @@ from benchmarks.timing import in_turn, patched
 from benchmarks.views import DEPRESSION
 from ncti.ladar import RangeExtent, range_extent
 from ncti.ladar.pulse import target_kernel
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import Sampling, drawn_range, threads
 from ncti.render.choice import choose_engine
 from ncti.render.far_field import reach_of
 from ncti.render.view import ROLL, View
+from studies.run_time.reference import reference_range_extent
 from sweeps.stages.views import LINES, Render, image
 
 ASPECTS = tuple(float(aspect) for aspect in range(0, 91, 15))  # [deg]

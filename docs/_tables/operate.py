@@ -16,7 +16,6 @@ from benchmarks.reports import Column, Report
 from docs._tables.proof import Alone, proven
 from docs._tables.sweeping import choices_of, swept
 from ncti.classify.likelihood import GaussianTemplates
-from ncti.evaluate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_extent, sample_frames
 from ncti.render import LineImage
 from studies.operate import (
@@ -31,6 +30,7 @@ from studies.operate import (
     signatures,
 )
 from studies.operate.identify import LEFT_OUT
+from studies.operate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 from studies.operate.stages import Operate
 from studies.operate.survey import DRAWN_FOR
 from studies.operate.tables import LEVEL, frames_needed

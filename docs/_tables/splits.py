@@ -14,8 +14,8 @@ from benchmarks.reports import Column, Report
 from docs._tables.repeated import Interval
 from docs._tables.sweeping import swept
 from ncti.data.splits import OUTSIDERS, SPLITS
-from ncti.evaluate import tabulate_differences, tabulate_rows
 from studies.benchmark.stages import ENTRIES, REFERENCE, SENSOR, TESTS
+from studies.benchmark.summary import tabulate_differences, tabulate_rows
 from sweeps.report.words import WORDS, shown
 
 HELD_OUT = 3  # seeds, for the ranking

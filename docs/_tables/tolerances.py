@@ -20,8 +20,8 @@ from benchmarks.reports import Column, Report, Sample
 from benchmarks.timing import patched
 from ncti.ladar import Beam, RangeExtent, extent_within, pixels, range_extent, sampling
 from ncti.ladar.pulse import target_response
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import View, available_engines, line_image, range_image, threads
+from studies.run_time.reference import reference_range_extent
 
 Floats = NDArray[np.float64]
 

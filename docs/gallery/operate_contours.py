@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from ncti.evaluate import crossing
+from studies.operate.sufficiency import crossing
 
 store, picture = sys.argv[1:]
 operated = xr.open_zarr(store, group="operate").load()

@@ -156,10 +156,19 @@ def _accuracy(
         gone = (*(other for other in kinds if other != kind), -2)
         return count.sum(axis=gone) @ member, hits.sum(axis=gone) @ member
 
-    # Equivalent number of independent answers, for the bins together and for the whole.
-    levels = [by_level(kind) for kind in (None, *kinds)]
+    return _of_levels([by_level(kind) for kind in (None, *kinds)], confidence)
+
+
+def _of_levels(
+    levels: list[tuple[Floats, Floats]], confidence: float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return (..., bin) fractions of right answers, the ends of their intervals, and answers.
+
+    `levels` are those of `_equivalent_answers`; the last bin holds all.
+    """
     n, k = (array.sum(axis=-2) for array in levels[0])
     fraction = k / np.maximum(n, 1.0)
+    # Equivalent number of independent answers, for the bins together and for the whole.
     equivalent = np.empty(n.shape)
     for bins in (slice(0, -1), slice(-1, None)):
         those = [(answers[..., bins], rights[..., bins]) for answers, rights in levels]
@@ -225,15 +234,7 @@ def grouped_accuracy(correct: ArrayLike, aspects: ArrayLike, groups: ArrayLike) 
     for array, rows in ((count, slice(None)), (hits, right)):
         np.add.at(array, (view[rows], index[rows]), 1.0)
         array[:, -1] = array[:, :-1].sum(axis=1)
-    n, k = count.sum(axis=0), hits.sum(axis=0)
-    fraction = k / n  # a bin has an answer
-    equivalent = np.empty(n.shape)
-    for bins in (slice(0, -1), slice(-1, None)):
-        levels = [(count[:, bins], hits[:, bins])]
-        equivalent[bins] = _equivalent_answers(levels, fraction[-1], CONFIDENCE)
-    low, high = wilson_interval(
-        np.minimum(fraction * equivalent, equivalent), equivalent, confidence=CONFIDENCE
-    )
+    fraction, low, high, n = _of_levels([(count, hits)], CONFIDENCE)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
 
 

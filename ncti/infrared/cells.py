@@ -57,7 +57,7 @@ def places_of_bits(
     """Return the positions (point,) across and up [m] of an image's set bits, row by row.
 
     `bits` (byte,) are pixels in the order of rows, the first in the highest bit; `pixel` [m] and
-    `corner` are pixel and origin of `ncti.render.image.Lattice`, `turn` cosine and sine of its
+    `corner` are pixel and origin of `ncti.render.RangeImage`, `turn` cosine and sine of its
     roll.
     """
     # Count the set bits, to allocate the result.

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.infrared.silhouette import Extent, Silhouette, coverage_of, silhouette
-from ncti.render.image import Lattice, RangeImage
+from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
+from ncti.render.view import turn_of
 
 if TYPE_CHECKING:
     from ncti.render.mask import Mask
@@ -88,7 +89,7 @@ class Hits:
             return Patches(*lines.bounds, pixel**2, lines)
         from ncti.infrared.cells import places_of_bits  # numba takes long to import
 
-        lattice = pixel, (left, bottom), Lattice(pixel, (left, bottom), roll).turn
+        lattice = pixel, (left, bottom), turn_of(roll)
         horizontal, vertical = places_of_bits(self.bits, self.columns, *lattice)
         return Patches(-horizontal if mirrored else horizontal, vertical, pixel**2)
 

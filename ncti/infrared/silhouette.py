@@ -335,16 +335,6 @@ def _window(
     )
 
 
-def _cell(
-    points: NDArray[np.float64], footprint: float, phase: float, subdivision: int
-) -> NDArray[np.int64]:
-    """Return the number of the cell of each point, counted from the pixel of the ship origin."""
-    place = points * (1 / footprint)
-    place += phase
-    place *= subdivision
-    return np.floor(place, out=place).astype(np.int64)
-
-
 def _pixels(
     axis: str,
     points: NDArray[np.float64],
@@ -355,8 +345,9 @@ def _pixels(
 ) -> tuple[int, int]:
     """Return the first and last pixel of the window along one axis, without the margin."""
     if low is None or high is None:
-        ends = np.array([points.min(), points.max()])
-        first, last = _cell(ends, footprint, phase, 1).tolist()
+        first, last = (
+            math.floor(end * (1 / footprint) + phase) for end in (points.min(), points.max())
+        )
         return first, last
     require(f"extent ({axis}, low end)", low, minimum=-LARGEST)
     require(f"extent ({axis}, high end)", high, minimum=low, maximum=LARGEST)

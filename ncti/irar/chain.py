@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require_word
+from ncti.checks import require, require_all, require_shape, require_word
 from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks, looks_of, median
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
-from ncti.irar.profiling import RANGE_BIN, range_profile
 from ncti.irar.registration import (
     MOTION_METHODS,
     mirror_displacement,
@@ -22,7 +21,7 @@ from ncti.irar.registration import (
     rotated,
 )
 from ncti.irar.scan import Scan
-from ncti.irar.segmentation import noise_threshold, segment
+from ncti.irar.segmentation import noise_threshold
 from ncti.irar.snapshot import Snapshot, Window, centres, window_of
 from ncti.irar.time_delay import time_delay_integrate
 
@@ -30,6 +29,7 @@ Floats = NDArray[np.float64]
 
 RANGE_FILTERS = ("cluster", "median", "mean")
 MIRROR_METHODS = (*MIRROR_FORMS, "rotation", "none")
+RANGE_BIN = 1.0  # m; the down-range resolution of the sensor
 FALSE_ALARM = 1e-3
 """Probability that a pixel of the sea passes the threshold."""
 
@@ -274,9 +274,14 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
     >>> print(f"{np.count_nonzero(image.intensity) * flight.pixel**2:.0f} m^2")
     212 m^2
     """
-    least = sea_level(snapshot.looks, flight) if threshold is None else threshold
-    intensity, ranges = segment(snapshot.intensity, snapshot.range, threshold=least)
-    return replace(snapshot, intensity=intensity, range=ranges)
+    level = sea_level(snapshot.looks, flight) if threshold is None else threshold
+    least = require_all("threshold", level, minimum=0.0)
+    require_shape("range_", snapshot.range, snapshot.intensity.shape)
+    require_shape("threshold", least, (), snapshot.intensity.shape)
+    ship = snapshot.intensity >= least
+    # Zero is also a valid range, that of the ship's origin, so NaN marks none.
+    intensity = np.where(ship, snapshot.intensity, 0.0)
+    return replace(snapshot, intensity=intensity, range=np.where(ship, snapshot.range, math.nan))
 
 
 def profile(
@@ -314,7 +319,9 @@ def profile(
 
     Notes
     -----
-    The intensities of all pixels are added by range [1]_.
+    The intensities of all pixels are added by range [1]_. A pixel counts as a point: if bins are
+    narrower than the range that a pixel spans on a grazing deck, the deck appears as a comb (Figure
+    16 of the article).
 
     References
     ----------
@@ -337,14 +344,16 @@ def profile(
     >>> int(profile(image, flight, bins=61).argmax()) - 30
     -21
     """
+    require("bins", bins, whole=True, minimum=1)
+    require("bin_width", bin_width, positive=True)
+    require_shape("down_range", snapshot.range, snapshot.intensity.shape)
     share = math.prod(
         float(place[1] - place[0]) for place in (snapshot.row, snapshot.column) if len(place) > 1
     )
-    summed = range_profile(
-        np.nan_to_num(snapshot.intensity),
-        snapshot.range - flight.slant_range,
-        start=-bins * bin_width / 2,
-        bins=bins,
-        bin_width=bin_width,
-    )
+    edges = -bins * bin_width / 2 + bin_width * np.arange(int(bins) + 1)
+    down_range = (snapshot.range - flight.slant_range).ravel()
+    place = np.searchsorted(edges, down_range, side="right") - 1  # NaN sorts beyond the last
+    inside = (place >= 0) & (place < bins)
+    counted = np.nan_to_num(snapshot.intensity).ravel()[inside]
+    summed = np.bincount(place[inside], weights=counted, minlength=int(bins)).astype(np.float64)
     return summed * share

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ncti.checks import require
 from ncti.irar.flight import Flight
 
 CLUSTER = 4.0
@@ -19,7 +18,7 @@ def cluster_width(flight: Flight) -> float:
     return CLUSTER * max(flight.range_sigma, 1e-3)
 
 
-def histogram_cluster_average(ranges: ArrayLike, *, window: float) -> NDArray[np.float64]:
+def histogram_cluster_average(ranges: NDArray[np.float64], *, window: float) -> NDArray[np.float64]:
     """Return the mean of the most populated cluster of ranges [m], NaN without a look.
 
     `ranges` (..., look) are corrected for motion, NaN marks no look; `window` [m] is the widest
@@ -30,19 +29,13 @@ def histogram_cluster_average(ranges: ArrayLike, *, window: float) -> NDArray[np
     omit a true look: without false ranges the error is 5 % above that of the mean at 8 looks. A
     false range counts only if it falls beside true ones.
     """
-    require("window", window, positive=True)
-    looks = np.asarray(ranges, dtype=np.float64)
-    if looks.ndim == 0:
-        raise ValueError("ranges is one number, but must have an axis of looks")
-    if np.isinf(looks).any():
+    if np.isinf(ranges).any():
         raise ValueError("ranges holds an infinite value, but must be finite or NaN")
-    if not looks.size:
-        return np.full(looks.shape[:-1], np.nan)
-    ordered = np.sort(looks, axis=-1).reshape(-1, looks.shape[-1])  # NaN last
+    ordered = np.sort(ranges, axis=-1).reshape(-1, ranges.shape[-1])  # NaN last
     average = np.empty(len(ordered))
     for block in range(0, len(ordered), _BLOCK):
         average[block : block + _BLOCK] = _densest(ordered[block : block + _BLOCK].T, window)
-    return average.reshape(looks.shape[:-1])
+    return average.reshape(ranges.shape[:-1])
 
 
 def _densest(looks: NDArray[np.float64], window: float) -> NDArray[np.float64]:

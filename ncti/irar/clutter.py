@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_generator
 from ncti.irar.flight import Flight
 
 Floats = NDArray[np.float64]
@@ -50,9 +49,6 @@ def clutter(
     The field lies still on the water: lines that overscan a place see the same of it, so that it
     does not average away, as detector noise does. Moving waves and glint are left out.
     """
-    require("deviation", deviation, minimum=0.0)
-    require("length", length, positive=True)
-    require_generator("rng", rng)
     vectors = rng.standard_normal((WAVES, 2)) * (math.sqrt(2.0) / length)
     phases = rng.random(WAVES) * (2 * math.pi)
     seen = np.isfinite(places).all(axis=-1)

@@ -38,7 +38,6 @@ NO_ERROR = ("none", 0.0)
 LEAST_SEEN = 20
 """Number of pixels above the threshold from which they are a ship, not false alarms."""
 
-SOURCES = ("measured", "noiseless", "synthetic", "point")
 STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are measured within this of it
 HANGAR = 4.0  # m either side of its spike, without which profiles are correlated, too
 HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
@@ -54,19 +53,29 @@ ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
 """Share of the highest peak at which a ship begins. A bare deck, all that returns where the transom
 is dark, reaches 0.02; pixels of a level lattice spread as much beyond a sloping stern."""
 
-MEASURED = (
-    *("stern_to_hangar", "stern_to_bridge", "transom_ratio", "mast_position", "mast_ratio"),
-    *("forward_position", "forward_ratio", "transom_energy", "mast_energy", "forward_energy"),
-    "deck_spikes",
-)
-"""Names of the landmarks of a profile that are compared."""
+SOURCES = tuple(ENDS)
+
+LANDMARKS = {
+    "stern_to_hangar": ("distance from the stern end to the hangar's spike", "m"),
+    "stern_to_bridge": ("distance from the stern end to the front of the forward structure", "m"),
+    "transom_ratio": ("highest peak within 5 m of the stern, relative to the hangar's", "1"),
+    "mast_position": ("distance of the main mast past the hangar", "m"),
+    "mast_ratio": ("peak of the main mast, relative to the hangar's", "1"),
+    "forward_position": ("distance of the forward block's peak past the hangar", "m"),
+    "forward_ratio": ("peak of the forward block, relative to the hangar's", "1"),
+    "transom_energy": ("returns within 1.5 m of the transom's peak, relative to the hangar's", "1"),
+    "mast_energy": ("returns within 1.5 m of the main mast's peak, relative to the hangar's", "1"),
+    "forward_energy": ("returns within 1.5 m of the forward peak, relative to the hangar's", "1"),
+    "deck_spikes": ("number of peaks between the transom and the hangar", "1"),
+}
+"""Label and unit of each figure of a profile that is compared."""
 
 Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 
-@dataclass(frozen=True)
-class Chain:
+@dataclass(frozen=True, kw_only=True)
+class Chain(Correction):
     """A chain of corrections.
 
     Attributes
@@ -74,7 +83,7 @@ class Chain:
     chain : str
         `exact`, or as printed by the article [1]_, `printed` or `printed_pulse_rate`.
     azimuth, mirror, range_filter : str
-        As of `ncti.irar.Correction`, for the exact chain.
+        As of `Correction`, for the exact chain.
     segmentation_threshold : float or None
         As of `ncti.irar.segmented`, in noise powers.
 
@@ -90,20 +99,12 @@ class Chain:
     Examples
     --------
     >>> from ncti.irar import Chain
-    >>> Chain(mirror="none").correction.azimuth
+    >>> Chain(mirror="none").azimuth
     'pixel'
     """
 
     chain: str = EXACT
-    azimuth: str = "pixel"
-    mirror: str = "exact"
-    range_filter: str = "cluster"
     segmentation_threshold: float | None = None
-
-    @property
-    def correction(self) -> Correction:
-        """The exact corrections."""
-        return Correction(azimuth=self.azimuth, mirror=self.mirror, range_filter=self.range_filter)
 
     def correct(
         self, scan: Scan, estimate: Flight, window: Window | None = None, overscanned: bool = False
@@ -112,13 +113,13 @@ class Chain:
         where: dict[str, Any] = {"estimate": estimate, "window": window}
         if self.chain != EXACT:
             return correct_as_printed(scan, rate=RATES[self.chain], **where)
-        return correct(scan, self.correction, overscanned=overscanned, **where)
+        return correct(scan, self, overscanned=overscanned, **where)
 
     def tilt(self, scan: Scan, images: Any, truths: Any, estimate: Flight, window: Window) -> Tilt:
         """Return the tilt of corrected images; only exact corrections give the places of looks."""
         if self.chain != EXACT:
             return tilts(images, truths)
-        row, column, _ = places(scan, self.correction, estimate=estimate)
+        row, column, _ = places(scan, self, estimate=estimate)
         return tilts(images, truths, places=(row - window.bottom, column - window.left))
 
     def window(self, mesh: trimesh.Trimesh, flight: Flight, error: tuple[str, float]) -> Window:
@@ -260,9 +261,8 @@ def compare_profiles(
     marks: list[Landmarks | None] = [None] * len(SOURCES)
     if astern:
         near = (spike - HANGAR_REACH, spike + HANGAR_REACH)
-        for k, line in enumerate(profiles):
+        for k, (line, end) in enumerate(zip(profiles, ENDS.values(), strict=False)):
             with suppress(NothingSeenError):
-                end = ENDS[SOURCES[k]]
                 marks[k] = landmarks(line, down_range, hangar=near, end=end)
     figures = [_figures(mark, ship in PERRY) for mark in marks]
     alike = partial(profile_correlation, measured, noiseless)
@@ -273,7 +273,9 @@ def compare_profiles(
         "hangar_spike_offset": np.array(
             figures[0].get("hangar", math.nan) - figures[1].get("hangar", math.nan)
         ),
-        **{name: np.array([figure.get(name, math.nan) for figure in figures]) for name in MEASURED},
+        **{
+            name: np.array([figure.get(name, math.nan) for figure in figures]) for name in LANDMARKS
+        },
     }
 
 

@@ -7,16 +7,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_shape
+from ncti.checks import require, require_all
+
+Floats = NDArray[np.float64]
 
 
-def gather_looks(
-    row: ArrayLike,
-    column: ArrayLike,
-    *,
-    rows: ArrayLike,
-    columns: int,
-) -> NDArray[np.intp]:
+def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> NDArray[np.intp]:
     """Return the samples of each pixel, (k, columns, look) indices into the flattened samples.
 
     `row` and `column` (...) [pixel] place each sample, NaN none; `rows` (k,) [pixel] are ascending
@@ -25,20 +21,14 @@ def gather_looks(
     ascending row, then in their own order, then -1 up to the depth of the fullest pixel, at least
     1.
     """
-    row, column = np.asarray(row, dtype=np.float64), np.asarray(column, dtype=np.float64)
-    require_shape("column", column, row.shape)
-    centres = require_all("rows", rows)
-    if centres.ndim != 1 or (np.diff(centres) < 0).any():
-        raise ValueError(
-            f"rows is {np.array2string(centres, threshold=6)}, but must be ascending centres"
-        )
+    require_all("rows", rows)
     require("columns", columns, whole=True, minimum=1)
-    wide, high = int(columns), len(centres)
+    wide, high = int(columns), len(rows)
     # Column of each sample, and the range of rows whose windows contain it.
     place = np.searchsorted(np.arange(wide + 1) - 0.5, column.ravel(), side="right") - 1
     # A sample belongs to windows first to last - 1: begun and not yet ended.
-    first = np.searchsorted(centres + 0.5, row.ravel(), side="right")
-    last = np.searchsorted(centres - 0.5, row.ravel(), side="right")
+    first = np.searchsorted(rows + 0.5, row.ravel(), side="right")
+    last = np.searchsorted(rows - 0.5, row.ravel(), side="right")
     inside = (place >= 0) & (place < wide) & (first < last)
     samples = np.flatnonzero(inside)
     samples = samples[np.lexsort((row.ravel()[samples], place[samples]))]
@@ -57,7 +47,7 @@ def gather_looks(
     return index
 
 
-def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
+def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
     """Return the looks (row, column, look) of each pixel, NaN after the last.
 
     `values` (...) are one per sample, and `index` that of `gather_looks`.
@@ -70,7 +60,7 @@ def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
     return np.append(flat, math.nan)[index]  # -1 is the last
 
 
-def average(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
+def average(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
     """Return the mean (row, column) over the looks of each pixel, NaN where there is none.
 
     Arguments are those of `looks_of`; NaN marks no look. N independent looks improve the
@@ -84,7 +74,7 @@ def average(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), math.nan)
 
 
-def median(values: ArrayLike, index: NDArray[np.intp]) -> NDArray[np.float64]:
+def median(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
     """Return the median (row, column) over the looks of each pixel, NaN where there is none.
 
     It is not in the article, but a reference for `ncti.irar.clusters.histogram_cluster_average`.

@@ -1,13 +1,13 @@
-"""Segmentation of the active images: the ship against the noise of the sea."""
+"""Threshold between a ship and the noise of the sea, in active images."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ncti.checks import require, require_all, require_shape
+from ncti.checks import require_all
 from ncti.irar.receiver import noise_below
 
 _STEP = 1 / 32  # noise powers, of one look's distribution
@@ -16,26 +16,13 @@ _NEVER = 1e-300  # least probability, so that its logarithm is finite
 _WRAPPED = 12.0  # a fraction exp(-12) of the false alarms may be wrapped around
 
 
-def segment(
-    intensity: ArrayLike, range_: ArrayLike, *, threshold: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return intensity and range (...) where the intensity reaches a threshold, else 0 and NaN.
-
-    `intensity` (...) is in any unit, NaN without a look; `threshold` one for all pixels or one per
-    pixel. The article sets both images to zero below an unstated threshold ('Data Enhancement and
-    Compensation'). Zero is also a valid range, that of the ship's origin, so NaN marks none here.
-    """
-    power = np.asarray(intensity, dtype=np.float64)
-    distance = np.asarray(range_, dtype=np.float64)
-    require_shape("range_", distance, power.shape)
-    least = require_all("threshold", threshold, minimum=0.0)
-    require_shape("threshold", least, (), power.shape)
-    ship = power >= least
-    return np.where(ship, power, 0.0), np.where(ship, distance, math.nan)
-
-
 def noise_threshold(
-    looks: ArrayLike, *, depth: float, pulse_length: float, dropout: float, false_alarm: float
+    looks: NDArray[np.intp],
+    *,
+    depth: float,
+    pulse_length: float,
+    dropout: float,
+    false_alarm: float,
 ) -> NDArray[np.float64]:
     """Return the intensity (...) that averaged noise of a pixel without a target rarely reaches.
 
@@ -52,18 +39,14 @@ def noise_threshold(
     except for dropouts: where few peaks are reported, the number of reports that make an alarm
     rises in steps.
     """
-    counts = require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
-    require("depth", depth, minimum=0.0)
-    require("pulse_length", pulse_length, positive=True)
-    require("dropout", dropout, minimum=0.0)
-    require("false_alarm", false_alarm, minimum=1e-9, maximum=0.5)
-    if not counts.size:
-        return counts
+    require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
+    if not looks.size:
+        return np.empty(looks.shape)
     # Imported here because scipy takes a tenth of a second.
     from scipy import fft
 
     share, step = _noise_look(depth, pulse_length, dropout)
-    numbers, place = np.unique(counts, return_inverse=True)
+    numbers, place = np.unique(looks, return_inverse=True)
     # Window of the sum about its mean, by Bernstein's inequality. The rest of its distribution
     # wraps around into the window.
     value = np.arange(len(share)) * step
@@ -87,7 +70,7 @@ def noise_threshold(
         more, less = above[at], max(above[at - 1], _NEVER)
         inside = math.log(more / false_alarm) / math.log(more / less)
         thresholds[i] = (low[i] + size - 1.5 - at + inside) * step
-    return (np.maximum(thresholds, dropout) / numbers)[place].reshape(counts.shape)
+    return (np.maximum(thresholds, dropout) / numbers)[place].reshape(looks.shape)
 
 
 def _noise_look(

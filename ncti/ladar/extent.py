@@ -321,11 +321,11 @@ def range_extent(
     """
     require("slant_range", slant_range, positive=True, maximum=FARTHEST)
     require("ifov", ifov, positive=True, maximum=1.0)
-    bins_of(window, bin_width)
+    half_window, bin_count = bins_of(window, bin_width)
     require("spread", spread, minimum=0.0)
     require_word("reflectance", reflectance, ("projected_area", "lambertian"))
     require_each("shift", shift, 2, minimum=-MOST_SHIFT, maximum=MOST_SHIFT)
-    right, up = float(shift[0]), float(shift[1])
+    shift = float(shift[0]), float(shift[1])
     check_made_at(image.slant_range, slant_range)
     side = ifov * slant_range
     if side < image.resolution:
@@ -333,68 +333,26 @@ def range_extent(
             f"ifov is {ifov!r} rad, but must be at least {image.resolution / slant_range:.3g} rad, "
             f"the {image.resolution:g} m resolution of the range image at {slant_range:g} m"
         )
-
-    return binned_extent(
-        image,
-        slant_range=slant_range,
-        ifov=ifov,
-        bin_width=bin_width,
-        window=window,
-        spread=spread,
-        reflectance=reflectance,
-        shift=(right, up),
-    )
-
-
-def binned_extent(
-    image: RangeImage | LineImage,
-    *,
-    slant_range: float,
-    ifov: float,
-    bin_width: float,
-    window: float,
-    spread: float = 0.5,
-    reflectance: str = "projected_area",
-    shift: tuple[float, float] = (0.0, 0.0),
-) -> RangeExtent:
-    """Return `range_extent` of checked parameters, for lines at any spacing."""
-    side = ifov * slant_range
-    half_window, bin_count = bins_of(window, bin_width)
-    right, up = shift
     lambertian = reflectance == "lambertian"
-    strands = np.zeros((0, 0))
     # Pieces of lines are integrated exactly, and in strands for the error estimate.
     if isinstance(image, LineImage):
-        parts = image.bin(
+        cell, area, strands, reach = image.bin(
             side=side,
-            shift=(right, up),
+            shift=shift,
             slant_range=slant_range,
             near=-half_window,
             bin_width=bin_width,
             bin_count=bin_count,
             weight=image.cosine if lambertian else None,
         )
-        if parts.reach >= slant_range:
+        if reach >= slant_range:
             _check_clear(image, image.piece[:, 2:], slant_range)
-        _check_reach(parts.reach, half_window)
-        cell = parts.cell
-        fraction, strands = parts.area / side**2, parts.strands / side**2
-        reach = parts.reach
-    # Pixels are spread over boxes in range, sorted into IFOVs and binned; for the error estimate,
-    # every second row and column also as an image of its own, of pixels twice as wide.
-    else:
-        from ncti.ladar import pixels  # numba takes long to import
-
-        hit = np.nonzero(image.hit)
-        _check_clear(image, image.down_range[hit], slant_range)
-        r, horizontal, vertical = pixels.places(image, hit, slant_range)
-        reach = float(np.abs(r).max(initial=0.0))
         _check_reach(reach, half_window)
-        area, half_width = pixels.boxes(image, hit, side=side, spread=spread, lambertian=lambertian)
-        cell, index = pixels.tile(horizontal / side + right, vertical / side + up)
-        middle, half = (r + half_window) / bin_width, half_width / bin_width
-        fraction = pixels.bin_boxes(index, middle, half, area, len(cell), bin_count)
-        strands = pixels.strands(hit, middle, half, area, bin_count)
+        fraction, strands = area / side**2, strands / side**2
+    else:
+        bins = half_window, bin_width, bin_count
+        how: dict[str, Any] = {"side": side, "spread": spread, "lambertian": lambertian}
+        cell, fraction, strands, reach = _of_pixels(image, slant_range, shift, bins, **how)
     return RangeExtent(
         fraction=fraction,
         down_range=bin_width * (np.arange(bin_count, dtype=np.float64) + 0.5) - half_window,
@@ -404,9 +362,39 @@ def binned_extent(
         slant_range=slant_range,
         strands=strands,
         line_count=image.count if isinstance(image, LineImage) else 0,
-        shift=(right, up),
+        shift=shift,
         far_field_error=_far_field_error(image, reach, slant_range),
     )
+
+
+def _of_pixels(
+    image: RangeImage,
+    slant_range: float,
+    shift: tuple[float, float],
+    bins: tuple[float, float, int],
+    *,
+    side: float,
+    spread: float,
+    lambertian: bool,
+) -> tuple[NDArray[np.int64], Floats, Floats, float]:
+    """Return IFOVs, their fractions and the strands of a range image, and its reach [m].
+
+    Pixels are spread over boxes in range, sorted into IFOVs and binned; for the error estimate,
+    every second row and column also as an image of its own, of pixels twice as wide.
+    """
+    from ncti.ladar import pixels  # numba takes long to import
+
+    half_window, bin_width, bin_count = bins
+    hit = np.nonzero(image.hit)
+    _check_clear(image, image.down_range[hit], slant_range)
+    r, horizontal, vertical = pixels.places(image, hit, slant_range)
+    reach = float(np.abs(r).max(initial=0.0))
+    _check_reach(reach, half_window)
+    area, half_width = pixels.boxes(image, hit, side=side, spread=spread, lambertian=lambertian)
+    cell, index = pixels.tile(horizontal / side + shift[0], vertical / side + shift[1])
+    middle, half = (r + half_window) / bin_width, half_width / bin_width
+    fraction = pixels.bin_boxes(index, middle, half, area, len(cell), bin_count)
+    return cell, fraction, pixels.strands(hit, middle, half, area, bin_count), reach
 
 
 def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: float) -> float:

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from ncti.checks import require
 from ncti.ladar.expected import STRONGEST
 from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
-from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_by_lag, noise_floor, target_kernel
+from ncti.ladar.pulse import (
+    noise_by_lag,
+    noise_floor,
+    noise_width,
+    target_kernel,
+    target_width,
+)
 
 # Share of the variance of one target-free IFOV below which field powers and covariances are
 # neglected. The error for a view of 30 IFOVs is then some 1e-12 of its variance.
@@ -194,7 +200,7 @@ def banded_frame_moments(
     power = cnr * extent.density @ _half_bin_kernel(**pulse, bin_count=bins)
     variance = power[:, ::2] + noise[0]
     live = power[:, ::2] > NEGLIGIBLE * noise[0]
-    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * extent.bin_width)
+    n_z = target_width(**pulse)
     everywhere = len(power) + target_free_ifovs
 
     # Means and variances, which need no elliptic integral.
@@ -252,7 +258,7 @@ def floor_by_lag(noise: Floats) -> Floats:
 
 def floor_reach(*, pulse_width: float, bin_width: float) -> int:
     """Return the lag from which on `floor_by_lag` is below NEGLIGIBLE times its variance."""
-    n_t = SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
+    n_t = noise_width(pulse_width, bin_width)
     return math.ceil(n_t * math.sqrt(-math.log(NEGLIGIBLE)) / 2)
 
 
@@ -304,7 +310,7 @@ def _half_bin_kernel(*, pulse_width: float, bin_width: float, bin_count: int) ->
     """Return the (bin, 2 bin - 1) power response at half bins to a scatterer in each bin."""
     # Called for its checks alone.
     target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+    n_z = target_width(pulse_width, bin_width)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(2 * bin_count - 1) / 2)
     kernel = np.exp(-8 * lag**2 / n_z**2) / n_z
     kernel[kernel < 1e-300] = 0.0  # arithmetic near underflow is a hundred times slower

@@ -27,12 +27,22 @@ def shortest_pulse(bin_width: float) -> float:
     return MIN_BINS * math.sqrt(2) * bin_width / SPEED_OF_LIGHT
 
 
+def target_width(pulse_width: float, bin_width: float) -> float:
+    """Return N_z = c T / (sqrt(2) dR), the width of a filtered pulse [bins]."""
+    return SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+
+
+def noise_width(pulse_width: float, bin_width: float) -> float:
+    """Return N_t = c T / (2 dR), the width of the matched filter [bins]."""
+    return SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
+
+
 def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float64]:
     """Return the field response to one scatterer over the (bin,) range bins around it.
 
     It is a row of `target_kernel` where that is above exp(-16) of its peak, in the middle bin.
     """
-    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+    n_z = target_width(pulse_width, bin_width)
     reach = math.ceil(2 * n_z)
     response: NDArray[np.float64] = np.exp(-4 * np.arange(-reach, reach + 1) ** 2 / n_z**2)
     return response / math.sqrt(n_z)
@@ -66,7 +76,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
             UserWarning,
             stacklevel=2,
         )
-    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+    n_z = target_width(pulse_width, bin_width)
     kernel = _by_bins(np.exp(-4 * np.arange(bin_count) ** 2 / n_z**2) / math.sqrt(n_z))
     kernel.setflags(write=False)  # the cache returns the same array to every caller
     return kernel
@@ -98,7 +108,7 @@ def _by_bins(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
 def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
     """Return the (bin,) first row of `noise_covariance`, sqrt(pi/8) exp(-2 l^2 / N_t^2)."""
     _check(pulse_width, bin_width, bin_count)
-    n_t = SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
+    n_t = noise_width(pulse_width, bin_width)
     return math.sqrt(math.pi / 8) * np.exp(-2 * np.arange(bin_count) ** 2 / n_t**2)
 
 

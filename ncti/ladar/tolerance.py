@@ -11,7 +11,7 @@ import numpy as np
 
 from ncti.checks import require, require_instance
 from ncti.ladar.beam import Beam
-from ncti.ladar.extent import FARTHEST, RangeExtent, binned_extent, bins_of
+from ncti.ladar.extent import FARTHEST, RangeExtent, bins_of, range_extent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.ladar.sampling import SLOPE, sampling_error, scarcity
 from ncti.render.draw_lines import line_image, refined
@@ -194,7 +194,7 @@ def extent_within(
     drawn = drawn_range(Surfaces.of(mesh).reach, slant_range, tolerance=tolerance)
 
     def binned(lines: LineImage) -> RangeExtent:
-        return binned_extent(lines, slant_range=slant_range, **vars(beam))
+        return range_extent(lines, slant_range=slant_range, **vars(beam))
 
     return _within(
         mesh,

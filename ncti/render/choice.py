@@ -4,35 +4,23 @@ from __future__ import annotations
 
 import ctypes
 import os
-from dataclasses import dataclass
 from functools import lru_cache
 from threading import RLock
 
 from ncti.render.engine import Engine, EngineError
 from ncti.render.opengl import bound_platform
 
-
-@dataclass(frozen=True)
-class _Requirement:
-    """Needs of an engine: for each library one of several files, and the packages with them."""
-
-    libraries: tuple[tuple[str, ...], ...]
-    packages: str
-
-
-_REQUIREMENTS = {
-    "osmesa": _Requirement((("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),), "libosmesa6"),
-    "egl": _Requirement(
-        (("libEGL.so.1", "libEGL.so"), ("libOpenGL.so.0", "libGL.so.1", "libGL.so")),
-        "libegl1 libopengl0 libgl1-mesa-dri",
-    ),
-    "embree": _Requirement((), "embreex (from PyPI)"),
+_LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {  # by engine, each one of several files
+    "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),),
+    "egl": (("libEGL.so.1", "libEGL.so"), ("libOpenGL.so.0", "libGL.so.1", "libGL.so")),
+    "embree": (),
 }
+_PACKAGES = {"osmesa": "libosmesa6", "egl": "libegl1 libopengl0 libgl1-mesa-dri"}
 
 
 def engines() -> tuple[str, ...]:
     """Return the names of all engines, in the order that "auto" prefers."""
-    return tuple(_REQUIREMENTS)
+    return tuple(_LIBRARIES)
 
 
 @lru_cache
@@ -44,7 +32,7 @@ def _present(name: str) -> bool:
             return False
         return True
 
-    return all(any(map(loads, files)) for files in _REQUIREMENTS[name].libraries)
+    return all(any(map(loads, files)) for files in _LIBRARIES[name])
 
 
 def available_engines() -> tuple[str, ...]:
@@ -75,13 +63,13 @@ def choose_engine(name: str) -> str:
         with _lock:  # an engine that another thread is starting rules out others
             bound = bound_platform()
         return next(n for n in available_engines() if n == "embree" or bound in (None, n))
-    if name not in _REQUIREMENTS:
+    if name not in _LIBRARIES:
         raise ValueError(f"engine is {name!r}: it must be auto, {', '.join(engines())}.")
     if not _present(name):
         others = " or ".join(available_engines())
         raise EngineError(
             f"render engine {name} cannot run here, because its libraries are missing: install "
-            f"them with `apt install {_REQUIREMENTS[name].packages}`, or use {others}."
+            f"them with `apt install {_PACKAGES[name]}`, or use {others}."
         )
     return name
 

@@ -9,32 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.labels import labelled
+from ncti.render.view import turn_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-@dataclass(frozen=True)
-class Lattice:
-    """Positions of the pixels of a range image across the line of sight, as of `RangeImage`."""
-
-    pixel: float
-    origin: tuple[float, float]
-    roll: float
-
-    def cross_range_at(
-        self, rows: NDArray[np.integer], cols: NDArray[np.integer]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return horizontal and vertical coordinates [m] of some pixel centres."""
-        column = self.origin[0] + self.pixel * cols
-        row = self.origin[1] + self.pixel * rows
-        cos, sin = self.turn
-        return column * cos - row * sin, column * sin + row * cos
-
-    @property
-    def turn(self) -> tuple[float, float]:
-        """Cosine and sine of the roll."""
-        return float(np.cos(np.radians(self.roll))), float(np.sin(np.radians(self.roll)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +81,6 @@ class RangeImage:
         """Pixel side [m], the least width of an IFOV."""
         return self.pixel
 
-    @property
-    def lattice(self) -> Lattice:
-        """Places of the pixels."""
-        return Lattice(self.pixel, self.origin, self.roll)
-
     def cross_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return horizontal and vertical coordinates of the pixel centres.
 
@@ -124,7 +97,10 @@ class RangeImage:
         self, rows: NDArray[np.integer], cols: NDArray[np.integer]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return horizontal and vertical coordinates [m] of some pixels, as `cross_range`."""
-        return self.lattice.cross_range_at(rows, cols)
+        column = self.origin[0] + self.pixel * cols
+        row = self.origin[1] + self.pixel * rows
+        cos, sin = turn_of(self.roll)
+        return column * cos - row * sin, column * sin + row * cos
 
     def to_xarray(self) -> xr.Dataset:
         """Return the image as an xarray data set with units, on its own (rolled) axes."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.labels import labelled
-from ncti.render.view import View
+from ncti.render.view import View, turn_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -118,12 +118,6 @@ class LineImage:
         return cosine
 
     @property
-    def _turn(self) -> tuple[float, float]:
-        """Cosine and sine of the roll."""
-        roll = np.radians(self.roll)
-        return float(np.cos(roll)), float(np.sin(roll))
-
-    @property
     def _height(self) -> Floats:
         """(piece,): place of the piece's line along the rows' axis [m]."""
         return np.asarray(self.line + self.phase, dtype=np.float64) * self.spacing
@@ -131,7 +125,7 @@ class LineImage:
     def cross_range(self) -> tuple[Floats, Floats]:
         """Return horizontal and vertical coordinates [m] of the ends of pieces, (piece, 2)."""
         y = self._height[:, None]
-        cos, sin = self._turn
+        cos, sin = turn_of(self.roll)
         return self.piece[:, :2] * cos - y * sin, self.piece[:, :2] * sin + y * cos
 
     @cached_property
@@ -142,7 +136,7 @@ class LineImage:
         from ncti.render.pieces import bounds_of  # numba takes long to import
 
         left, right, bottom, top = bounds_of(
-            self.line, self.piece, self.spacing, self.phase, self._turn, (0.0, 0.0)
+            self.line, self.piece, self.spacing, self.phase, turn_of(self.roll), (0.0, 0.0)
         )
         return np.array([left, right]), np.array([bottom, top])
 
@@ -194,7 +188,7 @@ class LineImage:
         area = np.full(len(self.line), self.spacing)
         if weight is not None:
             area = area * weight
-        grid = Grid(self._turn, float(side), (float(shift[0]), float(shift[1])))
+        grid = Grid(turn_of(self.roll), float(side), (float(shift[0]), float(shift[1])))
         depths = Depths(
             self.curvature,
             1.0 / reach if reach and curved else 0.0,

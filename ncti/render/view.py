@@ -108,6 +108,11 @@ class View:
         return np.array([right * cos_g + up * sin_g, up * cos_g - right * sin_g, away])
 
 
+def turn_of(roll: float) -> tuple[float, float]:
+    """Return cosine and sine of a roll [deg]."""
+    return float(np.cos(np.radians(roll))), float(np.sin(np.radians(roll)))
+
+
 def check_made_at(made_at: float | None, slant_range: float) -> None:
     """Raise `ValueError` unless an image is of the far field, or made at a slant range [m]."""
     if made_at is not None and not math.isclose(made_at, slant_range):
@@ -225,14 +230,6 @@ class Lattice:
     def origin(self) -> tuple[float, float]:
         """Coordinates of the centre of pixel [0, 0] along column and row [m]."""
         return (self.first_column + 0.5) * self.pixel, (self.first_row + 0.5) * self.pixel
-
-    def centres(self, index: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return coordinates along column and row [m] of the pixels of flat index `index`."""
-        row, column = np.divmod(index, self.columns)
-        return (
-            (column + (self.first_column + 0.5)) * self.pixel,
-            (row + (self.first_row + 0.5)) * self.pixel,
-        )
 
 
 def clip_matrix(

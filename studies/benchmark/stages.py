@@ -31,11 +31,11 @@ from ncti.data.splits import (
     trained_as,
 )
 from ncti.data.vectors import to_numpy
-from ncti.evaluate.summary import tabulate_differences, tabulate_rows
 from ncti.features import profile_vector
 from ncti.ladar.loops import FRAMES
 from ncti.machine_code import Loops
 from ncti.render.loops import LINES, of_engine
+from studies.benchmark.summary import tabulate_differences, tabulate_rows
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Run, Settings, count, set_of, word
 from sweeps.engine.declare.stage import (

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require_all
+from ncti.ladar.beam import Beam, Signal
 
-FRAMES, CNR, IFOV = 16, 32.0, 150e-6
+FRAMES, CNR, IFOV = 16, 10 * math.log10(Signal.cnr), Beam.ifov
 """Setting of the article, of cost 1: frames averaged, CNR at 100 km [dB], and IFOV [rad]."""
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all, require_shape
 from ncti.ladar.extent import REFERENCE_BIN
 from ncti.ladar.moments import magnitude_covariance
-from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_by_lag, noise_covariance, target_response
+from ncti.ladar.pulse import noise_by_lag, noise_covariance, target_response, target_width
 from studies.operate.matching import log_evidence
 from studies.operate.survey import Seen
 
@@ -116,7 +116,7 @@ def _after_pulse(
 def correlations(*, pulse_width: float, bin_width: float, bins: int) -> tuple[Floats, Floats]:
     """Return the (bin, bin) correlations of magnitudes of an IFOV of target, and of noise alone."""
     noise = noise_covariance(pulse_width=pulse_width, bin_width=bin_width, bin_count=bins)
-    n_z = SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+    n_z = target_width(pulse_width, bin_width)
     lag = np.subtract.outer(np.arange(bins), np.arange(bins))
     target = magnitude_covariance(np.exp(-2 * lag**2 / n_z**2)) / RAYLEIGH
     return target, magnitude_covariance(noise) / (RAYLEIGH * noise[0, 0])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncti.evaluate.sufficiency import TAILS, cheapest, crossing
 from ncti.labels import data_set
 from studies.operate.costs import CNR, IFOV, relative_cost
+from studies.operate.sufficiency import TAILS, cheapest, crossing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,7 +54,7 @@ def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
     """Return the cheapest setting of the laser radar that suffices, alone and with the imager.
 
     `cost` has its interval; `chosen` and `best_` with each name of `OVER` are as of
-    `ncti.evaluate.cheapest`.
+    `cheapest`.
     """
     import xarray as xr
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.article import Figure
-from ncti.evaluate import (
+from studies.reproduction.agreement import (
     Posterior,
     Reach,
     binomial_variance,

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ncti.article import SHIPS
 from ncti.checks import require, require_all, require_generator
+from ncti.ladar import spread_place
 from ncti.render import line_image
 from ncti.render.flight import DEPRESSION, depression_angle
 from ncti.ships import load
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 ALTITUDE = 6705.6  # m, 22,000 ft
 SPACING = 1.0  # m between lines
-ELSEWHERE = (0.7548776662466927, 0.5698402909980532)  # a place that is far from (0, 0) [pixel]
 """Place of a ship that moved in its pixel, relative to that of the training [pixel]."""
 
 
@@ -53,7 +53,7 @@ def reproduce(
     ships = [_variant(name, assumed[f"variant_{name}"]) for name in SHIPS]
     seen = _drawn if view is None else view
     place = assumed["place_right"], assumed["place_up"]
-    moved = tuple((at + off) % 1.0 for at, off in zip(place, ELSEWHERE, strict=True))
+    moved = tuple((at + off) % 1.0 for at, off in zip(place, spread_place(1), strict=True))
     views: dict[float, Sequence[Any]] = {}
     depressions = {
         slant_range: DEPRESSION

@@ -20,6 +20,7 @@ from ncti.ladar import RangeExtent, expected_profile, range_extent
 from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
+from studies.run_time.apart import call_apart
 from sweeps.engine.declare.settings import Choices, Settings, count
 from sweeps.engine.declare.stage import (
     MEASURED,
@@ -32,7 +33,6 @@ from sweeps.engine.declare.stage import (
     stage,
 )
 from sweeps.stages import views
-from sweeps.stages.apart import call_apart
 from sweeps.stages.classifier import profile_vectors
 from sweeps.stages.correlation import match_views
 from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Ladar, check_profiles, check_pulses
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 SENSOR = "run_time"
 CONF = Path(__file__).with_name("conf")
-IMPORTS = ("ncti.ladar.accuracy",)  # by its stages, when they are called; takes long
+IMPORTS = ("studies.run_time.accuracy",)  # by its stages, when they are called; takes long
 VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
 SPREAD, BIN_WIDTH = 0.5, 1.0
 STANDARD = Sampling("embree", 0.25, 0, ROLL)  # of the views that others are timed beside
@@ -78,7 +78,7 @@ BINNED["bin_width"] = RunTime.bin_width
 @stage(*EXTENT, uses=USED, reads=VIEW | BINNED)
 def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
     """Return the visible areas of the sampling-free reference, bin by range bin."""
-    from ncti.ladar.accuracy import exact_extent
+    from studies.run_time.accuracy import exact_extent
 
     return exact_extent(mesh, **view).packed()
 
@@ -104,7 +104,7 @@ def profile_noise(
     exact_ifovs: RangeExtent, draws: int, rng: np.random.Generator, **signal: Any
 ) -> Floats:
     """Return draws of the deviation of averaged frames from their expectation."""
-    from ncti.ladar.accuracy import profile_noise
+    from studies.run_time.accuracy import profile_noise
 
     return profile_noise(exact_ifovs, draws=draws, rng=rng, **signal)
 
@@ -140,7 +140,7 @@ def sampled(
     **signal: Any,
 ) -> dict[str, Any]:
     """Return the errors of a range extent and of its profile, and the expected profile."""
-    from ncti.ladar.accuracy import extent_errors
+    from studies.run_time.accuracy import extent_errors
 
     extent = range_extent(timed_image, spread=spread, **dict(timed_beam))
     errors = extent_errors(extent, exact_ifovs, pulse_width=pulse_width)

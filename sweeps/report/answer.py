@@ -84,15 +84,20 @@ def _of_rivals(frame: Frame, rivals: Sequence[Rival]) -> Table:
     table = laid_out(_at_overall(at_main(frame, names)).of_axes([*names, frame.across]))
     by_name = {", ".join(filter(None, line.keys)): line for line in table.lines}
     lines = [replace(by_name[r.name], keys=(r.name,)) for r in rivals if r.name in by_name]
-    lines = [replace(one, cells=tuple(map(_without_article, one.cells))) for one in lines]
-    return replace(table, down=(column,), lines=tuple(lines), notes=())
+    return replace(_without_article(table, lines), down=(column,))
 
 
 def _of_figures(frame: Frame, axis: str) -> Table:
     """Return the figures by an axis, or the main one by the axis across."""
     at = _at_overall(at_main(frame, [axis] * bool(axis)))
     table = laid_out(at.of_axes([axis, at.across]))
-    lines = [replace(one, cells=tuple(map(_without_article, one.cells))) for one in table.lines]
+    return _without_article(table, table.lines)
+
+
+def _without_article(table: Table, lines: Sequence[Line]) -> Table:
+    """Return a table of some lines, without notes and the article's figures."""
+    cells = [tuple(replace(cell, article="") for cell in line.cells) for line in lines]
+    lines = [replace(line, cells=of) for line, of in zip(lines, cells, strict=True)]
     return replace(table, lines=tuple(lines), notes=())
 
 
@@ -127,35 +132,23 @@ def _narrowed(table: Table, width: int) -> tuple[Table, str]:
     """Return a table cut to a width, by its intervals, then last columns, and a note on the cut."""
     if fitting(table, width) == len(table.heads):
         return table, ""
-    cells = [[Entry(cell.text) for cell in line.cells] for line in table.lines]
-    plain = replace(
-        table,
-        lines=tuple(
-            replace(one, cells=tuple(of)) for one, of in zip(table.lines, cells, strict=True)
-        ),
-    )
+    cells = [tuple(Entry(cell.text) for cell in line.cells) for line in table.lines]
+    lines = [replace(line, cells=of) for line, of in zip(table.lines, cells, strict=True)]
+    plain = replace(table, lines=tuple(lines))
     count = fitting(plain, width)
-    lines = tuple(replace(line, cells=line.cells[:count]) for line in plain.lines)
+    lines = [replace(line, cells=line.cells[:count]) for line in lines]
     left = len(table.heads) - count
-    what = "Intervals" if any(cell.interval for cell in _cells(table)) else ""
+    what = "Intervals" if any(cell.interval for line in table.lines for cell in line.cells) else ""
     more = f"{left} more column{'s' * (left > 1)}" if left else ""
     said = " and ".join(filter(None, [what, more]))
     verb = "is" if said.startswith("1 ") else "are"
-    return replace(plain, heads=table.heads[:count], lines=lines), (
+    return replace(plain, heads=table.heads[:count], lines=tuple(lines)), (
         f"{said} {verb} in {table.name}.csv." if said else ""
     )
 
 
-def _cells(table: Table) -> list[Entry]:
-    return [cell for line in table.lines for cell in line.cells]
-
-
 def _cell(frame: Frame, label: Any) -> Entry:
-    return _without_article(entry(frame, label, frame.figures[0]))
-
-
-def _without_article(cell: Entry) -> Entry:
-    return replace(cell, article="")
+    return replace(entry(frame, label, frame.figures[0]), article="")
 
 
 def _text(frame: Frame, rival: Rival) -> str:

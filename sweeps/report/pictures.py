@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 import io
 import re
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +19,6 @@ from rich.progress import track
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
-from sweeps.engine.store.manifest import require_manifest
 from sweeps.report.confusion import most_confused
 from sweeps.report.own import write_own
 from sweeps.report.places import tables_folder
@@ -255,55 +251,25 @@ DRAWN: dict[str, Callable[[PathOrUrl], Figure]] = {
 """Pictures of the page, by the group of a store that they show."""
 
 
-@dataclass(frozen=True)
-class Pictures:
-    """Pictures as PNG in base64, of which those on the page before need not be drawn again.
-
-    Attributes
-    ----------
-    code : str
-        Digest of what draws.
-    before : mapping of str to str
-        Pictures on the page before, by what they are of.
-    """
-
-    code: str = ""
-    before: Mapping[str, str] = field(default_factory=dict)
-
-    def taken(self, shown: bytes, draw: Callable[[], str]) -> tuple[str, str]:
-        """Return what a picture is of, a digest of all that it shows, and the picture."""
-        of = hashlib.sha256(self.code.encode() + shown).hexdigest()
-        return of, self.before.get(of) or draw()
-
-
 def pictures_of(
-    path: PathOrUrl,
-    store: Any,
-    pictures: Pictures,
-    predictions: Mapping[str, xr.DataArray] = MappingProxyType({}),
-) -> dict[str, tuple[str, str, str]]:
-    """Return the pictures of the groups that a store has: of what, itself, why it was not drawn.
+    path: PathOrUrl, store: Any, predictions: Mapping[str, xr.DataArray]
+) -> dict[str, tuple[str, str]]:
+    """Return the pictures of the groups that a store has, as PNG in base64, and why one has none.
 
     Among them is that of the ships most often confused in some predictions. A picture that fails is
     empty, and does not prevent the page.
     """
-    manifest, drawn, present = require_manifest(path), {}, groups(store)
-    content = [*sorted(manifest.files.items()), *sorted(manifest.chunks.items())]
+    drawn, present = {}, groups(store)
     for group in (name for name in (CONFUSED, *DRAWN) if name in present):
-        # Flights are corrected again for their picture, as the attributes of the store say, and
-        # ships that are confused are of other groups.
-        inside = "" if group in ("validation", CONFUSED) else f"{group}/"
-        shown = [item for item in content if item[0].startswith(inside)]
         try:
             draw = DRAWN.get(group)
             if group == CONFUSED:
                 found = most_confused(predictions) if {*PICTURED} & {*present} else None
                 draw = found and partial(draw_confused, ships=found[0], aspect=found[1])
-            if draw is None:
-                continue
-            drawn[group] = *pictures.taken(repr(shown).encode(), partial(_png, draw, path)), ""
+            if draw is not None:
+                drawn[group] = _png(draw, path), ""
         except Exception as error:
-            drawn[group] = "", "", reason(error)
+            drawn[group] = "", reason(error)
     return drawn
 
 
@@ -316,11 +282,10 @@ def _png(draw: Callable[[PathOrUrl], Figure], path: PathOrUrl) -> str:
     return base64.b64encode(content.getvalue()).decode("ascii")
 
 
-def ships_of(store: Any, pictures: Pictures) -> list[dict[str, Any]]:
+def ships_of(store: Any) -> list[dict[str, Any]]:
     """Return the ships that a store describes; none where it has no such group.
 
-    With label, measures by name as numbers with their units, picture and what it is of, and
-    warning.
+    With label, measures by name as numbers with their units, picture and warning.
     """
     if SHIPS not in groups(store):
         return []
@@ -330,13 +295,9 @@ def ships_of(store: Any, pictures: Pictures) -> list[dict[str, Any]]:
     for label in table.ship.values.tolist():
         here = table.sel(ship=label)
         measures = {name: (float(here[name]), unit) for name, unit in units.items()}
-        of = picture = ""
-        if "picture" in here:
-            brightness = here.picture.values
-            shown = f"{brightness.dtype} {brightness.shape} ".encode() + brightness.tobytes()
-            of, picture = pictures.taken(shown, partial(png_of, brightness))
+        picture = png_of(here.picture.values) if "picture" in here else ""
         warning = str(here.warning.item()) if "warning" in here else ""
-        ship = {"label": str(label), "measures": measures, "of": of, "picture": picture}
+        ship = {"label": str(label), "measures": measures, "picture": picture}
         ships.append(ship | {"warning": warning})
     return ships
 

@@ -112,7 +112,7 @@ def comparison(
     kept = write_tables(compared.place, compared.frames.values())
     if html:
         with _refused():
-            kept += write_page(page_file(compared.place), lambda _: comparison_page(compared))
+            kept += write_page(page_file(compared.place), lambda: comparison_page(compared))
     return kept
 
 
@@ -133,7 +133,7 @@ def written_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
     from sweeps.report.page.write import page_of, write_page
 
     with _refused():
-        return write_page(page_file(path), lambda before: page_of(path, frames, before=before))
+        return write_page(page_file(path), lambda: page_of(path, frames))
 
 
 @contextmanager

@@ -131,21 +131,6 @@ def navigation(scan: tuple[Scan, Scan], error: Error, focused: bool) -> Flight:
 
 # Corrected images, compared with the truth, and their range profiles
 
-LANDMARKS = {  # label and unit
-    "stern_to_hangar": ("distance from the stern end to the hangar's spike", "m"),
-    "stern_to_bridge": ("distance from the stern end to the front of the forward structure", "m"),
-    "transom_ratio": ("highest peak within 5 m of the stern, relative to the hangar's", "1"),
-    "mast_position": ("distance of the main mast past the hangar", "m"),
-    "mast_ratio": ("peak of the main mast, relative to the hangar's", "1"),
-    "forward_position": ("distance of the forward block's peak past the hangar", "m"),
-    "forward_ratio": ("peak of the forward block, relative to the hangar's", "1"),
-    "transom_energy": ("returns within 1.5 m of the transom's peak, relative to the hangar's", "1"),
-    "mast_energy": ("returns within 1.5 m of the main mast's peak, relative to the hangar's", "1"),
-    "forward_energy": ("returns within 1.5 m of the forward peak, relative to the hangar's", "1"),
-    "deck_spikes": ("number of peaks between the transom and the hangar", "1"),
-}
-
-
 NUMBERS = {
     "profile_correlation": "correlation of a simulated flight's profile with the noiseless one",
     "profile_correlation_without_hangar": "correlation of a simulated flight's profile with the "
@@ -195,7 +180,7 @@ flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
     ),
     *(
         Output(name, ("source",), label=label, unit=unit)
-        for name, (label, unit) in LANDMARKS.items()
+        for name, (label, unit) in comparison.LANDMARKS.items()
     ),
     *(
         Output(name, ("row", "column"), label=label, unit=unit)
@@ -373,7 +358,7 @@ DRAW = "replicate"
 OF_FLIGHTS = tuple(
     output.name for output in corrected.outputs if output.is_stored and not output.dims
 )
-OF_PROFILES = tuple(LANDMARKS)
+OF_PROFILES = tuple(comparison.LANDMARKS)
 LISTED = {
     "profile_correlation": ".3f",
     "profile_correlation_without_hangar": ".3f",

@@ -15,8 +15,8 @@ from scipy.stats import binom
 import ncti.ships
 from ncti.ladar import Beam, extent_within, lines_within, range_extent
 from ncti.ladar.pulse import target_response
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import View, line_image
+from studies.run_time.reference import reference_range_extent
 
 # Bow to beam at the article's altitude; the stern of its missions, and a view from near by.
 GRID = [

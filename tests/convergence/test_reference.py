@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from scipy.stats import chi2
 
 import ncti.ships
-from ncti.ladar.reference import reference_range_extent
+from studies.run_time.reference import reference_range_extent
 
 EDGES = np.arange(-100.0, 101.0)
 

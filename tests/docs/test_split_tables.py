@@ -6,7 +6,7 @@ import xarray as xr
 from scipy import stats
 
 from docs._tables import splits
-from ncti.evaluate import tabulate_differences, tabulate_rows
+from studies.benchmark.summary import tabulate_differences, tabulate_rows
 
 SHIPS = ["duncan", "texas"]
 SEEDS, ROWS = 10, 60

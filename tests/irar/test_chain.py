@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from flown import CLEAN, flight
+from flown import CLEAN, flight, wall
 from scipy.ndimage import binary_erosion
 
 from ncti import irar, ships
@@ -180,3 +180,33 @@ def _plane(image, flown):
     # The plate's middle lies 14 m over the origin, half a metre of thickness before it.
     away = flown.slant_range - 14 * math.sin(math.radians(flown.depression)) - 0.5
     return away * np.sqrt(1 + right**2 + up**2)
+
+
+@pytest.mark.parametrize(
+    ("message", "change"),
+    [
+        ("rows is nan", {"window": irar.Window(math.nan, 0, 4, 4)}),
+        ("columns is 0, but", {"window": irar.Window(0, 0, 4, 0)}),
+        ("index is 1199 at most", {"infrared": np.zeros((12, 30, 30))}),
+        ("looks is 200000", {"looks": np.full((9, 32), 200_000)}),
+        ("threshold is -1.0", {"threshold": -1.0}),
+        ("threshold has shape", {"threshold": np.ones(2)}),
+        ("range_ has shape", {"seen": np.zeros(3)}),
+        ("down_range has shape", {"profiled": np.zeros(3)}),
+    ],
+)
+def test_an_image_that_fits_no_flight_is_refused(message, change):
+    """Message and the change of a scan, an image or an argument that it is about."""
+
+    def profiled(scan):
+        scan = dataclasses.replace(scan, infrared=change.get("infrared", scan.infrared))
+        image = irar.correct(scan, window=change.get("window"))
+        image = dataclasses.replace(image, looks=change.get("looks", image.looks))
+        image = dataclasses.replace(image, range=change.get("seen", image.range))
+        image = irar.segmented(image, scan.flight, threshold=change.get("threshold"))
+        image = dataclasses.replace(image, range=change.get("profiled", image.range))
+        return irar.profile(image, scan.flight)
+
+    scan = wall(40, 30).noiseless()
+    with pytest.raises(ValueError, match=message):
+        profiled(scan)

@@ -37,11 +37,9 @@ def test_it_is_the_mean_of_the_most_populated_window(ranges, window):
     np.testing.assert_allclose(found.ravel(), expected, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("shape", [(0,), (3, 0), (0, 4)])
-def test_no_look_is_no_range(shape):
-    found = histogram_cluster_average(np.zeros(shape), window=4.0)
-    assert found.shape == shape[:-1] and np.isnan(found).all()
-    assert math.isnan(histogram_cluster_average([math.nan] * 3, window=4.0))
+def test_no_look_is_no_range():
+    assert histogram_cluster_average(np.zeros((0, 4)), window=4.0).shape == (0,)
+    assert math.isnan(histogram_cluster_average(np.full(3, math.nan), window=4.0))
 
 
 def test_false_ranges_cost_less_than_in_mean_and_median():

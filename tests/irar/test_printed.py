@@ -1,8 +1,10 @@
 """The article's own chain beside ours: what its order and its equations leave behind."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from flown import flight, pole_on_box
+from flown import flight, pole_on_box, wall
 
 from ncti import irar
 
@@ -46,3 +48,9 @@ def test_the_pulse_rate_shifts_nothing(leaning):
     )
     assert more == pytest.approx(drift, abs=8)
     assert likeness(pulses, truth) < likeness(lines, truth)
+
+
+def test_infinite_ranges_are_refused():
+    scan = wall(40, 30).noiseless()
+    with pytest.raises(ValueError, match="ranges holds an infinite value"):
+        irar.correct_as_printed(replace(scan, range=np.full((40, 30), np.inf)))

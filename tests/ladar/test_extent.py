@@ -11,10 +11,10 @@ from plates import hit_area, plane
 
 import ncti.ships
 from ncti.ladar import RangeExtent, no_return, range_extent
-from ncti.ladar.accuracy import extent_errors
 from ncti.ladar.pixels import bin_boxes
 from ncti.ladar.pulse import target_response
 from ncti.render import LineImage, line_image, range_image
+from studies.run_time.accuracy import extent_errors
 
 
 def plain_boxes(group, start, stop, area, group_count, bin_count):

@@ -137,7 +137,11 @@ def test_surface_is_that_of_plain_arrays(slant_range, kind):
 
     k, chosen = Long(view.curvature), facet[hit]
     n_h, n_v, n_r = view.axes.astype(Long) @ solid.normals[chosen].astype(Long).T
-    h, v = (centre.astype(Long) for centre in lattice.centres(hit))
+    row, column = np.divmod(hit, lattice.columns)
+    h, v = (
+        ((place + (first + 0.5)) * lattice.pixel).astype(Long)
+        for place, first in ((column, lattice.first_column), (row, lattice.first_row))
+    )
     s = n_h * h + n_v * v
     a = np.maximum(-(n_r + k * s), Long(STEEPEST))
     r = (s - solid.offsets[chosen]) / a

@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 import zarr
 from made import scores
-from matplotlib.figure import Figure
 from pages import page_of, parsed, stored
 from PIL import Image
 from stores import reported
@@ -18,9 +17,8 @@ from stores import reported
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.run.schedule import Progress
 from sweeps.report.page import write
-from sweeps.report.pictures import DRAWN, Pictures, pictures_of, ships_of
+from sweeps.report.pictures import pictures_of, ships_of
 from sweeps.report.places import page_file
-from sweeps.report.stores import opened, read
 from sweeps.report.summary import tables_of, written_page
 from sweeps.report.work import read_work, write_work
 
@@ -30,31 +28,8 @@ from sweeps.report.work import read_work, write_work
 def test_a_picture_that_fails_says_why(tmp_path):
     path = stored(tmp_path / "s.zarr", validation=xr.Dataset({"looks": ("ship", np.ones(1))}))
     store = zarr.open_group(path, mode="r")
-    ((group, (_, picture, why)),) = pictures_of(path, store, Pictures()).items()
+    ((group, (picture, why)),) = pictures_of(path, store, {}).items()
     assert group == "validation" and not picture and why
-
-
-def test_pictures_of_the_page_before_stay_where_they_show_the_same(tmp_path, monkeypatch):
-    path, drawn = tmp_path / "s.zarr", []
-
-    def draw(store):
-        drawn.append(float(read(opened(store), "infrared").image[0]))
-        figure = Figure()
-        figure.suptitle(f"{drawn[-1]}")
-        return figure
-
-    monkeypatch.setitem(DRAWN, "infrared", draw)
-    for image, ids in ((1.0, 2), (1.0, 3), (4.0, 3)):
-        groups = {"infrared": xr.Dataset({"image": ("x", [image])})}
-        shutil.rmtree(path, ignore_errors=True)
-        stored(path, {"seed": ids}, **groups, tables__o=scores(a=list(range(ids))))
-        assert written_page(path, tables_of(path)) == []
-        page = page_file(path).read_bytes()
-        page_file(path).unlink()
-        assert written_page(path, tables_of(path)) == []  # with nothing to take from
-        assert page == page_file(path).read_bytes()
-    # The second page had its picture from the first, and each was once drawn anew.
-    assert drawn == [1.0, 1.0, 1.0, 4.0, 4.0]
 
 
 # files --------------------------------------------------------------------------------------------
@@ -142,7 +117,7 @@ def test_ships_have_their_measures_and_a_picture(tmp_path):
     )
     table.length.attrs["units"] = "m"
     path = stored(tmp_path / "s.zarr", ships=table, tables__o=scores(a=[1, 2]))
-    one, other = ships_of(zarr.open_group(path), Pictures())
+    one, other = ships_of(zarr.open_group(path))
     assert other["picture"] == "" and other["warning"] == "stands on its stern"
     pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(one["picture"]))))
     assert pixels.shape == (3, 5, 4)

@@ -101,12 +101,6 @@ GOOD = {
     "evaluate.grouped_accuracy": {
         **{"correct": [True, False], "aspects": [0.0, 3.0], "groups": [0, 1]},
     },
-    "evaluate.isotonic": {"values": [0.1, 0.2]},
-    "evaluate.crossing": {"values": [0.1, 0.9], "places": [1, 2], "level": 0.5},
-    "evaluate.binomial_variance": {"percent": [50.0], "trials": [10]},
-    "evaluate.chi_square": {"simulated": [50.0], "given": [40.0], "variance": [25.0]},
-    "evaluate.posterior_weights": {"chi_square": [1.0, 2.0]},
-    "evaluate.reached": {"simulated": [[50.0]], "given": [40.0], "variance": [[25.0]]},
     "reproduction.assumed": {"number": 0},
     "article.figures": {"aspects": [0.0, 45.0, 90.0]},
     "irar.Correction": {},
@@ -114,22 +108,6 @@ GOOD = {
     "irar.azimuth_shift": SHIFT,
     "irar.Course": {"speed": 90.0, "heading": 0.0},
     "irar.mirror_rotation": {"depression": 6.7},
-    "irar.clusters.histogram_cluster_average": {"ranges": [1.0, 2.0], "window": 4.0},
-    "irar.clutter.clutter": {
-        **{"places": np.zeros((1, 2)), "deviation": 1.0, "length": 1.0, "rng": RNG},
-    },
-    "irar.looks.gather_looks": {
-        **{"row": [0.0, 1.0], "column": [0.0, 1.0], "rows": [0, 1], "columns": 2},
-    },
-    "irar.profiling.range_profile": {
-        **{"intensity": [1.0, 2.0], "down_range": [0.5, 1.5], "start": 0.0, "bins": 4},
-    },
-    "irar.segmentation.noise_threshold": {
-        **{"looks": 10, "depth": 300.0, "pulse_length": 4.5, "dropout": 4.0, "false_alarm": 0.01},
-    },
-    "irar.segmentation.segment": {
-        **{"intensity": [7.0, 8.0], "range_": [1.0, 2.0], "threshold": 5.0},
-    },
     "irar.landmarks": {"profile": np.eye(9)[4], "down_range": np.arange(9.0)},
     "irar.profile_correlation": {"first": np.arange(5.0), "second": np.arange(5.0)},
     "irar.tilts": {"image": np.eye(8), "truth": np.eye(8)},
@@ -316,19 +294,8 @@ OTHERS = {
         **{"views": [[0], [3], [0.5], 1], "draws": [[3], [NAN]]},
     },
     "evaluate.grouped_accuracy": {"correct": [[0.5, 1.0]], "groups": [[0], [NAN, 1.0]]},
-    "evaluate.isotonic": {"values": [[NAN], "rising"]},
-    "evaluate.crossing": {"values": [[NAN, 1.0]], "places": [[1, INF]], "level": [NAN]},
     "evaluate.replicated_accuracy": {"correct": [np.zeros((2, 4, 3)), np.zeros((4, 3), bool)]},
     "evaluate.category_formation": {"labels": [[0], [0.5, 1.0]]},
-    "evaluate.binomial_variance": {"percent": [[-1.0], [101.0], NAN], "trials": [0, NAN]},
-    "evaluate.chi_square": {"variance": [[0.0], [-1.0], NAN], "simulated": [[NAN]]},
-    "evaluate.posterior_weights": {
-        **{"chi_square": [[], [[1.0]], [-1.0], [NAN]], "effective": [0.5, 3, NAN]},
-    },
-    "evaluate.reached": {
-        **{"simulated": [[50.0], [[NAN]]], "given": [[40.0, 30.0]], "level": [0, NAN]},
-        **{"variance": [[25.0], [[0.0]]]},
-    },
     "reproduction.assumed": {"number": [-1, 0.5, 10**12], "seed": [-1, 0.5]},
     "article.figures": {"aspects": [[0.0, 45.0]]},
     "irar.Flight": {
@@ -351,10 +318,6 @@ OTHERS = {
     },
     "irar.azimuth_shift": {"slant_range": [0]},
     "irar.mirror_rotation": {"depression": [90]},
-    "irar.clutter.clutter": {"rng": [3]},
-    "irar.profiling.range_profile": {"intensity": [[1.0, NAN]]},
-    "irar.segmentation.noise_threshold": {"false_alarm": [0.0, 0.7]},
-    "irar.segmentation.segment": {"threshold": [[5.0, 5.0, 5.0], -1.0]},
     "irar.landmarks": {
         "profile": [np.ones((2, 2)), np.full(9, NAN)],
         "down_range": [np.arange(8.0), -np.arange(9.0), np.arange(9.0) ** 3],

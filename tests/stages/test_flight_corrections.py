@@ -25,7 +25,7 @@ def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     values = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
     where = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
     scan = scan_again(values, mesh, **where)
-    window = Chain(chain, "pixel", "exact", "cluster", None).window(mesh, scan.flight, error)
+    window = Chain(chain=chain).window(mesh, scan.flight, error)
     estimate = replace(scan.flight, aircraft_speed=90.9)
     image = segmented(
         correct_as_printed(scan, estimate=estimate, window=window, rate=rate), estimate

@@ -11,9 +11,9 @@ from commands import opened, swept
 import ncti.ships
 from ncti.ladar import RangeExtent, sample_frames
 from ncti.ladar.pulse import target_kernel, target_response
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import Sampling
 from ncti.render.view import ROLL
+from studies.run_time.reference import reference_range_extent
 from sweeps.stages import ladar, views
 from sweeps.stages.ships import ship_name
 

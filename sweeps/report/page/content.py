@@ -17,7 +17,7 @@ from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import accuracy, headline, headline_for_script
 from sweeps.report.page.provenance import flat, status_of, swept, written
-from sweeps.report.pictures import CONFUSED, Pictures, pictures_of, ships_of
+from sweeps.report.pictures import CONFUSED, pictures_of, ships_of
 from sweeps.report.pivot import at_main, laid_out
 from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, opened
@@ -29,11 +29,8 @@ CHARTED = 32_000  # rows of a table that its charts have
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
-def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures) -> dict[str, Any]:
-    """Return the content of the page of a store, of its tables; OSError if it cannot be read.
-
-    Pictures that the page before had are taken from there.
-    """
+def content_of(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any]:
+    """Return the content of the page of a store, of its tables; OSError if it cannot be read."""
     store = opened(path)
     about = attributes(store)
     predictions = read_predictions(store)
@@ -44,7 +41,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
     if matrix is not None:
         tables = {first.name: first, CONFUSION: matrix, **tables}
     settings = list(flat(about.get("configuration", {})))
-    drawn = pictures_of(path, store, pictures, predictions)
+    drawn = pictures_of(path, store, predictions)
     charts = charted(tables, axes, path_beside(path).name)
     charts["data"]["headline"] = headline_for_script(tables, about, CHARTED)
     return {
@@ -57,7 +54,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame], pictures: Pictures)
         "swept": swept(store, settings),
         "confused": drawn.pop(CONFUSED, None),
         "pictures": drawn,
-        "ships": ships_of(store, pictures),
+        "ships": ships_of(store),
         "work": None if work is None else laid_out(work),
         **charts,
     }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
@@ -23,24 +22,22 @@ from sweeps.report.words import printable
 
 if TYPE_CHECKING:
     from sweeps.report.compare import Comparison
-    from sweeps.report.pictures import Pictures
 
 FOLDER = Path(sweeps.report.__file__).parent
 TEMPLATES = FOLDER / "page" / "templates"
 SOURCES = (".py", ".html", ".css", ".js", ".json", ".yaml", ".md")
 STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
-_IMAGE = re.compile(r'<img data-of="([0-9a-f]+)" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
 
-def write_page(path: Path, make: Callable[[Path], str]) -> list[Path]:
-    """Write a page, made with the page before at hand, atomically.
+def write_page(path: Path, make: Callable[[], str]) -> list[Path]:
+    """Write a page atomically.
 
     Returns the path if another file is in its place. Raises OSError if the store cannot be read, or
     the page cannot be written.
     """
     if not is_free(path):  # found before drawing
         return [path]
-    content = sealed(make(path))
+    content = sealed(make())
     if not is_free(path):
         return [path]
     write_whole(path, content)
@@ -62,36 +59,23 @@ def _stamp(*stores: PathOrUrl) -> str:
     return hashlib.sha256(_code().encode() + attributes).hexdigest()[:32]
 
 
-def _code(*libraries: str) -> str:
-    """Return a digest of the version, and those of libraries, and of the report's sources."""
+def _code() -> str:
+    """Return a digest of the code that writes a page."""
     digest = hashlib.sha256()
-    for name in ("ncti-sweep", *libraries):
-        with suppress(PackageNotFoundError):
-            digest.update(version(name).encode())
+    with suppress(PackageNotFoundError):
+        digest.update(version("ncti-sweep").encode())
     for file in sorted(FOLDER.rglob("*")):
         if file.suffix in SOURCES:
             digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def _pictures(page: Path | None) -> Pictures:
-    """Return the pictures of a page that a report wrote, none where there is none."""
-    from sweeps.report.pictures import Pictures
-
-    whole = page is not None and page.exists() and is_free(page)
-    text = page.read_text(encoding="utf-8") if page and whole else ""
-    return Pictures(_code("matplotlib", "pillow"), dict(_IMAGE.findall(text)))
-
-
-def page_of(path: PathOrUrl, frames: Mapping[str, Frame], *, before: Path | None = None) -> str:
-    """Return the page of a store, of its tables, not yet sealed.
-
-    Pictures of the page before that show the same are not drawn again.
-    """
+def page_of(path: PathOrUrl, frames: Mapping[str, Frame]) -> str:
+    """Return the page of a store, of its tables, not yet sealed."""
     # Imported here, since a page that is current needs none of it.
     from sweeps.report.page.content import content_of
 
-    return rendered("page.html", content_of(path, frames, _pictures(before)), _stamp(path))
+    return rendered("page.html", content_of(path, frames), _stamp(path))
 
 
 def comparison_page(compared: Comparison) -> str:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ncti.article import article_figures, figures, in_order
-from ncti.evaluate import binomial_variance
 from studies.reproduction import FITS, PRIORS, Agreement, assumed
+from studies.reproduction.agreement import binomial_variance
 
 
 def compared(mean, value=None, **more):

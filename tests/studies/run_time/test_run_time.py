@@ -9,8 +9,8 @@ from commands import opened, swept
 import ncti.ships
 from ncti.ladar import range_extent
 from ncti.ladar.pulse import target_kernel
-from ncti.ladar.reference import reference_range_extent
 from ncti.render import line_image, range_image
+from studies.run_time.reference import reference_range_extent
 
 SMALL = (
     *("sensor=run_time", "grid.ship=[duncan,texas]", "grid.aspect=60", "render.samples=0"),

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.isotonic import IsotonicRegression
 
-from ncti.evaluate import cheapest, crossing, isotonic
+from studies.operate.sufficiency import cheapest, crossing, isotonic
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=9))

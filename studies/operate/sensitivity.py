@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
+from ncti.checks import require
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def sobol_indices(
         "bounds": [list(ends) for ends in bounds.values()],
     }
     points = sampling.sample(problem, samples, calc_second_order=False, seed=seed)
-    values = require_all("figure", np.asarray(figure(points), dtype=np.float64))
+    values = np.asarray(figure(points), dtype=np.float64)
     done = analysis.analyze(
         problem,
         values,
@@ -79,11 +79,10 @@ def grid_interpolant(
 
     It is a function of (point, axis) logarithms; the `axes` are positive and increase.
     """
-    # Imported here because scipy takes a while.
     from scipy.interpolate import RegularGridInterpolator
 
-    logs = [np.log(require_all("axes", axis, positive=True)) for axis in axes]
-    return RegularGridInterpolator(logs, require_all("values", values))
+    logs = [np.log(axis) for axis in axes]
+    return RegularGridInterpolator(logs, np.asarray(values, dtype=np.float64))
 
 
 def interpolation_errors(axes: Sequence[ArrayLike], values: ArrayLike) -> Floats:
@@ -93,12 +92,10 @@ def interpolation_errors(axes: Sequence[ArrayLike], values: ArrayLike) -> Floats
     three places. With steps twice as wide it is, for smooth values, about four times that of the
     whole grid half-way between places.
     """
-    given = require_all("values", values)
+    given = np.asarray(values, dtype=np.float64)
     errors = np.full(len(axes), np.nan)
     for k, axis in enumerate(axes):
-        logs = np.log(require_all("axes", axis, positive=True))
-        if len(logs) != given.shape[k]:
-            raise ValueError(f"axes[{k}] has {len(logs)} places, but must have {given.shape[k]}")
+        logs = np.log(axis)
         along = np.moveaxis(given, k, 0)
         middle = np.arange(1, len(logs) - 1, 2)
         if not middle.size:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ncti.evaluate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
+from studies.operate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 
 
 def ishigami(x):

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.evaluate.comparison import compare
-from ncti.evaluate.replicates import CONFIDENCE, grouped_accuracy
-from ncti.evaluate.rows import Scores, score
+from ncti.evaluate import Scores, compare, grouped_accuracy, score
+from ncti.evaluate.replicates import CONFIDENCE
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.labels import data_set
 
@@ -36,51 +35,19 @@ UNITS = {"log_loss": "nat"}
 def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
     """Return all scores of answers to the tests of splits, as means over seeds with intervals.
 
-    Parameters
-    ----------
-    answers : xarray.Dataset
-        Over split, seed and row: `predicted`, the ship named, as an index; `probability` over
-        ship, too, NaN of a classifier that has none; and `similarity`.
-    tests : xarray.Dataset
-        Over split, seed and row: `true_ship`, an index into the coordinate `ship` of the answers,
-        -1 of a ship that was not learned and -2 where there is no row; `true_aspect` [deg];
-        `view`.
+    `answers` has, over split, seed and row, `predicted`, the ship named, as an index; `probability`
+    over ship, too, NaN of a classifier that has none; and `similarity`. `tests` has `true_ship`, an
+    index into the coordinate `ship` of the answers, -1 of a ship that was not learned and -2 where
+    there is no row; `true_aspect` [deg]; and `view`.
 
-    Returns
-    -------
-    xarray.Dataset
-        By split: `accuracy` and the figures of `score`, each with `_low` and `_high`, the ends of
-        its 95 % interval, and `accuracy_n` answers; `aspect_accuracy` by `aspect_bin`; `confusion`
-        by ship and ship named, the shares of answers; `reliability` by `confidence` with
-        `reliability_n` answers.
+    The table has by split: `accuracy` and the figures of `score`, each with `_low` and `_high`, the
+    ends of its 95 % interval, and `accuracy_n` answers; `aspect_accuracy` by `aspect_bin`;
+    `confusion` by ship and ship named, the shares of answers; `reliability` by `confidence` with
+    `reliability_n` answers.
 
-    See Also
-    --------
-    score : The scores of one seed.
-    tabulate_differences : Two classifiers.
-
-    Notes
-    -----
     Intervals are Student's t of seeds, which draw training and tests anew. With one seed, or where
     fewer than ten views are right or wrong, those of accuracies take in the interval of all views
     (`grouped_accuracy`).
-
-    Examples
-    --------
-    One split, one seed, and three answers, the last of which is wrong:
-
-    >>> import numpy as np
-    >>> import xarray as xr
-    >>> from ncti.evaluate import tabulate_rows
-    >>> dims, ship = ("split", "seed", "row"), ["duncan", "texas"]
-    >>> coords = {"split": ["aspect-random"], "seed": [0]}
-    >>> truth = {"true_ship": (dims, [[[0, 1, 1]]]), "view": (dims, [[[0, 1, 2]]])}
-    >>> tests = xr.Dataset(truth | {"true_aspect": (dims, [[[10.0, 50.0, 170.0]]])}, coords)
-    >>> named = {"predicted": (dims, [[[0, 1, 0]]]), "similarity": (dims, [[[1.0, 1.0, 1.0]]])}
-    >>> likely = {"probability": ((*dims, "ship"), np.full((1, 1, 3, 2), np.nan))}
-    >>> table = tabulate_rows(xr.Dataset(named | likely, coords | {"ship": ship}), tests)
-    >>> table.accuracy.round(2).item(), table.aspect_accuracy.isel(split=0).values.tolist()
-    (0.67, [1.0, 1.0, nan, nan, nan, 0.0])
     """
     import xarray as xr
 
@@ -103,43 +70,13 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
 
 
 def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
-    """Return the difference in accuracy between two classifiers by split.
+    """Return the difference in accuracy between two classifiers by split, of the same rows.
 
-    Parameters
-    ----------
-    answers, others : xarray.Dataset
-        Answers of both, as of `tabulate_rows`.
-    tests : xarray.Dataset
-        As of `tabulate_rows`.
-
-    Returns
-    -------
-    xarray.Dataset
-        `difference` of the fractions of right answers, mean over seeds, with `difference_low` and
-        `difference_high`, Student's t interval of 95 % of seeds, or the bootstrap of views where
-        there is one seed; and `p_value`, McNemar's test of the views of all seeds.
-
-    See Also
-    --------
-    compare : Both for rows.
-
-    Notes
-    -----
-    The interval has the scatter of trainings and tests, the test only that of tests.
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> from ncti.evaluate import tabulate_differences
-    >>> dims = ("split", "seed", "row")
-    >>> coords = {"split": ["aspect-random"], "seed": [0]}
-    >>> truth = {"true_ship": (dims, [[[0, 1, 1]]]), "view": (dims, [[[0, 1, 2]]])}
-    >>> one, other = (
-    ...     xr.Dataset({"predicted": (dims, [[named]])}, coords) for named in ([0, 1, 1], [1, 1, 1])
-    ... )
-    >>> table = tabulate_differences(one, other, xr.Dataset(truth, coords))
-    >>> table.difference.round(2).item()
-    0.33
+    Arguments are as of `tabulate_rows`. The table has `difference` of the fractions of right
+    answers, the mean over seeds, with `difference_low` and `difference_high`, Student's t interval
+    of 95 % of seeds, or the bootstrap of views where there is one seed; and `p_value`, McNemar's
+    test of the views of all seeds. The interval has the scatter of trainings and tests, the test
+    only that of tests.
     """
     import xarray as xr
 

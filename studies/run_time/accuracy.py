@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ncti.ladar.extent import RangeExtent, bin_centres
 from ncti.ladar.moments import frame_moments
 from ncti.ladar.pulse import target_kernel
-from ncti.ladar.reference import reference_range_extent
+from studies.run_time.reference import reference_range_extent
 
 Floats = NDArray[np.float64]
 

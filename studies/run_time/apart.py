@@ -24,22 +24,9 @@ def call_apart(
 ) -> Result:
     """Return the result of a function, called in a process where an engine can render.
 
-    That is this process, unless the engine needs another OpenGL than the one bound, or preferred,
-    here. Function, arguments and result are pickled then.
-
-    Parameters
-    ----------
-    engine : str
-        Name of an engine, or `lines`.
-    function : callable
-        Of a module.
-    *arguments, **named
-        Its arguments.
-
-    Raises
-    ------
-    EngineError
-        If the other process ends; else whatever the function raises.
+    That is this process, unless the engine, a name or `lines`, needs another OpenGL than the one
+    bound, or preferred, here. Function, arguments and result are pickled then. If the other process
+    ends, it is an `EngineError`.
     """
     if engine not in engines() or engine in ("embree", choose_engine("auto")):
         return function(*arguments, **named)
