@@ -22,7 +22,7 @@ from ncti.render import View, line_image
 GRID = [
     (name, float(aspect), metric.DEPRESSION)
     for name in ncti.ships.names()
-    for aspect in range(0, 91, 18)
+    for aspect in range(0, 91, 30)
 ]
 OTHERS = [
     (name, *(((175.0, 6.7), (301.0, 15.6))[number % 2]))

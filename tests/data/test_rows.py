@@ -108,7 +108,7 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
     more are Gaussian to within 2 % of their kurtosis. Each row has the mean of its own place on the
     IFOVs, of which the covariance hardly depends.
     """
-    count, directions = 3000, 20
+    count, directions = 1000, 20
     how = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
     how |= {"frames": (8, 12), "sensor": "range"}
     rows = ncti.dataset(["duncan"], count, seed=11, rows_per_view=count, **{**MIXED, **how})

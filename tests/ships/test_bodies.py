@@ -149,9 +149,9 @@ def refused(mesh: trimesh.Trimesh, **how) -> str:
     return sentence(caught.value)
 
 
-@pytest.fixture(scope="module", params=["texas", "spruance"])
-def hull(request, ship) -> trimesh.Trimesh:
-    mesh = ship(request.param)
+@pytest.fixture(scope="module")
+def hull(ship) -> trimesh.Trimesh:
+    mesh = ship("texas")
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
     return mesh

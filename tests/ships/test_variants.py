@@ -11,7 +11,7 @@ from ncti import ships
 from ncti.ships import build, perturbation, sheets
 from ncti.ships.perturbation import Variant, build_variant, carriage, perturbed
 
-DRAWS = dict.fromkeys(ships.names(), 2) | {"spruance": 10}  # a second each
+DRAWS = dict.fromkeys(ships.names(), 2) | {"spruance": 8}  # a second each
 
 
 def parsed(document) -> sheets.Sheet:
@@ -42,7 +42,7 @@ def drawn() -> dict[str, list[sheets.Sheet]]:
     return made
 
 
-@pytest.mark.parametrize("name", ships.names())
+@pytest.mark.parametrize("name", ["duncan", "texas"])  # two seconds each
 def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
     mesh, nominal = ships.load(f"{name}@0.1"), ships.load(name)
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
@@ -82,8 +82,8 @@ def test_uncertainty_is_used(drawn) -> None:
     sheet = packaged_sheet("spruance")
     number = [c.name for c in sheet.components].index("capstans/windlass")
     x = [feet(variant)[number, 0] for variant in drawn["spruance"]]
-    # The deviation of ten draws is within 0.5 to 1.5 of that of all at a level of 2 %.
-    assert 0.5 * 1.5 * 0.8 < np.std(x) < 1.5 * 1.5
+    # The deviation of eight draws is within 0.45 to 1.55 of that of all at a level of 3 %.
+    assert 0.45 * 1.5 * 0.8 < np.std(x) < 1.55 * 1.5
 
 
 def test_variants_are_distinct(drawn) -> None:
