@@ -100,6 +100,7 @@ def bucket(smoke_store, monkeypatch):
         yield
 
 
+@pytest.mark.usefixtures("quick_layout")
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
 def test_what_is_on_the_page_runs(
     page, smoke_store, results, tmp_path, monkeypatch, capsys, request
