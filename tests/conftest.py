@@ -45,6 +45,17 @@ def quick_layout(monkeypatch):
 
 
 @pytest.fixture
+def one_variant(monkeypatch):
+    """Let all settings of a reproduction have one variant of one ship: a ship takes seconds."""
+    from studies.reproduction import setting
+
+    def variant(name, number):
+        return f"{name}@0.1" if name == "duncan" and number else name
+
+    monkeypatch.setattr(setting, "_variant", variant)
+
+
+@pytest.fixture
 def umask():
     """What sets the permissions that new files have not; in the end it is as it was."""
     before = os.umask(0o077)

@@ -11,7 +11,7 @@ from ncti import ships
 from ncti.ships import build, perturbation, sheets
 from ncti.ships.perturbation import Variant, build_variant, carriage, perturbed
 
-DRAWS = dict.fromkeys(ships.names(), 2) | {"spruance": 8}  # a second each
+DRAWS = {"duncan": 2, "spruance": 8, "texas": 2}  # a second each
 
 
 def parsed(document) -> sheets.Sheet:
@@ -30,9 +30,9 @@ def feet(sheet: sheets.Sheet) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def drawn() -> dict[str, list[sheets.Sheet]]:
-    """Some perturbed sheets of each of the six ships."""
+    """Some perturbed sheets of a sister, of a ship of many parts and of one of few."""
     made = {}
-    for name in ships.names():
+    for name in DRAWS:
         sheet = packaged_sheet(name)
         borne = carriage(sheet)
         made[name] = [
@@ -56,7 +56,7 @@ def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
     assert ships.describe(f"{name}@0.1").findings == ()
 
 
-@pytest.mark.parametrize("name", ships.names())
+@pytest.mark.parametrize("name", DRAWS)
 def test_places_are_within_their_uncertainty(drawn, name) -> None:
     """Two parts, each cut off at two sigma, and variances that add up to one of one at most."""
     sheet = packaged_sheet(name)

@@ -85,7 +85,7 @@ def test_every_experiment_is_run():
     assert {*TINY, "smoke"} == set(EXPERIMENTS)
 
 
-@pytest.mark.usefixtures("quick_layout")
+@pytest.mark.usefixtures("quick_layout", "one_variant")
 @pytest.mark.parametrize("name", TINY)
 def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
     fast = [] if name == "runtime_vs_error" else FAST

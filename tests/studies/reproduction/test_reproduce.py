@@ -1,6 +1,7 @@
 """Settings of what the article leaves open: resumed, extended, and compared with the article."""
 
 import numpy as np
+import pytest
 from commands import opened, swept
 
 from ncti.article import figures
@@ -10,6 +11,7 @@ SMALL = ("+experiment=reproduce", "grid.aspect=[0,45,90]", "reproduce.draws=2")
 GROUP = "reproduction"
 
 
+@pytest.mark.usefixtures("one_variant")
 def test_more_settings_continue_fewer_and_are_compared_with_the_article(tmp_path, cache):
     """A store of two settings that is extended to three is that of three at once, bit for bit."""
     for count in (2, 3):
