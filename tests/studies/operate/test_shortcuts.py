@@ -5,7 +5,7 @@ import pytest
 
 from docs._tables.operate import Setting, compared, planned
 
-TESTS, DRAWS = 240, 8
+TESTS, DRAWS = 240, 4
 VIEWS = planned(TESTS)
 
 
