@@ -46,7 +46,7 @@ def whole():
     return rows_of(40)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(first=st.integers(0, 39), count=st.integers(1, 40))
 def test_rows_depend_on_their_numbers_alone(whole, first, count):
     """Also where other rows share a view, or an image at other ranges, and where none does."""

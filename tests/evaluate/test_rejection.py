@@ -155,4 +155,4 @@ def test_memory_of_rejections_does_not_grow_with_their_levels():
         return held
 
     peak(2)  # imports
-    assert peak(160) < 1.5 * peak(40)  # of 12,000 answers, more than are taken at one time
+    assert peak(400) < 1.5 * peak(100)  # of 12,000 answers, more than are taken at one time
