@@ -38,6 +38,24 @@ def smoke_store(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
+def quick_layout(monkeypatch):
+    """Draw without constraints, which take most of the time and which no test looks at."""
+    execute = "matplotlib.layout_engine.ConstrainedLayoutEngine.execute"
+    monkeypatch.setattr(execute, lambda engine, figure: None)
+
+
+@pytest.fixture
+def one_variant(monkeypatch):
+    """Let all settings of a reproduction have one variant of one ship: a ship takes seconds."""
+    from studies.reproduction import setting
+
+    def variant(name, number):
+        return f"{name}@0.1" if name == "duncan" and number else name
+
+    monkeypatch.setattr(setting, "_variant", variant)
+
+
+@pytest.fixture
 def umask():
     """What sets the permissions that new files have not; in the end it is as it was."""
     before = os.umask(0o077)

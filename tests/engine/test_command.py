@@ -1,17 +1,14 @@
 """The command line: what it exits with, what it says, and that printing costs no results."""
 
-import json
-import os
 import re
 import signal
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import pytest
 import yaml
+from forked import statuses
 from small_stores import files
 from toys import CALLS, SPRINGS, go
 
@@ -212,7 +209,12 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
 
 # processes ----------------------------------------------------------------------------------------
 
-PRINTED = ("full", "pipe", "closed", "ascii")
+PRINTED = {
+    "full": ("full", "pipe"),
+    "pipe": ("pipe", "full"),
+    "closed": ("closed", "closed"),
+    "ascii": ("ascii", "ascii"),
+}
 SIGNALS = {
     signal.SIGTERM: "stopped by SIGTERM",
     signal.SIGHUP: "stopped by SIGHUP",
@@ -226,26 +228,15 @@ def ended(tmp_path_factory):
     """Folder and exit status of commands whose output goes nowhere, or that are stopped."""
     folders = {name: tmp_path_factory.mktemp(str(name)) for name in (*PRINTED, *SIGNALS)}
     cases = []
-    for name in PRINTED:
+    for name, output in PRINTED.items():
         store = "store='s [bold] ä.zarr'" if name == "ascii" else "store=s.zarr"
-        cases.append({"output": name, "arguments": [store], "folder": str(folders[name])})
+        cases.append({"output": output, "arguments": [store], "folder": str(folders[name])})
     slow = ["store=s.zarr", "measured.pause=0.02", f"spring.stiffness={STIFF}".replace(" ", "")]
     for number in SIGNALS:
-        case = {"output": "file", "arguments": slow, "folder": str(folders[number])}
+        case = {"output": ("utf-8", "utf-8"), "arguments": slow, "folder": str(folders[number])}
         cases.append(case | {"signal": number})
-    here = Path(__file__).parent
-    done = subprocess.run(
-        [sys.executable, here / "processes.py"],
-        env=os.environ | {"PYTHONPATH": f"{here}:{here.parents[1]}"},
-        input=json.dumps(cases),
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    return dict(
-        zip(folders, zip(folders.values(), json.loads(done.stdout), strict=True), strict=True)
-    )
+    done = statuses("processes", "main", cases)
+    return dict(zip(folders, zip(folders.values(), done, strict=True), strict=True))
 
 
 def test_printing_costs_no_results(ended):

@@ -45,7 +45,7 @@ def test_a_path_that_hydra_cannot_read_is_quoted(path):
     assert job.store == path
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.text("aß1.()=;&$!`'\"\\ ~#*?<>|%@:/-+", min_size=1))
 def test_any_text_is_read_or_quoted(text):
     try:

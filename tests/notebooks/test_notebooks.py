@@ -33,6 +33,7 @@ def shown(axes):
             yield np.reshape(one.get_array(), (-1, 1))
 
 
+@pytest.mark.usefixtures("quick_layout")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs_and_every_panel_shows_something(path, request, tmp_path, monkeypatch):
     """In this process; the site's build runs it in a kernel of its own."""

@@ -3,16 +3,15 @@
 import csv
 import io
 import warnings
-from contextlib import chdir
 from pathlib import Path
 from typing import Any
 from zlib import crc32
 
 import zarr
-from once import made_once, sharing_ships
+from commands import swept
+from once import made_once
 from rich.console import Console
 
-from sweeps.app import command
 from sweeps.engine.cache.packs import seal
 from sweeps.engine.store.manifest import MANIFEST
 from sweeps.report import stores as of_stores
@@ -34,17 +33,13 @@ FLIGHTS = [
 ]
 
 
-def sweep(folder: Path, *overrides: str, code: int = 0) -> Path:
-    """The store of a sweep of the command line, which shares only ships with the machine."""
-    own = ("cluster=inline", "store=s.zarr", f"cache={sharing_ships(folder / 'cache')}")
-    with chdir(folder):
-        assert command().main([*overrides, *own]) == code
-    return folder / "s.zarr"
-
-
 def swept_once(factory: Any, name: str, *overrides: str) -> Path:
-    """The store of a sweep of that name, made by one of the processes that run tests."""
-    return made_once(factory, name, lambda folder: sweep(folder, *overrides)) / "s.zarr"
+    """The store of a sweep of that name, without its report, made by one of the processes."""
+
+    def make(folder: Path) -> None:
+        assert not swept(folder / "s.zarr", folder / "cache", *overrides).failures
+
+    return made_once(factory, name, make) / "s.zarr"
 
 
 def signed(path: Path) -> Path:

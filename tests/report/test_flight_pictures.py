@@ -29,6 +29,7 @@ def pictures(folder):
     return sorted(name for name in contents(folder) if not name.endswith(".csv"))
 
 
+@pytest.mark.usefixtures("quick_layout")
 def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):
     assert reported(monkeypatch, store) == 0
     assert pictures(tables_folder(store)) == []

@@ -3,13 +3,13 @@
 import io
 import os
 import shutil
-import subprocess
-import sys
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from forked import statuses
 from made import categories, scores, shown
 from rich.console import Console
 from stores import contents, reported, rows_of, signed
@@ -51,55 +51,53 @@ def write(folder, *names, value=1):
     )
 
 
+@pytest.fixture(scope="module")
+def one(tmp_path_factory):
+    return made(tmp_path_factory.mktemp("one") / "s.zarr")
+
+
 @pytest.fixture
-def store(tmp_path):
-    return made(tmp_path / "s.zarr")
-
-
-def in_shell(store, shell, **environment):
-    """`ncti-report` in a shell, where `COMMAND` stands for the command."""
-    program = "from sweeps.report.command import main; main()"
-    return subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {shell}"],
-        env=os.environ
-        | {"PYTHON": sys.executable, "PROGRAM": program, "STORE": str(store)}
-        | environment,
-        cwd=store.parent,
-        capture_output=True,
-        timeout=120,
-    )
-
-
-COMMAND = '"$PYTHON" -c "$PROGRAM" "$STORE"'
+def store(one, tmp_path):
+    return Path(shutil.copytree(one, tmp_path / "s.zarr"))
 
 
 def files(store):
     return set(contents(tables_folder(store)))
 
 
-@pytest.mark.parametrize(
-    ("shell", "environment", "said"),
-    [
-        (f"{COMMAND} | true", {}, 0),
-        (f"{COMMAND} > /dev/full", {}, 1),
-        (f"{COMMAND} >&-", {}, 0),
-        (f"{COMMAND} > /dev/full 2> /dev/full", {}, 0),
-        (COMMAND, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, 0),
-        (
-            COMMAND,
-            {"PYTHONIOENCODING": "latin-1", "COLUMNS": "10", "TERM": "dumb", "FORCE_COLOR": "1"},
-            0,
-        ),
-    ],
-    ids=["pipe", "full", "closed", "both full", "C", "narrow and coloured"],
-)
-def test_a_screen_that_takes_nothing_costs_nothing(store, shell, environment, said):
-    done = in_shell(store, shell, **environment)
-    assert done.returncode == ("> /dev/full" in shell)
-    told = done.stderr.decode()
-    assert told.count("\n") == said and "Traceback" not in told and "Exception" not in told
-    assert said == 0 or told.startswith("ncti-report: tables cannot be printed: No space left")
-    assert files(store) == {"scores.csv", "categories.csv"}
+SMALL = {"COLUMNS": "10", "TERM": "dumb", "FORCE_COLOR": "1"}
+SCREENS = {  # stdout, stderr, environment
+    "pipe": ("pipe", "utf-8", {}),
+    "full": ("full", "utf-8", {}),
+    "closed": ("closed", "utf-8", {}),
+    "both full": ("full", "full", {}),
+    "ascii": ("ascii", "ascii", {}),
+    "narrow and coloured": ("latin-1", "latin-1", SMALL),
+}
+
+
+@pytest.fixture(scope="module")
+def ended(one, tmp_path_factory):
+    """Folder and exit status of a report on each screen."""
+    folders = {name: tmp_path_factory.mktemp("screen") for name in SCREENS}
+    cases = []
+    for name, (out, err, environment) in SCREENS.items():
+        shutil.copytree(one, folders[name] / "s.zarr")
+        case = {"output": (out, err), "environment": environment, "arguments": ["s.zarr"]}
+        cases.append(case | {"folder": str(folders[name])})
+    done = statuses("report_process", "main", cases)
+    return dict(zip(folders, zip(folders.values(), done, strict=True), strict=True))
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_a_screen_that_takes_nothing_costs_nothing(ended, screen):
+    folder, status = ended[screen]
+    assert status == ("full" in screen)
+    said = (folder / "err").read_text("latin-1") if screen != "both full" else ""
+    assert said.count("\n") == (screen == "full")
+    assert "Traceback" not in said and "Exception" not in said
+    assert not said or said.startswith("ncti-report: tables cannot be printed: No space left")
+    assert files(folder / "s.zarr") == {"scores.csv", "categories.csv"}
 
 
 def test_an_ascii_screen_has_every_figure(store, monkeypatch):

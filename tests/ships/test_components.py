@@ -44,9 +44,11 @@ def meets(a: Manifold, b: Manifold) -> bool:
 def evidence(name: str, index: int) -> Manifold:
     """Room which only this component fills, or only it cuts away."""
     own = pieces(name)[index]
+    low, high = bounds(own.solid)
+    around = Manifold.cube(high - low + 0.02).translate(low - 0.01)
     near = [p for i, p in enumerate(pieces(name)) if i != index and meets(p.solid, own.solid)]
-    added = union([p.solid for p in near if not p.cuts])
-    cut = union([p.solid for p in near if p.cuts])
+    added = union([p.solid ^ around for p in near if not p.cuts])
+    cut = union([p.solid ^ around for p in near if p.cuts])
     alone = (own.solid ^ added) - cut if own.cuts else own.solid - added - cut
     return alone.trim_by_plane((0, 0, 1), 0)
 

@@ -10,6 +10,7 @@ import ncti.ships
 from sweeps.stages import irar
 from sweeps.stages.irar import FLOWN, RECORDED, scan_again
 
+FEW = {"ifov": 1000.0, "samples": 40, "line_rate": 30.0, "pulse_rate": 2000.0, "detectors": 2}
 OTHERS = {
     **{"range": 3.1, "depression": 6.0, "aircraft_speed": 80.0, "ship_speed": 7.0},
     **{"aircraft_heading": 10.0, "aircraft_track": 2.0, "offset": 4.0, "pointing": 4.5},
@@ -37,7 +38,7 @@ def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
 @pytest.fixture(scope="module")
 def scanned():
     """Function: the bytes of a scan of given values, made once."""
-    mesh, choices = ncti.ships.load("roberts"), read()
+    mesh, choices = ncti.ships.load("roberts"), read(**FEW)
     where = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
     plain = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
 

@@ -85,6 +85,7 @@ def test_every_experiment_is_run():
     assert {*TINY, "smoke"} == set(EXPERIMENTS)
 
 
+@pytest.mark.usefixtures("quick_layout", "one_variant")
 @pytest.mark.parametrize("name", TINY)
 def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
     fast = [] if name == "runtime_vs_error" else FAST
@@ -121,6 +122,7 @@ def draw(script, *arguments, monkeypatch):
     plt.close("all")
 
 
+@pytest.mark.usefixtures("quick_layout")
 def test_the_published_table_of_the_benchmark_is_drawn(folder, monkeypatch):
     draw("benchmark", str(DOCS / "tables" / "benchmark_splits.csv"), monkeypatch=monkeypatch)
 

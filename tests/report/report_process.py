@@ -1,0 +1,21 @@
+"""The command `ncti-report`, for `forked`: importing this imports what it imports on its way."""
+
+import sys
+
+import dask.base  # noqa: F401
+import jinja2  # noqa: F401
+import obstore  # noqa: F401
+import pandas  # noqa: F401
+import rich.console  # noqa: F401
+import xarray  # noqa: F401
+import zarr  # noqa: F401
+
+import sweeps.report.pictures
+import sweeps.report.summary  # noqa: F401
+from sweeps.report import command
+
+
+def main(arguments):
+    """Run the command; it exits by itself unless all is well."""
+    sys.argv = ["ncti-report", *arguments]
+    command.main()
