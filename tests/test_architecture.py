@@ -2,6 +2,10 @@
 
 import ast
 import re
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -159,3 +163,18 @@ def test_private_names_of_other_packages_are_in_few_places():
             used[name] |= {*(node.module or "").split("."), *(one.name for one in node.names)}
     private = {name: set(filter(is_private, found)) - DOCUMENTED for name, found in used.items()}
     assert {name: found for name, found in private.items() if found} == PRIVATE
+
+
+def test_every_library_that_is_imported_is_declared():
+    """Transitive ones would be missing as soon as another library does without them."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    asked = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
+    declared = {re.match(r"[\w-]+", one)[0].lower() for one in asked}
+    offered = {name: {one.lower() for one in of} for name, of in packages_distributions().items()}
+    # IPython runs the notebook that asks for it.
+    here = {"IPython", "ncti", "studies", "sweeps", *sys.stdlib_module_names}
+    for package in ("ncti", "sweeps", "studies"):
+        for path in modules(package):
+            for name in {one.partition(".")[0] for one in imports(path)} - here:
+                # One that is not installed has the name of its distribution, as far as it is here.
+                assert declared & offered.get(name, {name.lower().replace("_", "-")}), (path, name)
