@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
+from io import TextIOWrapper
 from pathlib import Path
 
 import hydra
@@ -47,7 +48,7 @@ from sweeps.engine.resolve.plan import Plan, modules_of, stored_stages, with_inp
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.forking import preloaded_modules, start_fork_server
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
-from sweeps.engine.run.process import environment, say, show, tolerant_output
+from sweeps.engine.run.process import environment, flush_output, say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
 from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.provenance import differences
@@ -93,13 +94,14 @@ class Command:
         """
         given = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
-        with tolerant_output() as lost:
-            message, status = self._run_reporting(given)
-            if message:
-                say(self.name, message)
-            if why := lost():
-                say(self.name, f"the output cannot be written: {why}")
-            return status or (SOME_FAILED if why else ALL_DONE)
+        if isinstance(sys.stdout, TextIOWrapper):  # of any encoding
+            sys.stdout.reconfigure(errors="backslashreplace")
+        message, status = self._run_reporting(given)
+        if message:
+            say(self.name, message)
+        if why := flush_output():
+            say(self.name, f"the output cannot be written: {why}")
+        return status or (SOME_FAILED if why else ALL_DONE)
 
     def _run_reporting(self, given: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
