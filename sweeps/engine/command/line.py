@@ -53,7 +53,7 @@ from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, wat
 from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.provenance import differences
 from sweeps.engine.store.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
-from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
+from sweeps.engine.store.targets import check_cache_path, check_targets
 from sweeps.engine.store.writing import read_attributes
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
@@ -195,14 +195,13 @@ class Command:
         with interruptible():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
-        for path in stores:
-            check_store_path(path)
         sweeps: list[Sweep] = []
         with interruptible():
-            for choices, store in fuse_jobs(self.experiment, checked):
+            fused = fuse_jobs(self.experiment, checked)
+            for cache in dict.fromkeys(choices.one(Run.cache) for choices, _ in fused):
+                check_targets(stores, self._cache_path(cache), self.beside)
+            for choices, store in fused:
                 options = self._options(choices, store)
-                check_cache_path(options.cache)
-                check_disjoint(stores, options.cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)

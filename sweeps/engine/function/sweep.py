@@ -28,7 +28,7 @@ from sweeps.engine.run.schedule import Watch
 from sweeps.engine.store.sweeping import Finished, RunOptions, preview
 from sweeps.engine.store.sweeping import sweep as run
 from sweeps.engine.store.tables import with_scalars
-from sweeps.engine.store.targets import check_store_path
+from sweeps.engine.store.targets import check_targets
 from sweeps.engine.store.writing import zarr_store
 
 if TYPE_CHECKING:
@@ -146,8 +146,8 @@ def sweep(
     options = RunOptions(at, packs, ClusterChoice(cluster))
     import xarray as xr  # slow to import
 
+    check_targets([at], packs)
     if dry_run:
-        check_store_path(at)
         stages, estimate = preview(Plan(experiment, choices), options)
         cells, left = stages[experiment.name]
         show(f"{experiment.name}: {left:,} to compute, {cells - left:,} reused; {estimate}")

@@ -39,7 +39,6 @@ from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.locks import cache_lock, store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.provenance import SHARED_ATTRIBUTES, check_extends, differences, provenance
-from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes, recover, write_store
 
 MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
@@ -105,7 +104,7 @@ def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | N
 
 
 def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
-    """Compute all missing cells of a plan, and write its store.
+    """Compute all missing cells of a plan, and write its store; see `check_targets` for its path.
 
     Raises
     ------
@@ -117,9 +116,6 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     start = time.perf_counter()
     with ExitStack() as stack:
         stack.enter_context(environment(plan.choices.variables))
-        check_store_path(options.store)
-        check_cache_path(options.cache)
-        check_disjoint([options.store], options.cache, lambda store: ())
         check = stack.enter_context(store_lock(options.store))
         recover(options.store)
         if isinstance(packs := options.packs.path, Path):
