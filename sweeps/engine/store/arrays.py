@@ -27,6 +27,7 @@ SCALARS = "scalar_coordinates"  # attribute of a group
 KEY_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20
+MAX_CONSTANT = 4096  # elements of an array that is read to find out whether all are equal
 ZSTD_LEVEL = 1  # level 3 compresses results no better and takes three times as long
 
 Region = tuple[slice, ...]
@@ -126,8 +127,13 @@ class Array:
         return digest(repr(about).encode() + given)
 
     def with_fill(self) -> Array:
-        """Return a scalar with its value as fill value, so that it needs no chunk."""
-        return self if self.dims else replace(self, fill=self.load().flat[0])
+        """Return a small array of equal values with that as fill value: it needs no chunk."""
+        if self.chunks != self.shape or not 0 < math.prod(self.shape) <= MAX_CONSTANT:
+            return self
+        values = self.load()
+        first = values.flat[0]
+        equal = values.tobytes() == first.tobytes() * values.size
+        return replace(self, fill=first) if equal and first == first else self  # NaN has many bits
 
     def for_worker(self, region: Region) -> Array:
         """Return the part that another process needs to write the chunk of a region."""
