@@ -53,7 +53,7 @@ SETTINGS = Group(
     "reproduction",
     looks(SENSOR),
     (Grid, Reproduce, Run),
-    status=views.Status("status:setting", "state of the settings", (Reproduce.setting,)),
+    status=views.Status("setting", "state of the settings", (Reproduce.setting,)),
 )
 
 

@@ -328,13 +328,11 @@ OF_RANGE = classifier.ClassifierGroup.of(
     NAME,
     classifier.names_by(NAME, RANGE),
     (*classifier.OF_PROFILES, *LEARNED, *classifier.TESTED),
-    states="status",
 )
 OF_INFRARED = classifier.ClassifierGroup.of(
     "acn_infrared",
     classifier.names_by(NAME, INFRARED),
     (*OF_SILHOUETTES, "phase", *LEARNED, *LOOK),
-    states="status_infrared",
 )
 RULES = ("label_rule", "score_rule")
 SEEN = {"training_set": "profile_training_set", "presentation": "profile_order"}

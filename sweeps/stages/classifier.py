@@ -27,6 +27,7 @@ from sweeps.engine.declare.settings import (
 )
 from sweeps.engine.declare.stage import (
     STATE,
+    STATUS,
     At,
     Group,
     Output,
@@ -398,12 +399,9 @@ class ClassifierGroup(Group):
     answer: tuple[str, ...] = VIEW  # dimensions of an answer
 
     @classmethod
-    def of(
-        cls, name: str, when: Condition, dims: tuple[str, ...], *, states: str = "", **how: Any
-    ) -> ClassifierGroup:
-        """Return the group of a classifier; `states` is that of the states of its cells."""
-        status = Status(states or f"status_{name}")
-        return cls(f"classification/{name}", when, dims=dims, status=status, **how)
+    def of(cls, name: str, when: Condition, dims: tuple[str, ...], **how: Any) -> ClassifierGroup:
+        """Return the group of a classifier."""
+        return cls(f"classification/{name}", when, dims=dims, status=Status(name), **how)
 
     @property
     def name(self) -> str:
@@ -430,8 +428,7 @@ class ClassifierGroup(Group):
         self, *outputs: Output, **how: Any
     ) -> Callable[[Callable[..., Any]], tuple[Stage, ...]]:
         """Declare coordinates of both groups, of answers and of states of their cells."""
-        assert self.status is not None
-        groups = self, replace(self, path=self.status.name)
+        groups = self, replace(self, path=STATUS)
         return lambda function: tuple(
             group.stage(*outputs, name=f"{function.__name__}_{k}", **how)(function)
             for k, group in enumerate(groups)

@@ -441,7 +441,7 @@ def _quoted(value: Any) -> Any:
     return repr(str(value)) if isinstance(value, str) else value
 
 
-STATUS = Status("status:view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))
+STATUS = Status("view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))
 
 
 def loops(choices: Choices) -> list[Loops]:

@@ -53,7 +53,7 @@ def test_every_number_is_that_of_a_plain_computation(store):
                 answer = answers.answer.sel(mass=mass, length=length, draw=draw)
                 assert answer.sel(rule="max") == max(noisy)
                 assert answer.sel(rule="mean") == np.mean(noisy)
-    assert (opened(store, "state").taken == 1).all()
+    assert (opened(store, "status").taken == 1).all()
 
 
 def test_dimensions_coordinates_and_units(store):
@@ -64,7 +64,7 @@ def test_dimensions_coordinates_and_units(store):
     assert springs.stiffness.attrs == {"units": "N m-1", "long_name": "stiffness"}
     assert "limit" not in springs.coords  # one value, and neither shown nor noted
     assert springs.drawn.dims == ("mass", "length", "draw", "stiffness")
-    assert (opened(store, "state").answers == 1).all()
+    assert (opened(store, "status").answers == 1).all()
     root = read_attributes(store)
     assert root["configuration"]["spring"]["mass"] == [1, 2] and root["seed"] == 0
     assert not {"failures", "joint"} & set(root)

@@ -74,7 +74,7 @@ class Measured(Settings, key="measured"):
     pause = number(0.0, 0, 10, unit="s", label="time that a period takes")
 
 
-STATE = Status("state:answers", "state of the answers", (Spring.mass, Measured.length))
+STATE = Status("answers", "state of the answers", (Spring.mass, Measured.length))
 
 
 @plain(uses=(Spring,))

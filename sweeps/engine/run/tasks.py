@@ -66,7 +66,7 @@ def stage_spec(stage: Stage) -> StageSpec:
     function, (module, name) = stage.function, module_and_name(stage.function)
     there = find_attribute(module, name) if module != MAIN else None
     given = None if getattr(there, "function", there) is function else function
-    stored = (one for one in stage.outputs if stage.store_group(one))
+    stored = (one for one in stage.outputs if stage.stored_as(one)[0])
     even = tuple(one.name for one in stored if stage.has_fixed_shape(one))
     return StageSpec(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
 
