@@ -85,13 +85,16 @@ SCALARS = {
 def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
     """As attributes that any reader of JSON knows; what these cannot hold stays an array."""
     arrays = {name: coordinate((), np.array(value)) for name, value in SCALARS.items()}
-    write_store(tmp_path / "s.zarr", {"g": Group({"x": array(COUNTS), **arrays})}, {})
+    attrs = {"whole": SCALARS["whole"], "text": "another"}
+    write_store(tmp_path / "s.zarr", {"g": Group({"x": array(COUNTS), **arrays}, attrs)}, {})
     text = (tmp_path / "s.zarr/g/zarr.json").read_text()
     raw = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
     attributes = raw["attributes"]
     assert {"beyond", "endless"}.isdisjoint(attributes) and attributes["float"] == 0.1
+    stored = {"x", "beyond", "endless", "text"}
+    assert {one.name for one in (tmp_path / "s.zarr/g").iterdir() if one.is_dir()} == stored
     found = with_scalars(opened(tmp_path / "s.zarr", "g"))
-    assert found.attrs == {}
+    assert found.attrs == attrs
     for name, value in SCALARS.items():
         assert same_bits(found[name].values, np.array(value)), name
 

@@ -21,6 +21,7 @@ from sweeps.engine.resolve.keys import digest
 
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
+BOTH = "is_attribute"  # of a scalar coordinate that the group has as an attribute, too
 
 # Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array takes the
 # other one, so that the old metadata never refer to new chunks.
@@ -169,21 +170,32 @@ class Group:
         """Return the group with scalar coordinates as attributes, as it is stored.
 
         `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them. One whose
-        name is `taken` by another attribute stays an array.
+        name is `taken` by an attribute of another value stays an array. Those that are attributes
+        already come first.
         """
-        taken = {*self.attrs, *taken, "coordinates", SCALARS}
+        taken = {*taken, "coordinates", SCALARS}
+        names = sorted(self.arrays.keys() - taken, key=[*self.attrs, *self.arrays].index)
         scalars = {
             name: one
-            for name, one in self.arrays.items()
-            if one.coordinate and not one.dims and one.dtype.kind in "biufU"
-            if name not in taken
+            for name in names
+            if (one := self.arrays[name]).coordinate and not one.dims and one.dtype.kind in "biufU"
         }
         values = {name: one.load().astype(one.dtype).item() for name, one in scalars.items()}
-        scalars = {name: one for name, one in scalars.items() if _is_json(values[name])}
+        scalars = {
+            name: one
+            for name, one in scalars.items()
+            if _is_json(value := values[name])
+            if name not in self.attrs or self.attrs[name] == value
+        }
         if not scalars:
             return self
         given = {name: values[name] for name in scalars if values[name] == values[name]}  # not NaN
-        about = {SCALARS: {name: one.attributes for name, one in scalars.items()}}
+        about = {
+            SCALARS: {
+                name: one.attributes | {BOTH: 1} if name in self.attrs else one.attributes
+                for name, one in scalars.items()
+            }
+        }
         others = {name: one for name, one in self.arrays.items() if name not in scalars}
         return Group(others, {**self.attrs, **given, **about})
 
