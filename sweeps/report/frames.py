@@ -19,7 +19,7 @@ from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, show
 
 # Dimensions of draws.
 DRAWS = ("replicate", "phase", "order", "draw")
-HIDDEN = ("aspect_low", "learned", "known")  # coordinates that are no axes
+HIDDEN = ("aspect_low", "learned", "known")  # coordinates, some of earlier stores, that are no axes
 ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
 BESIDE = ("_spread", "_n", "_of")
 TENTHS = 1  # decimals of percentages in files
