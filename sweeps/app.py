@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
     from sweeps.engine.declare.paths import PathOrUrl
     from sweeps.engine.declare.settings import Choices
-    from sweeps.engine.store.sweeping import Finished
+    from sweeps.engine.sweeping import Finished
 
 NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []

@@ -97,7 +97,7 @@ def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeyp
         started.append(choice.kind)
         return open_executor(ClusterChoice("inline"), **how)
 
-    monkeypatch.setattr("sweeps.engine.store.sweeping.open_executor", counted)
+    monkeypatch.setattr("sweeps.engine.sweeping.open_executor", counted)
     for masses, store in (([1], "s"), ([1, 2], "s"), ([1, 2, 3], "new")):
         go(tmp_path / f"{store}.zarr", tmp_path / "cache", kind="local", spring__mass=masses)
     assert started == ["local", "inline", "local"]

@@ -41,7 +41,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import drop_objects
-from sweeps.engine.store.sweeping import RunOptions, sweep
+from sweeps.engine.sweeping import RunOptions, sweep
 
 
 class Calls(Counter[str]):

@@ -52,9 +52,9 @@ from sweeps.engine.run.process import environment, flush_output, say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
 from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.provenance import differences
-from sweeps.engine.store.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
 from sweeps.engine.store.targets import check_cache_path, check_targets
 from sweeps.engine.store.writing import read_attributes
+from sweeps.engine.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"

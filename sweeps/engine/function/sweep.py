@@ -25,11 +25,11 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.process import say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, progress_bar
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.sweeping import Finished, RunOptions, preview
-from sweeps.engine.store.sweeping import sweep as run
 from sweeps.engine.store.tables import with_scalars
 from sweeps.engine.store.targets import check_targets
 from sweeps.engine.store.writing import zarr_store
+from sweeps.engine.sweeping import Finished, RunOptions, preview
+from sweeps.engine.sweeping import sweep as run
 
 if TYPE_CHECKING:
     import xarray as xr
