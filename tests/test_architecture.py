@@ -90,7 +90,7 @@ FLOORS = (
     *(("declare",), ("resolve",), ("cache",), ("run",), ("store",), ("sweeping",)),
     ("command", "function"),
 )
-FRONT = {"sweeps.engine"}  # names for users
+FRONT = {"sweeps.engine", "sweeps.engine.settings", "sweeps.engine.stage"}  # names for users
 
 
 def engine_imports(path: Path) -> set[str]:
