@@ -111,7 +111,7 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         with _said():  # the tables are complete without it
             kept += written_page(store, frames)
     kept += finish(store, frames, screen())
-    if looks("irar")(choices) and choices.one(Irar.pictures):
+    if looks("irar")(choices) and choices.value(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}

@@ -104,7 +104,7 @@ class Frame:
         return [name for name in self.of_role("figure") if self.columns[name].listed]
 
     @cached_property
-    def several(self) -> list[str]:
+    def varying_axes(self) -> list[str]:
         """Names of the axes along which rows differ."""
         return [name for name in self.of_role("axis") if self.rows[name].nunique() > 1]
 

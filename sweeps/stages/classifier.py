@@ -94,11 +94,11 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
     ConfigurationError
         If there is nothing to draw between.
     """
-    number = choices.one(RandomAspects.random_aspects)
+    number = choices.value(RandomAspects.random_aspects)
     if number and len(grid) < 2:
         reason = "where grid.aspect has one value: aspects are drawn between its ends"
         refuse(RandomAspects.random_aspects, number, f"0 {reason}")
-    return drawn_aspects(grid[0], grid[-1], number, choices.one(Run.seed)) if number else ()
+    return drawn_aspects(grid[0], grid[-1], number, choices.value(Run.seed)) if number else ()
 
 
 class Classifier(Settings, key="classifier"):
@@ -234,9 +234,9 @@ def training_marks(of: Group) -> tuple[Stage, Stage]:
 
 def _learned(choices: Choices) -> list[Views]:
     """Return the (ship, aspect) mask of a sweep's training views for every template spacing."""
-    of_all = (*(choices[setting] for setting in GATHERED), choices.one(Classifier.unknown))
+    of_all = (*(choices[setting] for setting in GATHERED), choices.value(Classifier.unknown))
     drawn = random_test_aspects(choices, choices[Grid.aspect])
-    given = choices.one(Classifier.training_aspect)
+    given = choices.value(Classifier.training_aspect)
     return [training_views(*of_all, given, spacing, drawn) for spacing in choices[SPACING]]
 
 
@@ -281,10 +281,10 @@ def check(choices: Choices) -> Choices:
     given = choices[Grid.aspect]
     drawn = random_test_aspects(choices, given)
     choices = choices.replace(Grid.aspect, tuple(sorted({*given, *drawn})))
-    ships_given, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
+    ships_given, unknown = choices[Grid.ship], choices.value(Classifier.unknown) or ()
     require_among(choices, Classifier.unknown, Grid.ship)
     require_among(choices, Classifier.training_aspect, Grid.aspect)
-    for name in choices.one(Classifier.alternative) or ():
+    for name in choices.value(Classifier.alternative) or ():
         if name not in unknown:
             allowed = ", ".join(unknown) or "none of them, as there are none"
             refuse(Classifier.alternative, repr(str(name)), f"of classifier.unknown: {allowed}")
@@ -399,7 +399,9 @@ class ClassifierGroup(Group):
     answer: tuple[str, ...] = VIEW  # dimensions of an answer
 
     @classmethod
-    def of(cls, name: str, when: Condition, dims: tuple[str, ...], **how: Any) -> ClassifierGroup:
+    def of_classifier(
+        cls, name: str, when: Condition, dims: tuple[str, ...], **how: Any
+    ) -> ClassifierGroup:
         """Return the group of a classifier."""
         return cls(f"classification/{name}", when, dims=dims, status=Status(name), **how)
 
@@ -463,7 +465,7 @@ class ClassifierGroup(Group):
         def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
             vigilances = choices[Classifier.test_vigilance]
             # What is known to be unknown is no test of what is not.
-            asked = ~np.isin(choices[Grid.ship], choices.one(Classifier.alternative) or ())
+            asked = ~np.isin(choices[Grid.ship], choices.value(Classifier.alternative) or ())
             of_all = known_of(choices).isel(ship=asked), aspects_of(choices), vigilances
             return tabulate_rejection(classified.isel(ship=asked), *of_all)
 
@@ -486,7 +488,7 @@ class ClassifierGroup(Group):
 
 def of_profiles(name: str, *own: str) -> ClassifierGroup:
     """Return the group of a classifier of range profiles, with dimensions of its own."""
-    return ClassifierGroup.of(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
+    return ClassifierGroup.of_classifier(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
 
 
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))

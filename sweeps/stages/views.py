@@ -377,7 +377,7 @@ def _built() -> Path:
 
 def looks(sensor: str) -> Condition:
     """Return the condition that a sensor is among those of the sweep."""
-    return lambda choices: sensor in choices.one(Sweep.sensor)
+    return lambda choices: sensor in choices.value(Sweep.sensor)
 
 
 def check(choices: Choices) -> Choices:

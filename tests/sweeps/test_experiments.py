@@ -40,7 +40,7 @@ TINY, GALLERY = ROWS["small"], ROWS["pictures"]
 @pytest.mark.parametrize(("group", "name"), GROUPS)
 def test_every_group_choice_composes(group, name):
     sensor = "sensor=both" if name == "fusion" else "sensor=range"
-    assert chosen(f"{group}={name}", sensor, "grid.ship=duncan").one(Grid.pulse_width) == 30
+    assert chosen(f"{group}={name}", sensor, "grid.ship=duncan").value(Grid.pulse_width) == 30
 
 
 def test_files_of_classifiers_and_receivers_name_those_that_there_are():

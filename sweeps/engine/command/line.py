@@ -198,7 +198,7 @@ class Command:
         sweeps: list[Sweep] = []
         with interruptible():
             fused = fuse_jobs(self.experiment, checked)
-            for cache in dict.fromkeys(choices.one(Run.cache) for choices, _ in fused):
+            for cache in dict.fromkeys(choices.value(Run.cache) for choices, _ in fused):
                 check_targets(stores, self._cache_path(cache), self.beside)
             for choices, store in fused:
                 options = self._options(choices, store)
@@ -213,10 +213,10 @@ class Command:
         """Let local workers of new stores import their modules while this process checks jobs."""
         stages: dict[str, BoundStage] = {}
         for job in jobs:
-            one, store = job.choices.one, path_or_url("store", job.store)
-            computes = not (one(Run.dry_run) or one(Run.partial))
+            value, store = job.choices.value, path_or_url("store", job.store)
+            computes = not (value(Run.dry_run) or value(Run.partial))
             is_new = isinstance(store, Path) and not os.path.lexists(store)
-            if computes and is_new and one(Cluster.kind) == "local":
+            if computes and is_new and value(Cluster.kind) == "local":
                 every = bind(self.experiment, job.choices.joint)
                 stages |= with_inputs(stored_stages(every.values(), job.choices), every)
         modules = modules_of(stages.values())
@@ -242,7 +242,7 @@ class Command:
             taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
             raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
         [job] = read_jobs(self.experiment, words, several=False)
-        return path_or_url("store", job.store), self._cache_path(job.choices.one(Run.cache))
+        return path_or_url("store", job.store), self._cache_path(job.choices.value(Run.cache))
 
     def _cache_path(self, given: Value) -> PathOrUrl:
         return path_or_url("cache", str(given)) if given else user_cache_path(self.name)
@@ -251,10 +251,10 @@ class Command:
         """Return the store, cache and cluster of a sweep."""
         return RunOptions(
             store,
-            self._cache_path(choices.one(Run.cache)),
-            ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
-            int(choices.one(Run.cache_limit) * 1e9),
-            partial=bool(choices.one(Run.partial)),
+            self._cache_path(choices.value(Run.cache)),
+            ClusterChoice(**{one.name: choices.value(one) for one in Cluster.declared}),
+            int(choices.value(Run.cache_limit) * 1e9),
+            partial=bool(choices.value(Run.partial)),
             imports=self.imports,
         )
 
@@ -276,7 +276,7 @@ class Command:
                 remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
                 for sentence in (*remarks, *self.about(choices)):
                     say(self.name, sentence)
-                if choices.one(Run.dry_run):
+                if choices.value(Run.dry_run):
                     stages, sentence = preview(plan, options)
                     rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
                     show(count_table(dict(reversed(rows.items())), "cells", "reused", "to compute"))
