@@ -100,6 +100,7 @@ def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
 
 
 CONSTANT = {
+    "scalar": np.array(complex(np.nan, 1.0)),
     "count": np.full((2, 3), 7),
     "text": np.full((2, 3), "ab"),
     "truth": np.full((2, 3), True),
@@ -115,7 +116,9 @@ def test_equal_values_need_no_chunk(tmp_path):
         values = {name: value.copy() for name, value in CONSTANT.items()}
         if last:
             values["count"][1, 2], values["negative_zero"][1, 2] = 8, 0.0
-        arrays = {name: Array.from_values(DIMS[:2], value) for name, value in values.items()}
+        arrays = {
+            name: Array.from_values(DIMS[: value.ndim], value) for name, value in values.items()
+        }
         write_store(path, {"g": Group(arrays)}, {})
         found = opened(path, "g")
         for name, value in values.items():

@@ -133,8 +133,9 @@ class Array:
             return self
         values = self.load()
         first = values.flat[0]
-        equal = values.tobytes() == first.tobytes() * values.size
-        return replace(self, fill=first) if equal and first == first else self  # NaN has many bits
+        # The metadata of zarr have one NaN, of many. A scalar has no chunk in any case.
+        equal = first == first and values.tobytes() == first.tobytes() * values.size
+        return replace(self, fill=first) if equal or not self.dims else self
 
     def for_worker(self, region: Region) -> Array:
         """Return the part that another process needs to write the chunk of a region."""
@@ -184,8 +185,8 @@ class Group:
         scalars = {
             name: one
             for name, one in scalars.items()
-            if _is_json(value := values[name])
-            if name not in self.attrs or self.attrs[name] == value
+            if _is_json(values[name])
+            if name not in self.attrs or _is_same(self.attrs[name], values[name])
         }
         if not scalars:
             return self
@@ -282,6 +283,11 @@ def encode(array: Array, region: Region) -> bytes | None:
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
     return None if content == empty else bytes(_ZSTD.encode(content))
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Return whether values have one type and are equal."""
+    return type(one) is type(other) and bool(one == other)
 
 
 def _is_json(value: Any) -> bool:
