@@ -11,8 +11,8 @@ from pathlib import Path
 from benchmarks.processes import Run, watch
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.sweeping import RunOptions
-from sweeps.engine.store.sweeping import sweep as sweep_plan
+from sweeps.engine.sweeping import RunOptions
+from sweeps.engine.sweeping import sweep as sweep_plan
 from sweeps.stages.views import cache_folder
 
 PROGRAM = ("-m", "sweeps.app")

@@ -14,7 +14,7 @@ from benchmarks.processes import peak_memory, watch
 from benchmarks.reports import Column, Report
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.store.sweeping import RunOptions, preview
+from sweeps.engine.sweeping import RunOptions, preview
 
 FEW, MANY = 100_000, 10_000_000  # cells
 VIGILANCES = 5

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
     from sweeps.engine.declare.paths import PathOrUrl
     from sweeps.engine.declare.settings import Choices
-    from sweeps.engine.store.sweeping import Finished
+    from sweeps.engine.sweeping import Finished
 
 NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []
@@ -111,7 +111,7 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         with _reporting_errors():  # the tables are complete without it
             kept += written_page(store, frames)
     kept += finish(store, frames, screen())
-    if looks("irar")(choices) and choices.one(Irar.pictures):
+    if looks("irar")(choices) and choices.value(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}

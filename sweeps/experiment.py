@@ -151,7 +151,7 @@ def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return the lines to print before a sweep: classifiers without use, and those of modules."""
     asked = {Classifier.name.key, Classifier.key} & set(choices.given)
-    sensors = ",".join(choices.one(Sweep.sensor))
+    sensors = ",".join(choices.value(Sweep.sensor))
     return [
         f"classifier.name={name} has nothing to do for sensor={sensors}; ignored"
         for name in (idle(stages_of(modules), choices) if asked else ())

@@ -17,10 +17,10 @@ from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import MEASURED, BoundStage, Experiment
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import InlineExecutor
+from sweeps.engine.run.execution import call_each, execute
 from sweeps.engine.run.process import one_thread
 from sweeps.engine.run.schedule import MAX_TASK_CELLS, Schedule, Watch
 from sweeps.engine.run.tasks import drop_objects, run_batches
-from sweeps.engine.store.sweeping import call_each, execute
 
 
 def check_pure(

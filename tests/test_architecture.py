@@ -90,7 +90,10 @@ def test_every_rule_is_of_a_room():
 
 
 # Floors of the engine, the lowest first; a room imports from those below, and from itself.
-FLOORS = (("declare",), ("resolve",), ("cache",), ("run",), ("store",), ("command", "function"))
+FLOORS = (
+    *(("declare",), ("resolve",), ("cache",), ("run",), ("store",), ("sweeping",)),
+    ("command", "function"),
+)
 FRONT = {"sweeps.engine", "sweeps.engine.settings", "sweeps.engine.stage"}  # names for users
 
 

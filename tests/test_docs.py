@@ -159,7 +159,7 @@ def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeyp
         ((plan, place),) = command.prepare(jobs)
         if place.store in stores:
             check_extends(EXPERIMENT, str(place.store), stores[place.store], plan)
-        if not plan.choices.one(Run.dry_run):
+        if not plan.choices.value(Run.dry_run):
             stores[place.store] = decode_attrs(encode_attrs(provenance(plan)))
 
 

@@ -14,7 +14,7 @@ from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.store.sweeping import RunOptions
+from sweeps.engine.sweeping import RunOptions
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import cache_folder
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ncti.evaluate.replicates import replicated_accuracy
 from ncti.evaluate.scores import accuracy_by_aspect, aspect_bins
 from ncti.labels import data_set
@@ -187,9 +185,8 @@ def tabulate_scores(
 
 
 def with_bins(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
-    """Return a table with the lowest aspect [deg] of every bin."""
-    table.aspect_bin.attrs = {"long_name": "aspects pooled [deg]"}
+    """Return a table whose bins have the lowest aspect [deg] of each as an attribute."""
     _, index = aspect_bins(aspect.values)
-    lowest = [aspect.values[index == k].min() for k in range(index.max() + 1)]
-    about = {"units": "degree", "long_name": "lowest aspect pooled; none of the whole"}
-    return table.assign_coords(aspect_low=("aspect_bin", [*lowest, np.nan], about))
+    lowest = [float(aspect.values[index == k].min()) for k in range(index.max() + 1)]
+    table.aspect_bin.attrs = {"long_name": "aspects pooled [deg]", "aspect_low": lowest}
+    return table

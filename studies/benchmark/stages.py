@@ -247,10 +247,10 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     name = fitted.name.removeprefix("fit_")
 
     def entered(choices: Choices) -> bool:
-        return looks(SENSOR)(choices) and name in choices.one(Benchmark.classifier)
+        return looks(SENSOR)(choices) and name in choices.value(Benchmark.classifier)
 
     def compared(choices: Choices) -> bool:
-        return entered(choices) and REFERENCE in choices.one(Benchmark.classifier)
+        return entered(choices) and REFERENCE in choices.value(Benchmark.classifier)
 
     group = Group(f"{SENSOR}/{name}", entered, USED, DIMS)
     named = group.stage(
@@ -505,7 +505,7 @@ TABLES = tuple(table for _, tables in ENTERED for table in tables)
 def check_first(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ships that no split can learn, and missing classifiers."""
     if looks(SENSOR)(choices):
-        for name in choices.one(Benchmark.classifier):
+        for name in choices.value(Benchmark.classifier):
             if name in EXTRAS and find_spec(EXTRAS[name]) is None:
                 needed = f"used with {EXTRAS[name]}: pip install 'ncti-sweep[{EXTRAS[name]}]'"
                 refuse(Benchmark.classifier, name, needed)

@@ -197,7 +197,7 @@ def of_all(operated: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return shares over all settings of the laser radar, those with a single value included."""
     of_ladar = (Ladar.ifov, Ladar.cnr, Grid.pulse_width)
     absent = [setting for setting in of_ladar if setting.name not in operated.dims]
-    return operated.expand_dims({setting.name: [choices.one(setting)] for setting in absent})
+    return operated.expand_dims({setting.name: [choices.value(setting)] for setting in absent})
 
 
 _NOTES = (

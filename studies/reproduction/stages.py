@@ -53,7 +53,7 @@ SETTINGS = Group(
     "reproduction",
     looks(SENSOR),
     (Grid, Reproduce, Run),
-    status=views.Status("status:setting", "state of the settings", (Reproduce.setting,)),
+    status=views.Status("setting", "state of the settings", (Reproduce.setting,)),
 )
 
 
@@ -125,7 +125,7 @@ def compared(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, 
     """Return the settings of a group that did not fail, and their agreement with the article."""
     done = np.flatnonzero(reproduction["mean"].notnull().all("figure"))
     settings = reproduction.isel(setting=done).transpose("setting", ...)
-    figures, draws = article.figures(choices[Grid.aspect]), choices.one(Reproduce.draws)
+    figures, draws = article.figures(choices[Grid.aspect]), choices.value(Reproduce.draws)
     arrays = {name: settings[name].values for name in VARIABLES}
     return settings.setting, library.Agreement(figures, draws=draws, **arrays)
 

@@ -249,7 +249,7 @@ def check(choices: Choices) -> Choices:
     check_profiles(choices)
     reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
     views.require(choices, Render.tolerance, None, reason)
-    window, widest_bin = choices.one(Ladar.window), max(choices[RunTime.bin_width])
+    window, widest_bin = choices.value(Ladar.window), max(choices[RunTime.bin_width])
     if window < 10 * widest_bin:
         refuse(RunTime.bin_width, widest_bin, f"at most a tenth of ladar.window, {window:g} m")
     check_pulses(choices, RunTime.bin_width)

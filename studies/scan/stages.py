@@ -300,7 +300,7 @@ def _check_decoy(choices: Choices) -> None:
         (Scan.decoy_height, max(choices[Scan.decoy_height]), Infrared.window_height),
         (Scan.decoy_length, across / (1 - 2 * EDGE), Ladar.window),
     ):
-        most = choices.one(limit)
+        most = choices.value(limit)
         if needed > most:
             reason = f"for the decoy to be within {limit.key}, {most:g} m"
             refuse(setting, max(choices[setting]), f"less {reason}")
@@ -309,7 +309,7 @@ def _check_decoy(choices: Choices) -> None:
 def _check_field(choices: Choices, where: float) -> None:
     """Refuse a field that does not hold its targets [km] side by side, or is not as high."""
     targets = len(choices[Grid.ship]) + (BARGE in choices[Scan.decoy])
-    width, longest = min(choices[Scan.width]), choices.one(Infrared.window_length)
+    width, longest = min(choices[Scan.width]), choices.value(Infrared.window_length)
     nearest = 2e-3 * longest * targets / math.radians(width)
     if where < nearest:
         side_by_side = f"for {targets} targets to lie side by side in a field of {width:g} deg"

@@ -105,7 +105,7 @@ def _with_second(frame: Frame, axis: str) -> Frame:
     """Return a frame of a single figure with another axis of few values across."""
     if not axis or frame.across or len(frame.figures) > 1:
         return frame
-    others = [name for name in frame.several if name not in (axis, *frame.down)]
+    others = [name for name in frame.varying_axes if name not in (axis, *frame.down)]
     few = [name for name in others if frame.rows[name].nunique() <= MOST_ACROSS]
     return replace(frame, across=next(iter(few), ""))
 

@@ -78,7 +78,7 @@ def answer(compared: Comparison, swept: Sequence[str]) -> Table:
     curve = [name for name in _curve(frame) if name != STORE]
     same = _same(rows, largest, curve)
     axis = main_axis(frame.where(same.index), swept)
-    several = [name for name in frame.several if name not in (STORE, axis)]
+    several = [name for name in frame.varying_axes if name not in (STORE, axis)]
     if axis:
         rows = _same(same, largest, [name for name in several if name not in curve])
         down, keys = frame.columns[axis], rows[axis]
@@ -203,13 +203,13 @@ def _same(rows: pd.DataFrame, of: pd.Series, names: Sequence[str]) -> pd.DataFra
 
 
 def _curve(frame: Frame) -> list[str]:
-    return [name for name in frame.down if name in frame.several or name in ("classifier",)]
+    return [name for name in frame.down if name in frame.varying_axes or name in ("classifier",)]
 
 
 def _names(frame: Frame, row: pd.Series) -> list[str]:
     """Return the words of what a row is of, such as its classifier and sensor."""
     names = [n for n in frame.down if n != STORE and frame.rows[n].dtype == object]
-    several = [n for n in names if n in frame.several or n in ("classifier", "channel")]
+    several = [n for n in names if n in frame.varying_axes or n in ("classifier", "channel")]
     words = [(name, row[name]) for name in several if not missing(row[name])]
     return [frame.columns[name].text(value) for name, value in words if value != SHIP]
 
@@ -217,7 +217,7 @@ def _names(frame: Frame, row: pd.Series) -> list[str]:
 def _place(frame: Frame, row: pd.Series, *, but: str = "") -> str:
     """Return the setting of a row: values of the axes along which rows differ."""
     words = [n for n in frame.down if frame.rows[n].dtype == object]
-    names = [n for n in frame.several if n not in (*words, but, STORE, "kind")]
+    names = [n for n in frame.varying_axes if n not in (*words, but, STORE, "kind")]
     names = [n for n in names if not missing(row[n]) and row[n] != MAIN["aspect_bin"]]
     return ", ".join(frame.columns[name].in_words(row[name]) for name in names)
 

@@ -21,14 +21,13 @@ def main() -> None:
 
     relax_gc()
     arguments = _parser().parse_intermixed_args()  # `a.zarr --html b.zarr`, too
-    from sweeps.engine.run.process import tolerant_output
+    from sweeps.engine.run.process import flush_output
     from sweeps.report.screen import complain
 
-    with tolerant_output() as lost:
-        status = _reported(arguments)
-        if why := lost():
-            complain(f"tables cannot be printed: {why}")
-            status = status or 1
+    status = _reported(arguments)
+    if why := flush_output():
+        complain(f"tables cannot be printed: {why}")
+        status = status or 1
     if status:
         sys.exit(status)
 

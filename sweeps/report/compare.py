@@ -201,7 +201,7 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
     ]
     axes = [name for name in second.of_role("axis") if name in first.of_role("axis")]
     told = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
-    several = {*first.several, *second.several, *told}
+    several = {*first.varying_axes, *second.varying_axes, *told}
     shared = [name for name in axes if name in several]
     rest = [
         (frame, [name for name in frame.of_role("axis") if name not in axes])

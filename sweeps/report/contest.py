@@ -72,7 +72,7 @@ def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     The first of the swept axes, or that of most values where no axes are declared, numbers before
     words; without any, the number of frames, then the axis of most numbers.
     """
-    axes = [name for name in frame.several if name not in (frame.across, *in_words(frame))]
+    axes = [name for name in frame.varying_axes if name not in (frame.across, *in_words(frame))]
     axes.sort(key=lambda name: name in frame.down)
     numeric = [name for name in axes if frame.rows[name].dtype.kind in "fiu"]
     asked = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
@@ -98,7 +98,7 @@ def contest(frame: Frame, axis: str) -> list[Rival]:
     if "scored" in names and (at.rows.scored == SHIP).any():
         at = at.where(at.rows.scored == SHIP)
     groups = at.rows.groupby(names, dropna=False, sort=False) if names else [((), at.rows)]
-    shown = [name for name in names if name in at.several]
+    shown = [name for name in names if name in at.varying_axes]
     rivals = []
     for of, rows in groups:
         named = {name: value for name, value in zip(names, of, strict=True) if name in shown}
@@ -127,7 +127,7 @@ def _names(frame: Frame, axis: str) -> list[str]:
     names = [name for name in frame.down if frame.rows[name].dtype == object and name != axis]
     if names or frame.down:
         return names
-    words = [n for n in frame.several if frame.rows[n].dtype == object]
+    words = [n for n in frame.varying_axes if frame.rows[n].dtype == object]
     return [name for name in words if name not in (axis, frame.across)][:1]
 
 

@@ -19,7 +19,7 @@ from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, show
 
 # Dimensions of draws.
 DRAWS = ("replicate", "phase", "order", "draw")
-HIDDEN = ("aspect_low", "learned", "known")  # coordinates that are no axes
+HIDDEN = ("aspect_low", "learned", "known")  # coordinates, some of earlier stores, that are no axes
 ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
 BESIDE = ("_spread", "_n", "_of")
 TENTHS = 1  # decimals of percentages in files
@@ -104,7 +104,7 @@ class Frame:
         return [name for name in self.of_role("figure") if self.columns[name].listed]
 
     @cached_property
-    def several(self) -> list[str]:
+    def varying_axes(self) -> list[str]:
         """Names of the axes along which rows differ."""
         return [name for name in self.of_role("axis") if self.rows[name].nunique() > 1]
 

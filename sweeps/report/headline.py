@@ -89,7 +89,7 @@ def _setting_columns(whole: Frame) -> list[str]:
     by_words = {whole.columns[name].words: name for name in whole.of_role("axis")}
     named = [by_words[words] for words in NAMED if words in by_words]
     left_out = (*whole.down, whole.across, "kind")
-    return list(dict.fromkeys([*named, *(n for n in whole.several if n not in left_out)]))
+    return list(dict.fromkeys([*named, *(n for n in whole.varying_axes if n not in left_out)]))
 
 
 def _of_scores(whole: Frame, rivals: Sequence[Rival], ships: str) -> str:
@@ -133,11 +133,11 @@ def _of_any(whole: Frame, rival: Rival) -> str:
     """Return a sentence on the main figure of any table, between the ends of its axis."""
     frame, column = rival.frame, whole.columns[whole.figures[0]]
     row, numeric = frame.rows.iloc[0], pd.api.types.is_numeric_dtype(frame.rows[column.name])
-    named = {frame.columns[name].words: name for name in rival.of if name in whole.several}
+    named = {frame.columns[name].words: name for name in rival.of if name in whole.varying_axes}
     settings = [frame.columns[n].in_words(row[n]) for n in named.values() if not missing(row[n])]
     settings += [
         frame.columns[name].in_words(row[name])
-        for name in whole.several
+        for name in whole.varying_axes
         if name not in (rival.axis, *named.values()) and not missing(row[name])
     ]
     name = column.words[0].upper() + column.words[1:]

@@ -52,7 +52,7 @@ def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
     Of the others swept ones are first, then declared ones.
     """
     words = in_words(frame)
-    several = [name for name in frame.several if name not in (frame.across, *words)]
+    several = [name for name in frame.varying_axes if name not in (frame.across, *words)]
     first = [name for name in several if frame.columns[name].axis in swept]
     first.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
     declared = [name for name in frame.down if name in several]
@@ -61,7 +61,7 @@ def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
 
 def in_words(frame: Frame) -> list[str]:
     """Return the declared axes down whose values are words, such as classifiers."""
-    return [n for n in frame.down if n in frame.several and frame.rows[n].dtype == object]
+    return [n for n in frame.down if n in frame.varying_axes and frame.rows[n].dtype == object]
 
 
 def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
@@ -70,7 +70,7 @@ def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
     The declared axes whose values are words, such as classifiers, are one column, the last.
     """
     down = ordered(frame, swept)
-    across = frame.across if frame.across in frame.several else ""
+    across = frame.across if frame.across in frame.varying_axes else ""
     heads = values_of(frame.rows, across) if across else []
     main, figures = frame.figures[0], frame.figures
     extra = figures
@@ -222,7 +222,7 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
 
     Parts of a frame that lack that value keep their own.
     """
-    for name in frame.several:
+    for name in frame.varying_axes:
         if name in (*keep, frame.across):
             continue
         values = values_of(frame.rows, name)

@@ -12,6 +12,7 @@ from typing import IO
 from rich.console import Console
 from rich.text import Text
 
+from sweeps.engine.run.process import printing
 from sweeps.report.words import printable
 
 PIPED = 80  # cells of a line where there is no terminal
@@ -48,7 +49,7 @@ def _say(text: str, file: IO[str], encoding: str) -> None:
         text.encode(encoding)
     except UnicodeEncodeError:
         text = text.translate(PLAINER).encode(encoding, "replace").decode(encoding)
-    with suppress(ValueError):  # closed
+    with printing():
         file.write(text)
         file.flush()
 

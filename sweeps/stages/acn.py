@@ -83,7 +83,7 @@ class TrainingSet:
     to_vectors: Callable[[NDArray[Any]], NDArray[Any]]
 
     @classmethod
-    def of(
+    def of_views(
         cls, seen: NDArray[Any], valid: Views, training_views: Views, to_vectors: Callable[..., Any]
     ) -> TrainingSet:
         """Return the training set of (ship, aspect, ...) profiles or maps."""
@@ -304,7 +304,7 @@ def match_learning(
 @in_memory(gather=GATHERED, keep=4, reads=in_blocks("expected"))
 def profile_training_set(expected: Profiles, valid: Views, training_views: Views) -> TrainingSet:
     """Return the training views and similarities of expected profiles, shared by all trainings."""
-    return TrainingSet.of(expected, valid, training_views, classifier.profile_vectors)
+    return TrainingSet.of_views(expected, valid, training_views, classifier.profile_vectors)
 
 
 @in_memory(gather=GATHERED, keep=4, reads=in_blocks("template_log_polar"))
@@ -312,7 +312,7 @@ def silhouette_training_set(
     template_log_polar: NDArray[np.uint8], valid: Views, training_views: Views
 ) -> TrainingSet:
     """Return the training views and similarities of silhouettes, shared by all trainings."""
-    return TrainingSet.of(template_log_polar, valid, training_views, classifier.map_vectors)
+    return TrainingSet.of_views(template_log_polar, valid, training_views, classifier.map_vectors)
 
 
 @plain(uses=(Network, Run))
@@ -325,17 +325,15 @@ silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrare
 
 
 LEARNED = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
-OF_RANGE = classifier.ClassifierGroup.of(
+OF_RANGE = classifier.ClassifierGroup.of_classifier(
     NAME,
     classifier.names_by(NAME, RANGE),
     (*classifier.OF_PROFILES, *LEARNED, *classifier.TESTED),
-    states="status",
 )
-OF_INFRARED = classifier.ClassifierGroup.of(
+OF_INFRARED = classifier.ClassifierGroup.of_classifier(
     "acn_infrared",
     classifier.names_by(NAME, INFRARED),
     (*OF_SILHOUETTES, "phase", *LEARNED, *LOOK),
-    states="status_infrared",
 )
 RULES = ("label_rule", "score_rule")
 SEEN = {"training_set": "profile_training_set", "presentation": "profile_order"}

@@ -27,6 +27,7 @@ from sweeps.engine.declare.settings import (
 )
 from sweeps.engine.declare.stage import (
     STATE,
+    STATUS,
     At,
     Group,
     Output,
@@ -93,11 +94,11 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
     ConfigurationError
         If there is nothing to draw between.
     """
-    number = choices.one(RandomAspects.random_aspects)
+    number = choices.value(RandomAspects.random_aspects)
     if number and len(grid) < 2:
         reason = "where grid.aspect has one value: aspects are drawn between its ends"
         refuse(RandomAspects.random_aspects, number, f"0 {reason}")
-    return drawn_aspects(grid[0], grid[-1], number, choices.one(Run.seed)) if number else ()
+    return drawn_aspects(grid[0], grid[-1], number, choices.value(Run.seed)) if number else ()
 
 
 class Classifier(Settings, key="classifier"):
@@ -233,9 +234,9 @@ def training_marks(of: Group) -> tuple[Stage, Stage]:
 
 def _learned(choices: Choices) -> list[Views]:
     """Return the (ship, aspect) mask of a sweep's training views for every template spacing."""
-    of_all = (*(choices[setting] for setting in GATHERED), choices.one(Classifier.unknown))
+    of_all = (*(choices[setting] for setting in GATHERED), choices.value(Classifier.unknown))
     drawn = random_test_aspects(choices, choices[Grid.aspect])
-    given = choices.one(Classifier.training_aspect)
+    given = choices.value(Classifier.training_aspect)
     return [training_views(*of_all, given, spacing, drawn) for spacing in choices[SPACING]]
 
 
@@ -280,10 +281,10 @@ def check(choices: Choices) -> Choices:
     given = choices[Grid.aspect]
     drawn = random_test_aspects(choices, given)
     choices = choices.replace(Grid.aspect, tuple(sorted({*given, *drawn})))
-    ships_given, unknown = choices[Grid.ship], choices.one(Classifier.unknown) or ()
+    ships_given, unknown = choices[Grid.ship], choices.value(Classifier.unknown) or ()
     require_among(choices, Classifier.unknown, Grid.ship)
     require_among(choices, Classifier.training_aspect, Grid.aspect)
-    for name in choices.one(Classifier.alternative) or ():
+    for name in choices.value(Classifier.alternative) or ():
         if name not in unknown:
             allowed = ", ".join(unknown) or "none of them, as there are none"
             refuse(Classifier.alternative, repr(str(name)), f"of classifier.unknown: {allowed}")
@@ -398,12 +399,11 @@ class ClassifierGroup(Group):
     answer: tuple[str, ...] = VIEW  # dimensions of an answer
 
     @classmethod
-    def of(
-        cls, name: str, when: Condition, dims: tuple[str, ...], *, states: str = "", **how: Any
+    def of_classifier(
+        cls, name: str, when: Condition, dims: tuple[str, ...], **how: Any
     ) -> ClassifierGroup:
-        """Return the group of a classifier; `states` is that of the states of its cells."""
-        status = Status(states or f"status_{name}")
-        return cls(f"classification/{name}", when, dims=dims, status=status, **how)
+        """Return the group of a classifier."""
+        return cls(f"classification/{name}", when, dims=dims, status=Status(name), **how)
 
     @property
     def name(self) -> str:
@@ -430,8 +430,7 @@ class ClassifierGroup(Group):
         self, *outputs: Output, **how: Any
     ) -> Callable[[Callable[..., Any]], tuple[Stage, ...]]:
         """Declare coordinates of both groups, of answers and of states of their cells."""
-        assert self.status is not None
-        groups = self, replace(self, path=self.status.name)
+        groups = self, replace(self, path=STATUS)
         return lambda function: tuple(
             group.stage(*outputs, name=f"{function.__name__}_{k}", **how)(function)
             for k, group in enumerate(groups)
@@ -466,7 +465,7 @@ class ClassifierGroup(Group):
         def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
             vigilances = choices[Classifier.test_vigilance]
             # Ships that the classifier was told of do not test how it rejects others.
-            asked = ~np.isin(choices[Grid.ship], choices.one(Classifier.alternative) or ())
+            asked = ~np.isin(choices[Grid.ship], choices.value(Classifier.alternative) or ())
             of_all = known_of(choices).isel(ship=asked), aspects_of(choices), vigilances
             return tabulate_rejection(classified.isel(ship=asked), *of_all)
 
@@ -489,7 +488,7 @@ class ClassifierGroup(Group):
 
 def of_profiles(name: str, *own: str) -> ClassifierGroup:
     """Return the group of a classifier of range profiles, with dimensions of its own."""
-    return ClassifierGroup.of(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
+    return ClassifierGroup.of_classifier(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
 
 
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))

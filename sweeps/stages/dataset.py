@@ -87,7 +87,7 @@ class Rows(Settings, key="dataset"):
 
 def _has(kind: str) -> Condition:
     """Return the condition that rows of a sensor are asked for."""
-    return lambda choices: looks(SENSOR)(choices) and kind in SENSORS[choices.one(Rows.sensor)]
+    return lambda choices: looks(SENSOR)(choices) and kind in SENSORS[choices.value(Rows.sensor)]
 
 
 # Each group has the parameters of its rows, so that either is whole by itself.

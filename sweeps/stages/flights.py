@@ -295,7 +295,7 @@ def check(choices: Choices) -> Choices:
 
 def flown(choices: Choices) -> tuple[Value, ...]:
     """Return the ships that are flown past."""
-    past = choices.one(Irar.flown)
+    past = choices.value(Irar.flown)
     return tuple(ship for ship in choices[Grid.ship] if past is None or ship in past)
 
 

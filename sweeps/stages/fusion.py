@@ -51,7 +51,7 @@ Indices = NDArray[np.intp]
 
 def names_by_both(choices: Choices) -> bool:
     """Return whether fusion is chosen, and both sensors see every range of profiles."""
-    sensors = {RANGE, INFRARED} <= set(choices.one(Sweep.sensor))
+    sensors = {RANGE, INFRARED} <= set(choices.value(Sweep.sensor))
     ranges = set(choices[Grid.range]) <= set(choices[Infrared.range])
     return NAME in choices[Classifier.name] and sensors and ranges
 
@@ -143,7 +143,7 @@ def profile_outlier_fraction(
     )
 
 
-ANSWERS = classifier.ClassifierGroup.of(
+ANSWERS = classifier.ClassifierGroup.of_classifier(
     NAME,
     names_by_both,
     (
@@ -291,7 +291,7 @@ def check(choices: Choices) -> Choices:
     Among other classifiers it is left out then.
     """
     if choices[Classifier.name] == (NAME,):
-        sensors, reason = choices.one(Sweep.sensor), f"for the classifier {NAME}"
+        sensors, reason = choices.value(Sweep.sensor), f"for the classifier {NAME}"
         if not {RANGE, INFRARED} <= set(sensors):
             refuse(Sweep.sensor, repr(", ".join(sensors)), f"both {reason}")
         require_among(choices, Grid.range, Infrared.range, f", {reason}")

@@ -395,7 +395,7 @@ def check_window(choices: Choices) -> None:
         vertices = views.description(views.hull(ship)).vertices
         longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
         for setting, needed in ((length, longest), (height, float(vertices[:, 2].max()))):
-            if needed > (allowed := choices.one(setting)):
+            if needed > (allowed := choices.value(setting)):
                 hold = f"at least {math.ceil(needed)} m to hold {ship}{views.hint(ship)}"
                 views.refuse(setting, allowed, hold)
 
@@ -449,7 +449,7 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     }
     for setting in (Infrared.extinction, Infrared.contrast_at_zero, Infrared.nedt):
         swept = setting.name in images.dims
-        axes[setting.name] = images[setting.name] if swept else xr.DataArray(choices.one(setting))
+        axes[setting.name] = images[setting.name] if swept else xr.DataArray(choices.value(setting))
     whole = dict(zip(axes, xr.broadcast(*axes.values()), strict=True))
     given: dict[str, Any] = {name: array.values for name, array in whole.items()}
     metres = Infrared.range.in_si(given.pop("range"))

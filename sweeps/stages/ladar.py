@@ -87,7 +87,7 @@ class Ladar(Settings, key="ladar"):
 
 def stores_moments(choices: Choices) -> bool:
     """Return whether covariances of range profiles are stored."""
-    sensors = set(choices.one(Sweep.sensor))
+    sensors = set(choices.value(Sweep.sensor))
     names = choices.values.get("classifier.name", ())
     return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
 
@@ -301,7 +301,7 @@ def lags(
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) inconsistent settings of the laser radar."""
-    window, bin_width = choices.one(Ladar.window), choices.one(Ladar.bin_width)
+    window, bin_width = choices.value(Ladar.window), choices.value(Ladar.bin_width)
     if window < 10 * bin_width:
         views.refuse(Ladar.window, window, f"at least 10 bins of ladar.bin_width {bin_width:g} m")
     most = max(choices[Ladar.target_free_ifovs])
@@ -309,7 +309,7 @@ def check(choices: Choices) -> Choices:
         if receiver != FULL and most > MOST_DRAWN:
             allowed = f"at most {MOST_DRAWN} with the {receiver} receiver, which draws each of them"
             views.refuse(Ladar.target_free_ifovs, most, allowed)
-    if {RANGE, views.IRAR} & {*choices.one(Sweep.sensor)}:  # flights make profiles, too
+    if {RANGE, views.IRAR} & {*choices.value(Sweep.sensor)}:  # flights make profiles, too
         check_profiles(choices)
     if looks(RANGE)(choices):
         views.check_ranges(choices, Grid.range, Ladar.ifov)
@@ -340,7 +340,7 @@ def check_pulses(choices: Choices, bins: Setting) -> None:
 
 def _check_window(choices: Choices) -> None:
     """Refuse a range window that does not hold every ship, both its ends free."""
-    window = choices.one(Ladar.window)
+    window = choices.value(Ladar.window)
     longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
         reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())

@@ -426,12 +426,12 @@ def check_first(choices: Choices) -> Choices:
     Refuses (`ConfigurationError`) to generate any of ships whose sheets are not packaged, or where
     no likelihood is compared with theirs.
     """
-    number = choices.one(Classifier.generated)
+    number = choices.value(Classifier.generated)
     if not number:
         return choices
     if not ANSWERS.when(choices):
         refuse(Classifier.generated, number, f"0 unless classifier.name has {NAME}")
-    learned = set(choices[Grid.ship]) - set(choices.one(Classifier.unknown) or ())
+    learned = set(choices[Grid.ship]) - set(choices.value(Classifier.unknown) or ())
     if not learned <= set(names()):
         others = ", ".join(sorted(learned - set(names())))
         refuse(
@@ -440,7 +440,7 @@ def check_first(choices: Choices) -> Choices:
     made = classifier.generated_ships(sorted(learned), number)
     choices = choices.replace(Grid.ship, tuple(sorted({*choices[Grid.ship], *made})))
     for setting in (Classifier.unknown, Classifier.alternative):
-        whole = tuple(sorted({*(choices.one(setting) or ()), *made}))
+        whole = tuple(sorted({*(choices.value(setting) or ()), *made}))
         choices = choices.replace(setting, (whole,))
     return choices
 

@@ -113,7 +113,7 @@ Namer = Callable[[Profiles, Views], Arrays]
 """Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
 returns `predicted` and `correct`, (kind, ship, aspect)."""
 
-ANSWERS = ClassifierGroup.of(
+ANSWERS = ClassifierGroup.of_classifier(
     "measured",
     looks(IRAR),
     (
@@ -162,7 +162,7 @@ def namer(
     settings = dict(own)
     if name == "acn":
         see = classifier.profile_vectors
-        training_set = TrainingSet.of(learned_signature, valid, training_views, see)
+        training_set = TrainingSet.of_views(learned_signature, valid, training_views, see)
         learning = {key: settings[key] for key in LEARNING}
         rules = {key: settings[key] for key in ("score_rule", "learn_in_test")}
         formed = acn.form_categories(training_set, training_views, **learning)
@@ -225,7 +225,7 @@ def check(choices: Choices) -> Choices:
         views.refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
     require(choices, Correlation.training, EXPECTED, "where sensor is irar")
     require(choices, Classifier.left_out, False, "where sensor is irar")
-    if set(choices.one(views.Sweep.sensor)) == {IRAR}:
+    if set(choices.value(views.Sweep.sensor)) == {IRAR}:
         return choices.replace(Classifier.name, names)
     return choices
 

@@ -377,7 +377,7 @@ def _built() -> Path:
 
 def looks(sensor: str) -> Condition:
     """Return the condition that a sensor is among those of the sweep."""
-    return lambda choices: sensor in choices.one(Sweep.sensor)
+    return lambda choices: sensor in choices.value(Sweep.sensor)
 
 
 def check(choices: Choices) -> Choices:
@@ -441,7 +441,7 @@ def _quoted(value: Any) -> Any:
     return repr(str(value)) if isinstance(value, str) else value
 
 
-STATUS = Status("status:view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))
+STATUS = Status("view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))
 
 
 def loops(choices: Choices) -> list[Loops]:

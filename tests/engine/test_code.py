@@ -116,7 +116,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
         assert digest() == plain
         assert json.loads(file.read_text()) == json.loads(whole)
     # Another source, or another rule, is another key; what is there counts as it is.
-    file.write_text(re.sub(r'\["[0-9a-f]{64}",', f'["{64 * "0"}",', whole))
+    file.write_text(re.sub(r'\["[0-9a-f]{32}",', f'["{32 * "0"}",', whole))
     assert digest() != plain
     file.parent.chmod(0o720)
     assert digest() == plain

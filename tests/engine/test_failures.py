@@ -29,7 +29,7 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
         for draw in (0, 1)
     }
     assert failures == {name: STIFF, **needing}
-    springs, status = opened(store, "springs"), opened(store, "status_springs")
+    springs, status = opened(store, "springs"), opened(store, "status")
     lost = {"stiffness": 4.0, "mass": 1.0}
     for variable in ("period", "noisy"):
         assert np.isnan(springs[variable].sel(lost)).all()
@@ -37,7 +37,7 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
         assert np.isfinite(springs[variable]).sum() == (status[variable] == 1).sum()
     assert (status.energy == 1).all() and (status.trace == 1).all()
     # What gathers them goes on without those that failed.
-    noisy, answers, taken = springs.noisy, opened(store, "answers"), opened(store, "state").taken
+    noisy, answers, taken = springs.noisy, opened(store, "answers"), opened(store, "status").taken
     assert (taken.sel(mass=1, stiffness=4) == 0).all()
     assert taken.sum() == 2 * 2 * 2 * (3 * 2 - 1)
     np.testing.assert_array_equal(
@@ -53,7 +53,7 @@ class Broken(dict):
 
 
 BROKEN = Broken(values=frozenset())
-ALL = Group("all", status=Status("state:all", "state of all", (Few.size,)))
+ALL = Group("all", status=Status("all", "state of all", (Few.size,)))
 
 
 @stage(
@@ -117,7 +117,7 @@ def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, v
         "RuntimeError: cannot be made",
     }
     assert len(finished.failures) == len(values)
-    there, state = opened(store, "all"), opened(store, "state")["all"]
+    there, state = opened(store, "all"), opened(store, "status")["all"]
     failed = [n in values or n + 10 in values for n in (1, 2, 3, 4)]
     # A cell that failed, and not those that need it and are missing.
     assert (state == np.where(failed, 0, 1)).all()

@@ -12,6 +12,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from small_stores import opened
 
 import ncti
 import sweeps
@@ -90,6 +91,15 @@ def test_arrays_noise_and_values_of_other_types(tmp_path):
         mixed, {"word": ["bow", "stern"], "flag": [False, True], "size": [1, 2]}, dtype="i4"
     )
     assert found.mixed.sel(word="stern", flag=True, size=2) == 10
+
+
+def test_a_function_may_have_the_name_of_the_group_of_states(tmp_path):
+    def status(x):
+        return 2 * x
+
+    found = sweeps.sweep(status, {"x": [1, 2]}, store=tmp_path / "s.zarr", cache=tmp_path / "c")
+    assert found.status.values.tolist() == [2, 4]
+    assert opened(tmp_path / "s.zarr", "status").status.values.tolist() == [1, 1]
 
 
 def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):

@@ -13,7 +13,7 @@ from toys import Few, run_few
 
 from sweeps.engine.cache.packs import Locations, PackWriter, open_packs
 from sweeps.engine.declare.stage import At, Group, Output, stage
-from sweeps.engine.run.tasks import DamagedResults, GatheredArray, StageSpec
+from sweeps.engine.run.tasks import DamagedResults, GatheredArray, stage_spec
 
 BOTH = Group("both")
 ROWS = 20_000  # of a cell
@@ -67,7 +67,7 @@ def gathered(tmp_path_factory):
     every = np.array([names[n % 2][n // 2] for n in range(12)])
     pack[LACKING], values[LACKING] = -1, np.nan
     locations = Locations(paths, pack.astype("i4"), place.astype("i4"), every).reshape(*SHAPE)
-    return GatheredArray(StageSpec.of(row), locations, packs), values.reshape(*SHAPE, ROWS)
+    return GatheredArray(stage_spec(row), locations, packs), values.reshape(*SHAPE, ROWS)
 
 
 @given(at=st.data())

@@ -10,6 +10,7 @@ import pytest
 from small_stores import files
 from toys import SPRINGS, go, having
 
+from sweeps.engine import sweeping as run
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.stage import Table
 from sweeps.engine.run.interrupts import (
@@ -19,7 +20,6 @@ from sweeps.engine.run.interrupts import (
     signals_deferred,
     unless_stopped,
 )
-from sweeps.engine.store import sweeping as run
 from sweeps.engine.store import writing as store
 
 SMALL = {"spring__stiffness": [1, 2], "spring__mass": 1}

@@ -51,8 +51,9 @@ def one(*outputs, function=lambda size: size, name="one", group="few", uses=(Few
 FEW, TOYS = (Few,), (Spring, Measured)
 ELSEWHERE, OVER_MASS = (
     Group("b", status=Status("few")),
-    Group("few", status=Status("state:few", over=(Spring.mass,))),
+    Group("few", status=Status("few", over=(Spring.mass,))),
 )
+ONE = Status("one", over=(Few.size,))
 GOOD = one()
 CIRCLE = one(name="a", reads={"size": "b"}), one(Output("y"), name="b", reads={"size": "a"})
 MISTAKES = [
@@ -60,7 +61,13 @@ MISTAKES = [
     ("the name few/x", FEW, [one(Output("x"), Output("x"))]),
     ("outputs of stage one have the name x", FEW, [one(Output("x"), Output("x"), group="")]),
     ("the name few/x", FEW, [GOOD, one(name="two")]),
-    ("the name few/x", FEW, [GOOD, one(Output("x", role="state"), group=ELSEWHERE, name="two")]),
+    (
+        "the name status/few",
+        FEW,
+        [one(Output(x, role="state"), group=ELSEWHERE, name=x) for x in "xy"],
+    ),
+    ("the name status/one", FEW, [GOOD, one(name="two", group=Group("b", status=ONE))]),
+    ("stage one is in the group 'status', which has states of cells", FEW, [one(group="status")]),
     ("two settings have the name few.size", (Few, Again), [GOOD]),
     ("two settings have the name seed", (Seed,), []),
     (

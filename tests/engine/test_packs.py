@@ -22,6 +22,7 @@ from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Pack, open_packs, read_cells, read_pack
 from sweeps.engine.declare.stage import Output
+from sweeps.engine.resolve.keys import digest, hash_bytes
 
 HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
 
@@ -167,7 +168,7 @@ def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
 
 def sealed_as(folder: Path, head: bytes, records: bytes) -> str:
     """Write a pack whose name fits its head; return the name."""
-    path = f"{16 * '0'}{packs._digest(16, head).hex()}{len(head):08x}.pack"
+    path = f"{16 * '0'}{digest(head)}{len(head):08x}.pack"
     (folder / path).write_bytes(head + records)
     return path
 
@@ -241,7 +242,7 @@ def of_line(cells: Objects, line, number=0, key=1) -> Pack:
     """Write a pack of one cell that says something of itself; return what is read of it."""
     record = np.arange(2.0).tobytes()
     text = line if isinstance(line, bytes) else json.dumps(line).encode()
-    tables = keys(key).tobytes() + np.array([number], "<u4").tobytes() + packs._digest(8, record)
+    tables = keys(key).tobytes() + np.array([number], "<u4").tobytes() + hash_bytes(record, 8)
     path = sealed_as(cells.path, text + b"\n" + tables, record)
     pack, found = read_pack(cells, path, len(text) + 1 + len(tables) + len(record))
     assert len(found) == pack.cells

@@ -126,7 +126,7 @@ def test_what_is_there_so_far_is_a_store_that_the_command_completes(start, tmp_p
     missing, _, total = attributes["partial"].split()[:3]
     assert total == "74" and 0 < int(missing) < 74
     assert xr.open_zarr(store, group="springs").partial == attributes["partial"]
-    springs, states = opened(store, "springs"), opened(store, "status_springs")
+    springs, states = opened(store, "springs"), opened(store, "status")
     assert {*np.unique(states.to_array())} == {-1, 1}
     go(tmp_path / "t.zarr", measured__pause=0.3)
     whole = opened(tmp_path / "t.zarr", "springs")
@@ -139,7 +139,7 @@ def test_what_is_there_so_far_is_a_store_that_the_command_completes(start, tmp_p
 def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
     start(*GIVEN, "partial=true")
     assert read_attributes(tmp_path / "s.zarr")["partial"] == "74 of 74 cells are missing"
-    assert (opened(tmp_path / "s.zarr", "status_springs").period == -1).all()
+    assert (opened(tmp_path / "s.zarr", "status").period == -1).all()
     start(*GIVEN)
     whole = contents(tmp_path / "s.zarr")
     start(*GIVEN, "partial=true")  # has everything

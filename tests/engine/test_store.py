@@ -85,15 +85,47 @@ SCALARS = {
 def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
     """As attributes that any reader of JSON knows; what these cannot hold stays an array."""
     arrays = {name: coordinate((), np.array(value)) for name, value in SCALARS.items()}
-    write_store(tmp_path / "s.zarr", {"g": Group({"x": array(COUNTS), **arrays})}, {})
+    attrs = {"whole": SCALARS["whole"], "text": "another"}
+    write_store(tmp_path / "s.zarr", {"g": Group({"x": array(COUNTS), **arrays}, attrs)}, {})
     text = (tmp_path / "s.zarr/g/zarr.json").read_text()
     raw = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
     attributes = raw["attributes"]
     assert {"beyond", "endless"}.isdisjoint(attributes) and attributes["float"] == 0.1
+    stored = {"x", "beyond", "endless", "text"}
+    assert {one.name for one in (tmp_path / "s.zarr/g").iterdir() if one.is_dir()} == stored
     found = with_scalars(opened(tmp_path / "s.zarr", "g"))
-    assert found.attrs == {}
+    assert found.attrs == attrs
     for name, value in SCALARS.items():
         assert same_bits(found[name].values, np.array(value)), name
+
+
+CONSTANT = {
+    "scalar": np.array(complex(np.nan, 1.0)),
+    "count": np.full((2, 3), 7),
+    "text": np.full((2, 3), "ab"),
+    "truth": np.full((2, 3), True),
+    "negative_zero": np.full((2, 3), -0.0),
+    "float": np.full((2, 3), 0.1, "f4"),
+}
+
+
+def test_equal_values_need_no_chunk(tmp_path):
+    """They are the fill value of their array, until another value is written."""
+    path = tmp_path / "s.zarr"
+    for last in (False, True):
+        values = {name: value.copy() for name, value in CONSTANT.items()}
+        if last:
+            values["count"][1, 2], values["negative_zero"][1, 2] = 8, 0.0
+        arrays = {
+            name: Array.from_values(DIMS[: value.ndim], value) for name, value in values.items()
+        }
+        write_store(path, {"g": Group(arrays)}, {})
+        found = opened(path, "g")
+        for name, value in values.items():
+            assert same_bits(found[name].values, value), name
+        chunks = {name.split("/")[1] for name in files(path) if name.count("/") == 2}
+        chunks -= {name for name in arrays if not any((path / "g" / name).glob("*[0-9]"))}
+        assert chunks == ({"count", "negative_zero"} if last else set())
 
 
 def test_tree_opens_with_coordinates_and_tables(tmp_path):

@@ -21,12 +21,12 @@ from running import python
 from small_stores import files, opened
 from toys import SPRINGS, Few, go, run_few
 
+from sweeps.engine import sweeping as run
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.engine.run import dask_cluster
 from sweeps.engine.store import provenance
-from sweeps.engine.store import sweeping as run
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 SPRINGS_COMMAND = (

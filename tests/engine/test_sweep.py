@@ -53,7 +53,7 @@ def test_every_number_is_that_of_a_plain_computation(store):
                 answer = answers.answer.sel(mass=mass, length=length, draw=draw)
                 assert answer.sel(rule="max") == max(noisy)
                 assert answer.sel(rule="mean") == np.mean(noisy)
-    assert (opened(store, "state").taken == 1).all()
+    assert (opened(store, "status").taken == 1).all()
 
 
 def test_dimensions_coordinates_and_units(store):
@@ -64,7 +64,7 @@ def test_dimensions_coordinates_and_units(store):
     assert springs.stiffness.attrs == {"units": "N m-1", "long_name": "stiffness"}
     assert "limit" not in springs.coords  # one value, and neither shown nor noted
     assert springs.drawn.dims == ("mass", "length", "draw", "stiffness")
-    assert (opened(store, "state").answers == 1).all()
+    assert (opened(store, "status").answers == 1).all()
     root = read_attributes(store)
     assert root["configuration"]["spring"]["mass"] == [1, 2] and root["seed"] == 0
     assert not {"failures", "joint"} & set(root)
@@ -97,7 +97,7 @@ def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeyp
         started.append(choice.kind)
         return open_executor(ClusterChoice("inline"), **how)
 
-    monkeypatch.setattr("sweeps.engine.store.sweeping.open_executor", counted)
+    monkeypatch.setattr("sweeps.engine.sweeping.open_executor", counted)
     for masses, store in (([1], "s"), ([1, 2], "s"), ([1, 2, 3], "new")):
         go(tmp_path / f"{store}.zarr", tmp_path / "cache", kind="local", spring__mass=masses)
     assert started == ["local", "inline", "local"]

@@ -10,7 +10,7 @@ from small_stores import array, files, opened, small
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store.locks import store_lock
-from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
+from sweeps.engine.store.targets import check_cache_path, check_store_path, check_targets
 from sweeps.engine.store.writing import write_store
 
 
@@ -89,7 +89,7 @@ def test_stores_caches_and_reports_are_apart(tmp_path):
         def beside(store):
             return [store.with_name(f"{store.name.removesuffix('.zarr')}-tables")]
 
-        check_disjoint([tmp_path / name for name in names], tmp_path / cache, beside)
+        check_targets([tmp_path / name for name in names], tmp_path / cache, beside)
 
     def refused(sentence, *names, cache="cache"):
         with pytest.raises(ConfigurationError, match=sentence):

@@ -41,7 +41,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import drop_objects
-from sweeps.engine.store.sweeping import RunOptions, sweep
+from sweeps.engine.sweeping import RunOptions, sweep
 
 
 class Calls(Counter[str]):
@@ -74,7 +74,7 @@ class Measured(Settings, key="measured"):
     pause = number(0.0, 0, 10, unit="s", label="time that a period takes")
 
 
-STATE = Status("state:answers", "state of the answers", (Spring.mass, Measured.length))
+STATE = Status("answers", "state of the answers", (Spring.mass, Measured.length))
 
 
 @plain(uses=(Spring,))

@@ -40,7 +40,7 @@ def test_an_unknown_word_is_refused_with_near_ones(word, near, monkeypatch, caps
 
 def test_every_head_of_a_table_has_a_meaning(smoke_store):
     for frame in read_frames(smoke_store).values():
-        names = [*frame.figures, *frame.several]
+        names = [*frame.figures, *frame.varying_axes]
         words = {frame.columns[name].words for name in names}
         assert not {word for word in words if not meaning(word)}, frame.name
 

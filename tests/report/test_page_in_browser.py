@@ -184,7 +184,7 @@ def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_sto
         page.goto("about:blank")
         by_name = "&".join(f"{name}={scores.columns[name].text(v)}" for name, v in place.items())
         page.goto(f"{file.as_uri()}#by={axis}&{by_name}")
-        alone = {"scores": at_main(scores, [*scores.down, axis, *scores.several])}
+        alone = {"scores": at_main(scores, [*scores.down, axis, *scores.varying_axes])}
         for name, value in place.items():
             rows = alone["scores"].rows
             alone["scores"] = alone["scores"].where(rows[name].isna() | (rows[name] == value))

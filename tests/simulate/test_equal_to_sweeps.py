@@ -115,7 +115,7 @@ def test_flights_are_those_of_a_sweep(tmp_path, cache):
     kept = opened(tmp_path / "f.zarr", "validation").squeeze()
     # What names the stream of a flight: all that the raw images depend on but the passive band.
     choices = chosen(*given)
-    named = {one.name: choices.one(one) for one in {*FLOWN, *RECORDED} - {*Passive.declared}}
+    named = {one.name: choices.value(one) for one in {*FLOWN, *RECORDED} - {*Passive.declared}}
     found = simulate.flight(
         "roberts",
         aspect=175,

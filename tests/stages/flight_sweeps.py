@@ -9,7 +9,7 @@ from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.sweeping import RunOptions, sweep
+from sweeps.engine.sweeping import RunOptions, sweep
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import flights, measured
 

@@ -39,7 +39,9 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     training_views = np.zeros((2, 2), dtype=bool)
     training_views[known] = True
     seen, valid = unit([[0.0, 90.0], [0.0, 90.0]]), training_views | True
-    training_set = TrainingSet.of(seen, valid, training_views, lambda views: views.reshape(-1, 2))
+    training_set = TrainingSet.of_views(
+        seen, valid, training_views, lambda views: views.reshape(-1, 2)
+    )
     formed = form_categories(training_set, training_views, (0, 0), 0.95, 0.5, 200, "first")
 
     def matched(angle):
@@ -221,8 +223,8 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     valid = np.random.default_rng(seed).random(training_views.shape) < 0.9
     valid[training_views.nonzero()[0][0], training_views.nonzero()[1][0]] = True
     how = ((1, 7), 0.8, 0.1, 200, "majority")
-    training_set = TrainingSet.of(seen, valid, training_views, profile_vectors)
-    of_all = TrainingSet.of(seen, valid, training_views | True, profile_vectors)
+    training_set = TrainingSet.of_views(seen, valid, training_views, profile_vectors)
+    of_all = TrainingSet.of_views(seen, valid, training_views | True, profile_vectors)
     of_all = acn.replace(
         of_all,
         vectors=(every := profile_vectors(seen)),
@@ -247,7 +249,9 @@ def test_memory_of_tests_is_in_proportion_to_their_number():
     def peak(aspects):
         seen, tests, training_views = few_learned(aspects, 50)
         tracemalloc.start()
-        training_set = TrainingSet.of(seen, training_views | True, training_views, profile_vectors)
+        training_set = TrainingSet.of_views(
+            seen, training_views | True, training_views, profile_vectors
+        )
         formed = form_categories(training_set, training_views, (0, 0), 0.8, 0.1, 200, "first")
         answer_tests(training_set, formed, tests[None], training_views | True, "ship", False)
         held = tracemalloc.get_traced_memory()[1]

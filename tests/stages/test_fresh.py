@@ -65,10 +65,10 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     given = {"grid__ship": ["duncan", "texas", "roberts"], "classifier__unknown": ["roberts"]}
     given["classifier__name"] = ["likelihood"]
     choices = chosen(**given, classifier__generated=3)
-    made = choices.one(Classifier.alternative)
+    made = choices.value(Classifier.alternative)
     assert len(made) == 6 and {name.partition("@")[0] for name in made} == {"duncan", "texas"}
     assert choices[Grid.ship] == tuple(sorted({"duncan", "texas", "roberts", *made}))
-    assert choices.one(Classifier.unknown) == tuple(sorted({"roberts", *made}))
+    assert choices.value(Classifier.unknown) == tuple(sorted({"roberts", *made}))
     assert known_of(choices).sum() == 2
     assert likelihood.check_first(choices).values == choices.values
     # The first of many, and of fewer ships, are the same.

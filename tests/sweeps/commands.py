@@ -15,7 +15,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import drop_objects
-from sweeps.engine.store.sweeping import Finished, RunOptions, sweep
+from sweeps.engine.sweeping import Finished, RunOptions, sweep
 from sweeps.experiment import EXPERIMENT
 
 COMMAND = command()

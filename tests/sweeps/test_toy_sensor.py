@@ -31,7 +31,7 @@ class Toy(Settings, key="toy"):
 
 
 KEELS = Group("toy", looks(SENSOR), (Grid, Toy), status=STATUS)
-ANSWERS = Group("classification/toy", names_by(NAME, SENSOR), (Grid,), status=Status("status_toy"))
+ANSWERS = Group("classification/toy", names_by(NAME, SENSOR), (Grid,), status=Status("toy"))
 
 
 @KEELS.stage(
@@ -104,7 +104,7 @@ def test_it_has_axes_names_ships_and_is_reported(store):
     assert answers.correct.dims == ("echoes", "scatter", "ship", "aspect")
     assert (answers.correct.sel(scatter=0) == 1).all() and not answers.correct.all()
     assert (opened(store, "status").view == 1).all()
-    assert (opened(store, "status_toy").cell == 1).all()
+    assert (opened(store, "status").toy == 1).all()
     xr.testing.assert_equal(table.share, answers.correct.mean(("ship", "aspect")))
     root = read_attributes(store)["configuration"]
     assert root["sensor"] == ["toy"] and root["toy"] == {"echoes": [1, 9], "scatter": [0, 2]}

@@ -10,7 +10,6 @@ stage declares are used.
 from __future__ import annotations
 
 import errno
-import hashlib
 import json
 import math
 import operator
@@ -31,7 +30,7 @@ from sweeps.engine.cache.objects import PRIVATE_MODE, UNREACHABLE, Objects
 from sweeps.engine.declare.paths import PathOrUrl, join
 from sweeps.engine.declare.stage import Output
 from sweeps.engine.declare.undeclared import Layout, Undeclared
-from sweeps.engine.resolve.keys import Keys
+from sweeps.engine.resolve.keys import Keys, digest, hash_bytes
 
 CELLS_FOLDER = "cells"
 ALIGNMENT = 16  # bytes: arrays begin at multiples of this in a record
@@ -149,7 +148,7 @@ class Head(NamedTuple):
     @classmethod
     def parse(cls, path: str, content: bytes) -> Head:
         """Return the head of a pack from its bytes; raise an exception of any kind if it is bad."""
-        if _digest(16, content).hex() != _parse_path(path)[0]:
+        if digest(content) != _parse_path(path)[0]:
             raise ValueError("it was changed")
         begin = content.index(b"\n") + 1
         stage, seconds, described = json.loads(content[:begin])
@@ -183,7 +182,7 @@ class Head(NamedTuple):
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
         """Return the arrays of a record, copied; None if its digest differs."""
         begin = DIGEST_BYTES * row
-        if _digest(DIGEST_BYTES, record) != self.checks[begin : begin + DIGEST_BYTES]:
+        if hash_bytes(record, DIGEST_BYTES) != self.checks[begin : begin + DIGEST_BYTES]:
             return None
         content, layout = bytearray(record), self.layouts[self.numbers[row]]
         return {name: np.ndarray(shape, dtype, content, at) for name, dtype, shape, at in layout}
@@ -211,7 +210,7 @@ class PackWriter:
                 _code(np.asarray(array).dtype)
             number = self.layouts[one] = len(self.layouts)
         self.numbers.append(number)
-        self.checks.append(_digest(DIGEST_BYTES, record))
+        self.checks.append(hash_bytes(record, DIGEST_BYTES))
         self.parts.append(record)
 
     def write(
@@ -225,7 +224,7 @@ class PackWriter:
         numbers = np.array(self.numbers, LAYOUT_DTYPE).tobytes()
         head = b"".join((line, b"\n", keys.astype(KEY_DTYPE.base).tobytes(), numbers, *self.checks))
         # A name begins with the time, so that the newest of equal cells is known.
-        path = f"{folder}/{time_ns():016x}{_digest(16, head).hex()}{len(head):08x}.pack".lstrip("/")
+        path = f"{folder}/{time_ns():016x}{digest(head)}{len(head):08x}.pack".lstrip("/")
         size, parts = sum(map(len, self.parts)), self.parts
         step = READ_BYTES * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
@@ -251,10 +250,6 @@ def _parse_path(path: str) -> tuple[str, int]:
     if name is None or int(name[2], 16) > MAX_HEAD_BYTES:
         raise ValueError("it is not a pack")
     return name[1], int(name[2], 16)
-
-
-def _digest(size: int, data: Buffer) -> bytes:
-    return hashlib.blake2b(data, digest_size=size).digest()
 
 
 @cache

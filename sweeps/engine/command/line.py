@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
+from io import TextIOWrapper
 from pathlib import Path
 
 import hydra
@@ -47,13 +48,13 @@ from sweeps.engine.resolve.plan import Plan, modules_of, stored_stages, with_inp
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.forking import preloaded_modules, start_fork_server
 from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
-from sweeps.engine.run.process import environment, say, show, tolerant_output
+from sweeps.engine.run.process import environment, flush_output, say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
 from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.provenance import differences
-from sweeps.engine.store.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
-from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
+from sweeps.engine.store.targets import check_cache_path, check_targets
 from sweeps.engine.store.writing import read_attributes
+from sweeps.engine.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"
@@ -93,13 +94,14 @@ class Command:
         """
         given = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
-        with tolerant_output() as lost:
-            message, status = self._run_reporting(given)
-            if message:
-                say(self.name, message)
-            if why := lost():
-                say(self.name, f"the output cannot be written: {why}")
-            return status or (SOME_FAILED if why else ALL_DONE)
+        if isinstance(sys.stdout, TextIOWrapper):  # of any encoding
+            sys.stdout.reconfigure(errors="backslashreplace")
+        message, status = self._run_reporting(given)
+        if message:
+            say(self.name, message)
+        if why := flush_output():
+            say(self.name, f"the output cannot be written: {why}")
+        return status or (SOME_FAILED if why else ALL_DONE)
 
     def _run_reporting(self, given: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
@@ -193,14 +195,13 @@ class Command:
         with interruptible():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
-        for path in stores:
-            check_store_path(path)
         sweeps: list[Sweep] = []
         with interruptible():
-            for choices, store in fuse_jobs(self.experiment, checked):
+            fused = fuse_jobs(self.experiment, checked)
+            for cache in dict.fromkeys(choices.value(Run.cache) for choices, _ in fused):
+                check_targets(stores, self._cache_path(cache), self.beside)
+            for choices, store in fused:
                 options = self._options(choices, store)
-                check_cache_path(options.cache)
-                check_disjoint(stores, options.cache, self.beside)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
@@ -212,10 +213,10 @@ class Command:
         """Let local workers of new stores import their modules while this process checks jobs."""
         stages: dict[str, BoundStage] = {}
         for job in jobs:
-            one, store = job.choices.one, path_or_url("store", job.store)
-            computes = not (one(Run.dry_run) or one(Run.partial))
+            value, store = job.choices.value, path_or_url("store", job.store)
+            computes = not (value(Run.dry_run) or value(Run.partial))
             is_new = isinstance(store, Path) and not os.path.lexists(store)
-            if computes and is_new and one(Cluster.kind) == "local":
+            if computes and is_new and value(Cluster.kind) == "local":
                 every = bind(self.experiment, job.choices.joint)
                 stages |= with_inputs(stored_stages(every.values(), job.choices), every)
         modules = modules_of(stages.values())
@@ -241,7 +242,7 @@ class Command:
             taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
             raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
         [job] = read_jobs(self.experiment, words, several=False)
-        return path_or_url("store", job.store), self._cache_path(job.choices.one(Run.cache))
+        return path_or_url("store", job.store), self._cache_path(job.choices.value(Run.cache))
 
     def _cache_path(self, given: Value) -> PathOrUrl:
         return path_or_url("cache", str(given)) if given else user_cache_path(self.name)
@@ -250,10 +251,10 @@ class Command:
         """Return the store, cache and cluster of a sweep."""
         return RunOptions(
             store,
-            self._cache_path(choices.one(Run.cache)),
-            ClusterChoice(**{one.name: choices.one(one) for one in Cluster.declared}),
-            int(choices.one(Run.cache_limit) * 1e9),
-            partial=bool(choices.one(Run.partial)),
+            self._cache_path(choices.value(Run.cache)),
+            ClusterChoice(**{one.name: choices.value(one) for one in Cluster.declared}),
+            int(choices.value(Run.cache_limit) * 1e9),
+            partial=bool(choices.value(Run.partial)),
             imports=self.imports,
         )
 
@@ -275,7 +276,7 @@ class Command:
                 remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
                 for sentence in (*remarks, *self.about(choices)):
                     say(self.name, sentence)
-                if choices.one(Run.dry_run):
+                if choices.value(Run.dry_run):
                     stages, sentence = preview(plan, options)
                     rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
                     show(count_table(dict(reversed(rows.items())), "cells", "reused", "to compute"))

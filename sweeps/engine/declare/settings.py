@@ -287,10 +287,10 @@ class Choices:
     @property
     def variables(self) -> dict[str, str]:
         """Environment variables of a sweep's calls, also on workers."""
-        folder = self.one(Run.cache)
+        folder = self.value(Run.cache)
         return {CACHE_VARIABLE: os.path.abspath(folder)} if folder and "://" not in folder else {}
 
-    def one(self, setting: Setting) -> Value:
+    def value(self, setting: Setting) -> Value:
         """Return the value of a setting that has one."""
         (value,) = self[setting]
         return value

@@ -47,6 +47,7 @@ Say = Callable[[str], None]
 
 RNG, VALID = "rng", "valid"  # arguments that are neither settings nor stages
 UNLIMITED = math.inf
+STATUS = "status"  # group of the states of cells
 FIRST = "first_"  # before the name of a dimension: the output at which arrays begin on it
 
 
@@ -113,13 +114,13 @@ inner = partial(Output, role=INNER)
 
 @dataclass(frozen=True)
 class Status:
-    """State of the cells of a group, in another one; -1 missing, 0 failed, 1 done.
+    """State of the cells of a group, a variable of `status`; -1 missing, 0 failed, 1 done.
 
     Over some axes it is that of all stages of the groups that have it: failed if anything there
     failed, else missing if anything is. Without axes, stages return it themselves, as an output.
     """
 
-    name: str  # group and variable, as in `status:view`
+    name: str
     label: str = ""
     over: tuple[Setting, ...] = ()
 
@@ -249,12 +250,12 @@ class Stage:
         elsewhere = (read.settings for read in self.reads.values() if isinstance(read, At))
         return {one: other for settings in elsewhere for one, other in settings.items()}
 
-    def store_group(self, output: Output) -> str:
-        """Return the store's group of an output; empty if it is not stored."""
+    def stored_as(self, output: Output) -> tuple[str, str]:
+        """Return the store's group of an output, empty if it is not stored, and its name there."""
         status = self.group.status
         if output.role == STATE and status is not None:
-            return status.name.partition(":")[0]
-        return self.group.path if output.is_stored else ""
+            return STATUS, output.name if status.over else status.name
+        return self.group.path if output.is_stored else "", output.name
 
     @property
     def is_cached(self) -> bool:
@@ -510,11 +511,13 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
     yield from _duplicates(keys, "settings")
     yield from _duplicates((one.name for one in stages), "stages")
     outputs = [
-        f"{stage.store_group(output)}/{output.name}"
+        "/".join(stage.stored_as(output))
         for stage in stages
         for output in stage.outputs
-        if stage.store_group(output)
+        if stage.stored_as(output)[0]
     ]
+    states = {stage.group.status or stage: None for stage in stages if _has_state(stage)}
+    outputs += [f"{STATUS}/{one.name}" for one in states]
     yield from _duplicates(outputs, "outputs of a group of the store")
     for setting in settings:
         yield from _bad_name(f"setting {setting.key}", setting.name)
@@ -531,15 +534,22 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
     yield from _name_clashes(settings, bind(experiment).values())
 
 
+def _has_state(stage: Stage) -> bool:
+    """Return whether the store has a state of a stage that the stage itself does not return."""
+    stored = any(one.is_stored and one.role != COORDINATE for one in stage.outputs)
+    status = stage.group.status
+    return bool(stage.group.path) and stored and (status is None or bool(status.over))
+
+
 def _name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> Iterator[str]:
     """Yield clashes of the names of outputs and dimensions in a group."""
     in_stores = {s.key: s for s in settings if s.single or not s.fixed}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
     stored = [
-        (bound, output, bound.stage.store_group(output))
+        (bound, output, group)
         for bound in stages
         for output in bound.stage.outputs
-        if bound.stage.store_group(output)
+        if (group := bound.stage.stored_as(output)[0]) not in ("", STATUS)
     ]
     dims = {(group, dim) for _, output, group in stored for dim in output.dims}
     for bound, _, group in stored:
@@ -563,10 +573,12 @@ def _stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
     yield from _duplicates((one.name for one in stage.outputs), f"outputs of {what}")
     if stage.group.path:
         yield from _bad_group(what, stage.group.path)
+    if stage.group.path == STATUS and _has_state(stage):
+        yield f"{what} is in the group {STATUS!r}, which has states of cells; give it another one"
     for output in stage.outputs:
         for name in (output.name, *output.dims):
             yield from _bad_name(what, name)
-        yield from _bad_dtype(f"{what}: {output.name}", output, stage.store_group(output))
+        yield from _bad_dtype(f"{what}: {output.name}", output, stage.stored_as(output)[0])
     stream = stage.stream or Stream(())
     named = (*stage.along, *stage.gather, *chain.from_iterable(stage.substitutions.items()))
     named += (*stage.group.names, *(status.over if status else ()))

@@ -16,7 +16,7 @@ from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, Declar
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import path_or_url
 from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
-from sweeps.engine.declare.stage import RNG, VALID, Experiment, Group, Stage
+from sweeps.engine.declare.stage import RNG, STATUS, VALID, Experiment, Group, Stage
 from sweeps.engine.declare.undeclared import FLOAT, PADDING, Undeclared
 from sweeps.engine.function.arguments import Argument, read_values
 from sweeps.engine.resolve.code import module_and_name
@@ -25,11 +25,11 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.process import say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, progress_bar
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.sweeping import Finished, RunOptions, preview
-from sweeps.engine.store.sweeping import sweep as run
 from sweeps.engine.store.tables import with_scalars
-from sweeps.engine.store.targets import check_store_path
+from sweeps.engine.store.targets import check_targets
 from sweeps.engine.store.writing import zarr_store
+from sweeps.engine.sweeping import Finished, RunOptions, preview
+from sweeps.engine.sweeping import sweep as run
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -146,8 +146,8 @@ def sweep(
     options = RunOptions(at, packs, ClusterChoice(cluster))
     import xarray as xr  # slow to import
 
+    check_targets([at], packs)
     if dry_run:
-        check_store_path(at)
         stages, estimate = preview(Plan(experiment, choices), options)
         cells, left = stages[experiment.name]
         show(f"{experiment.name}: {left:,} to compute, {cells - left:,} reused; {estimate}")
@@ -161,7 +161,7 @@ def sweep(
         raise ConfigurationError(str(error)) from None  # from this line on, and not from within
     if failed:
         warnings.warn(_failure_message(finished, failed), CallsFailed, stacklevel=2)
-    found = xr.open_zarr(zarr_store(at), group=experiment.name, chunks=None)
+    found = xr.open_zarr(zarr_store(at), group=experiment.title, chunks=None)
     found = with_scalars(found.load())
     for name, one in found.variables.items():
         if PADDING in one.attrs:
@@ -199,13 +199,14 @@ def _declare(
         raise ConfigurationError(what)
     taken = frozenset([one.name for one in settings] + [one.name for one in joint])
     result = _declare_result(name, outputs, dims, dtype, taken, attrs)
-    stage = Stage(name, function, (result,), reads=reads, group=Group(name), version=version)
+    group = Group("results" if name == STATUS else name)  # `STATUS` has states of cells
+    stage = Stage(name, function, (result,), reads=reads, group=group, version=version)
     lacking = [argument for argument in stage.arguments if argument not in (*reads, RNG)]
     if lacking:
         raise ConfigurationError(f"values lacks {lacking[0]!r}, which {name} takes")
     try:
         packages = (module.partition(".")[0],)
-        return Experiment(name, name, (*settings, stage), code=packages), joint
+        return Experiment(name, group.path, (*settings, stage), code=packages), joint
     except DeclarationError as error:
         raise ConfigurationError(str(error)) from None
 

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.resolve.keys import digest
 from sweeps.engine.resolve.modules import (
     ENGINE,
     SHADERS,
@@ -38,7 +39,6 @@ from sweeps.engine.resolve.modules import (
     is_within,
     package_files,
     read_module,
-    sha256,
 )
 
 MAIN = "__main__"
@@ -51,7 +51,7 @@ REMEDY = "or give version='1', which counts instead of the code, and change it w
 class CodeDigest(NamedTuple):
     """Digest of a function, with its parts and its libraries by name."""
 
-    digest: str  # hexadecimal SHA-256; depends on no absolute path and no order of discovery
+    digest: str  # depends on no absolute path and no order of discovery
     parts: Mapping[str, str]
     libraries: Mapping[str, str]  # versions of distributions
 
@@ -78,10 +78,10 @@ class Code:
         """
         if version:
             content = repr((module_and_name(function), version))
-            return CodeDigest(sha256(content), {"version": version}, {})
+            return CodeDigest(digest(content), {"version": version}, {})
         walk = _Walk(self, function)
         content = json.dumps([walk.root, walk.parts, walk.libraries], sort_keys=True)
-        return CodeDigest(sha256(content), walk.parts, walk.libraries)
+        return CodeDigest(digest(content), walk.parts, walk.libraries)
 
 
 class _Scan(NamedTuple):
@@ -164,7 +164,7 @@ class _Walk:
         self.root = self._variable(name, root)
         for label, one in self._waiting:  # which grows
             part = self._class(label, one) if isinstance(one, type) else self._function(label, one)
-            self.parts[f"code of {label}"] = sha256(repr(part))
+            self.parts[f"code of {label}"] = digest(repr(part))
 
     def _label(self, one: Any, name: str) -> str:
         """Return the name of a function, class or file; the second of a name has a number."""
@@ -181,7 +181,7 @@ class _Walk:
         self._name, self._value = name, value
         token = self.token(value)
         if not isinstance(value, _REFERENCED):
-            self.parts[name], token = sha256(token), name
+            self.parts[name], token = digest(token), name
         return token
 
     def _function(self, label: str, function: FunctionType) -> Any:
@@ -254,7 +254,7 @@ class _Walk:
             if module := self._modules.module(one):
                 self.parts[f"code of {one}"] = module.digest
             if "." not in one and (shaders := package_files(one, SHADERS)):
-                self.parts[f"shaders of {one}"] = sha256(repr(shaders))
+                self.parts[f"shaders of {one}"] = digest(repr(shaders))
             waiting += self._modules.imports(one)
 
     def _is_in_module(self, one: FunctionType | type, module: str) -> bool:
@@ -299,7 +299,7 @@ class _Walk:
                 remedy = f"compare: take out of it what the function needs, {REMEDY}"
                 raise ConfigurationError(f"{what} {remedy}") from error
             self._open.pop()
-            self._tokens[id(value)] = f"{type(value).__name__} {sha256(repr(content))}"
+            self._tokens[id(value)] = f"{type(value).__name__} {digest(repr(content))}"
         return self._tokens[id(value)]
 
     def _content(self, value: Any) -> Any:
@@ -316,7 +316,7 @@ class _Walk:
             return [self.token(getattr(value, name, None)) for name in _DESCRIPTOR_PARTS]
         if kind is np.ndarray:
             objects = value.dtype.hasobject
-            content = self.token(value.tolist()) if objects else sha256(value.tobytes())
+            content = self.token(value.tolist()) if objects else digest(value.tobytes())
             return repr(value.dtype), value.shape, content
         if is_within(kind.__module__, ENGINE) and is_dataclass(value):
             names = {one.name for one in fields(value)} - DISPLAY_FIELDS

@@ -21,16 +21,20 @@ HASH_BYTES = 16
 STREAM_VERSION = 1
 
 
-def digest(data: str | bytes) -> str:
-    """Return a hash of a text or bytes: 32 hexadecimal digits."""
+def hash_bytes(data: str | bytes | memoryview, size: int = HASH_BYTES) -> bytes:
+    """Return the hash of a text or bytes: `size` bytes."""
     data = data.encode() if isinstance(data, str) else data
-    return hashlib.blake2b(data, digest_size=HASH_BYTES).hexdigest()
+    return hashlib.blake2b(data, digest_size=size).digest()
+
+
+def digest(data: str | bytes) -> str:
+    """Return the hash of a text or bytes as 32 hexadecimal digits."""
+    return hash_bytes(data).hex()
 
 
 def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:
     """Return the hash of each text, (text, 2) ndarray."""
-    contents = (text.encode() if isinstance(text, str) else text for text in texts)
-    found = b"".join(hashlib.blake2b(one, digest_size=HASH_BYTES).digest() for one in contents)
+    found = b"".join(map(hash_bytes, texts))
     return np.frombuffer(found, "<u8").reshape(-1, 2).astype(np.uint64)
 
 

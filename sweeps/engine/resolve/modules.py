@@ -6,7 +6,6 @@ No module is imported for it.
 from __future__ import annotations
 
 import ast
-import hashlib
 import json
 import os
 import re
@@ -25,6 +24,7 @@ from typing import Any, NamedTuple
 from platformdirs import user_cache_path
 
 from sweeps.engine.declare.paths import is_private
+from sweeps.engine.resolve.keys import digest
 
 ENGINE = frozenset({__name__.rpartition(".")[0].rpartition(".")[0]})
 SHADERS = frozenset({".vert", ".frag", ".glsl"})
@@ -32,11 +32,6 @@ CACHE_FILE, MAX_MODULES = "sources.json", 4000  # how many are kept
 CACHE_FOLDER = user_cache_path("sweeps")
 
 Reference = tuple[str, str]  # a module, and a name that is imported from it; "" for none
-
-
-def sha256(data: bytes | str) -> str:
-    """Return the SHA-256 of some data, in hexadecimal digits."""
-    return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
 
 
 class Module(NamedTuple):
@@ -52,7 +47,7 @@ def _parse(source: bytes, package: str) -> Module:
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
-        return Module(sha256(source), [], False)
+        return Module(digest(source), [], False)
     for node in ast.walk(tree):
         match node:
             case ast.If(test=ast.Name("TYPE_CHECKING") | ast.Attribute(attr="TYPE_CHECKING")):
@@ -65,7 +60,7 @@ def _parse(source: bytes, package: str) -> Module:
         if isinstance(body := getattr(node, "body", None), list):
             body[:] = [one for one in body if not _is_constant(one)]
     lazy = any(getattr(one, "name", "") == "__getattr__" for one in tree.body)
-    return Module(sha256(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
+    return Module(digest(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
 
 
 def _is_constant(node: ast.AST) -> bool:
@@ -123,7 +118,7 @@ def save_parsed_modules() -> None:
 @cache
 def _parser_digest() -> str:
     """Return a hash of the parser: this file, and Python's version."""
-    return sha256(sys.version.encode() + Path(__file__).read_bytes())
+    return digest(sys.version.encode() + Path(__file__).read_bytes())
 
 
 @cache
@@ -131,7 +126,7 @@ def read_module(name: str, file: Path, modified: int) -> Module:
     """Return the module of a file."""
     source = file.read_bytes()
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    key = sha256(repr((_parser_digest(), package, source)))
+    key = digest(repr((_parser_digest(), package, source)))
     if key not in _cached_modules():
         _new[key] = _parse(source, package)
     return _new.get(key) or Module(*_cached_modules()[key])
@@ -158,7 +153,7 @@ def package_files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
     """Return paths and hashes of the files of some kinds in and below a package's folders."""
     found = [(of, one) for of in package_folders(name) for one in sorted(Path(of).rglob("*"))]
     return [
-        (f"{name}/{one.relative_to(of).as_posix()}", sha256(one.read_bytes()))
+        (f"{name}/{one.relative_to(of).as_posix()}", digest(one.read_bytes()))
         for of, one in found
         if one.suffix in suffixes
     ]

@@ -328,7 +328,7 @@ def make_job(
     """Return a job of a composed configuration; `store` is where it goes if that names none."""
     by_key = dict(line.partition("=")[::2] for line in lines)
     choices = replace(read_configuration(experiment, configuration), given=tuple(by_key))
-    return Job(by_key, choices, choices.one(Run.store) or store)
+    return Job(by_key, choices, choices.value(Run.store) or store)
 
 
 # checks -------------------------------------------------------------------------------------------
@@ -572,7 +572,7 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
         following = [setting for setting in single if _is_decided_by(jobs, key, setting)]
         if len(following) > 1:
             single = [setting for setting in single if setting not in following]
-            found = [tuple(job.choices.one(setting) for setting in following) for job in jobs]
+            found = [tuple(job.choices.value(setting) for setting in following) for job in jobs]
             labels = {of: job.overrides[key] for of, job in zip(found, jobs, strict=True)}
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
             groups.append(joint(name, following, dict(sorted(labels.items(), key=_label_sort_key))))

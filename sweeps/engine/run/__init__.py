@@ -2,5 +2,5 @@
 
 Input: a plan and the index of a cache. Output: packs of results, failures and progress. A new kind
 of executor belongs beside those of `dask_cluster`, and its settings into `cluster`. `store`,
-`command` and `function` may import it.
+`sweeping`, `command` and `function` may import it.
 """

@@ -27,76 +27,41 @@ def say(name: str, sentence: str) -> None:
         sys.stderr.flush()
 
 
-def show(what: Any) -> None:
-    """Print a text or a table of rich to stdout, ignoring errors."""
-    with suppress(OSError, ValueError, SystemExit):  # rich ends the process for a closed pipe
-        Console(highlight=False, markup=False, soft_wrap=True).print(what)
+_unwritten: list[str] = []  # why stdout could not be written
 
 
 @contextmanager
-def tolerant_output() -> Iterator[Callable[[], str]]:
-    """Suppress errors of printing to stdout or stderr within this context.
+def printing() -> Iterator[None]:
+    """Print to stdout within this context: a reader that has ended is no error, others come later.
 
-    Yields a function that returns why writing to stdout failed; empty if it did not, or its
-    reader has ended.
+    `flush_output` returns them.
     """
-    before = sys.stdout, sys.stderr
-    for stream in before:
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")
-    forgave = [one if one is None else _TolerantStream(one) for one in before]
-    sys.stdout, sys.stderr = forgave
     try:
-        yield lambda: forgave[0].lost() if forgave[0] is not None else ""
-    finally:
-        sys.stdout, sys.stderr = before
-        for stream in before:
-            _discard_pending(stream)
+        yield
+    except (BrokenPipeError, ValueError, SystemExit):  # rich ends the process for a closed pipe
+        pass
+    except OSError as error:
+        _unwritten.append(error.strerror or str(error))
 
 
-class _TolerantStream:
-    """A stream that ignores errors of writing."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream, self._why = stream, ""
-
-    def write(self, text: str) -> int:
-        with self._noted():
-            self._stream.write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        with self._noted():
-            self._stream.flush()
-
-    def lost(self) -> str:
-        self.flush()
-        return self._why
-
-    @contextmanager
-    def _noted(self) -> Iterator[None]:
-        try:
-            yield
-        except (BrokenPipeError, ValueError):
-            pass
-        except OSError as error:
-            self._why = error.strerror or str(error)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
+def show(what: Any) -> None:
+    """Print a text or a table of rich to stdout; see `printing`."""
+    with printing():
+        Console(highlight=False, markup=False, soft_wrap=True).print(what)
 
 
-def _discard_pending(stream: Any) -> None:
-    """Discard unprintable output: else Python tries again at exit, and exits with 120."""
-    if stream is None:
-        return
-    try:
-        stream.flush()
-    except (OSError, ValueError):
-        with suppress(OSError, ValueError):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, stream.fileno())
-            os.close(nowhere)
+def flush_output() -> str:
+    """Flush stdout; return why it could not be written, unless its reader has ended."""
+    flushed = sys.stdout is None
+    with printing():
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        flushed = True
+    if not flushed:  # else Python tries again when it ends, and exits with 120
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    why = _unwritten[0] if _unwritten else ""
+    _unwritten.clear()
+    return why
 
 
 # environment

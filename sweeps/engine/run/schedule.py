@@ -28,9 +28,9 @@ from sweeps.engine.run.tasks import (
     Batch,
     ObjectArgument,
     Outcome,
-    StageSpec,
     StoredArgument,
     ValueArgument,
+    stage_spec,
 )
 
 LOG = logging.getLogger(__name__)
@@ -496,11 +496,11 @@ class Schedule:
                 locations, present = self._locate_input(bound, source, firsts, grid)
                 read = bound.stage.reads.get(name)
                 in_blocks = isinstance(read, At) and read.in_blocks
-                arguments[name] = StoredArgument(StageSpec.of(source.stage), locations, in_blocks)
+                arguments[name] = StoredArgument(stage_spec(source.stage), locations, in_blocks)
                 if valid is not None:
                     valid &= present
         streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
-        stage = StageSpec.of(bound.stage)
+        stage = stage_spec(bound.stage)
         return Batch(
             stage, arguments, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
         )

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import is_private
-from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files, sha256
+from sweeps.engine.resolve.keys import digest
+from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
 
 
 class CodeDiffers(RuntimeError):
@@ -22,8 +23,8 @@ def package_digest(name: str) -> str:
     """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
     found, spec = package_files(name, SHADERS | {".py"}), module_spec(name)
     if spec and spec.has_location and spec.origin and not found:
-        found = [(name, sha256(Path(spec.origin).read_bytes()))]
-    return sha256(repr(found)) if found else ""
+        found = [(name, digest(Path(spec.origin).read_bytes()))]
+    return digest(repr(found)) if found else ""
 
 
 class CacheNotShared(RuntimeError):
@@ -39,7 +40,7 @@ class Requirements(NamedTuple):
 
     def check(self) -> None:
         """Raise one of `REQUIREMENT_ERRORS` if this process has other code or sees no marker."""
-        other = [name for name, digest in self.code.items() if package_digest(name) != digest]
+        other = [name for name, code in self.code.items() if package_digest(name) != code]
         if other:
             remedy = "it must have that of this process"
             raise CodeDiffers(f"has other code of {', '.join(other)}; {remedy}")

@@ -53,22 +53,22 @@ class StageSpec:
     fixed_shape: tuple[str, ...]  # names of outputs of one shape in all cells
     keep: float  # number of results in memory, of a stage not kept on disk
 
-    @classmethod
-    @cache
-    def of(cls, stage: Stage) -> StageSpec:
-        """Return the description of a stage."""
-        function, (module, name) = stage.function, module_and_name(stage.function)
-        there = find_attribute(module, name) if module != MAIN else None
-        given = None if getattr(there, "function", there) is function else function
-        stored = (one for one in stage.outputs if stage.store_group(one))
-        even = tuple(one.name for one in stored if stage.has_fixed_shape(one))
-        return cls(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
-
     @property
     def call(self) -> Callable[..., Any]:
         """The function."""
         one: Any = self.function or resolve_name(self.import_path)
         return one.function if isinstance(one, Stage) else one
+
+
+@cache
+def stage_spec(stage: Stage) -> StageSpec:
+    """Return the part of a stage that workers need."""
+    function, (module, name) = stage.function, module_and_name(stage.function)
+    there = find_attribute(module, name) if module != MAIN else None
+    given = None if getattr(there, "function", there) is function else function
+    stored = (one for one in stage.outputs if stage.stored_as(one)[0])
+    even = tuple(one.name for one in stored if stage.has_fixed_shape(one))
+    return StageSpec(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
 
 
 @dataclass(frozen=True, eq=False)

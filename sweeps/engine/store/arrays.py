@@ -21,12 +21,14 @@ from sweeps.engine.resolve.keys import digest
 
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
+BOTH = "is_attribute"  # of a scalar coordinate that the group has as an attribute, too
 
 # Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array takes the
 # other one, so that the old metadata never refer to new chunks.
 KEY_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20
+MAX_CONSTANT = 4096  # elements of an array that is read to find out whether all are equal
 ZSTD_LEVEL = 1  # level 3 compresses results no better and takes three times as long
 
 Region = tuple[slice, ...]
@@ -126,8 +128,14 @@ class Array:
         return digest(repr(about).encode() + given)
 
     def with_fill(self) -> Array:
-        """Return a scalar with its value as fill value, so that it needs no chunk."""
-        return self if self.dims else replace(self, fill=self.load().flat[0])
+        """Return a small array of equal values with that as fill value: it needs no chunk."""
+        if self.chunks != self.shape or not 0 < math.prod(self.shape) <= MAX_CONSTANT:
+            return self
+        values = self.load()
+        first = values.flat[0]
+        # The metadata of zarr have one NaN, of many. A scalar has no chunk in any case.
+        equal = first == first and values.tobytes() == first.tobytes() * values.size
+        return replace(self, fill=first) if equal or not self.dims else self
 
     def for_worker(self, region: Region) -> Array:
         """Return the part that another process needs to write the chunk of a region."""
@@ -163,21 +171,32 @@ class Group:
         """Return the group with scalar coordinates as attributes, as it is stored.
 
         `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them. One whose
-        name is `taken` by another attribute stays an array.
+        name is `taken` by an attribute of another value stays an array. Those that are attributes
+        already come first.
         """
-        taken = {*self.attrs, *taken, "coordinates", SCALARS}
+        taken = {*taken, "coordinates", SCALARS}
+        names = sorted(self.arrays.keys() - taken, key=[*self.attrs, *self.arrays].index)
         scalars = {
             name: one
-            for name, one in self.arrays.items()
-            if one.coordinate and not one.dims and one.dtype.kind in "biufU"
-            if name not in taken
+            for name in names
+            if (one := self.arrays[name]).coordinate and not one.dims and one.dtype.kind in "biufU"
         }
         values = {name: one.load().astype(one.dtype).item() for name, one in scalars.items()}
-        scalars = {name: one for name, one in scalars.items() if _is_json(values[name])}
+        scalars = {
+            name: one
+            for name, one in scalars.items()
+            if _is_json(values[name])
+            if name not in self.attrs or _is_same(self.attrs[name], values[name])
+        }
         if not scalars:
             return self
         given = {name: values[name] for name in scalars if values[name] == values[name]}  # not NaN
-        about = {SCALARS: {name: one.attributes for name, one in scalars.items()}}
+        about = {
+            SCALARS: {
+                name: one.attributes | {BOTH: 1} if name in self.attrs else one.attributes
+                for name, one in scalars.items()
+            }
+        }
         others = {name: one for name, one in self.arrays.items() if name not in scalars}
         return Group(others, {**self.attrs, **given, **about})
 
@@ -264,6 +283,11 @@ def encode(array: Array, region: Region) -> bytes | None:
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
     return None if content == empty else bytes(_ZSTD.encode(content))
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Return whether values have one type and are equal."""
+    return type(one) is type(other) and bool(one == other)
 
 
 def _is_json(value: Any) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
@@ -24,6 +24,7 @@ from sweeps.engine.declare.stage import (
     MEASURED,
     SHARE,
     STATE,
+    STATUS,
     BoundStage,
     Output,
 )
@@ -47,6 +48,7 @@ class StoredVariable:
     bound: BoundStage
     output: Output
     group: str
+    name: str  # in its group
     axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
     order: tuple[int, ...]  # source of each dimension: these axes first, then its own
 
@@ -122,7 +124,7 @@ def stored_variables(
 
     variables = []
     for output in outputs:
-        group = bound.stage.store_group(output)
+        group, name = bound.stage.stored_as(output)
         if not group:
             continue
         left_out = set(output.without)
@@ -133,7 +135,7 @@ def stored_variables(
         ]
         ranks = [*map(rank, axes), *(order.get(dim, len(order)) for dim in output.dims)]
         sources = tuple(np.argsort(ranks, kind="stable").tolist())
-        variables.append(StoredVariable(bound, output, group, tuple(axes), sources))
+        variables.append(StoredVariable(bound, output, group, name, tuple(axes), sources))
     return variables
 
 
@@ -171,8 +173,8 @@ class Cube:
         found = {name: self._group(variables) for name, variables in members.items()}
         for name, arrays in known.items():
             found[name].arrays.update(arrays)
-        for name, arrays in self._statuses():
-            found.setdefault(name, Group()).arrays.update(arrays)
+        if states := self._states(members[STATUS]):
+            found.setdefault(STATUS, Group()).arrays.update(states)
         return dict(sorted(found.items()))
 
     def _outputs(self, bound: BoundStage) -> tuple[Sequence[Output], dict[str, Array]]:
@@ -210,7 +212,7 @@ class Cube:
                 values = starts.get(dim, 0) + np.arange(lengths[dim])
                 about = {"units": first.unit, "long_name": first.label}
                 arrays[dim] = Array.from_values((dim,), values, about, coordinate=True)
-            arrays[variable.output.name] = self._variable(variable, names)
+            arrays[variable.name] = self._variable(variable, names)
         return Group(arrays | self._coordinates(variables, names))
 
     def _names(self, variables: Sequence[StoredVariable]) -> dict[int, str]:
@@ -228,7 +230,7 @@ class Cube:
         for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]
             name = bounds[number].stage.group.names.get(setting) or axes[number].name
-            taken = name in names.values()
+            taken = name in (*names.values(), *(one.name for one in variables))
             names.setdefault(number, setting.key.replace(".", "_") if taken else name)
         return names
 
@@ -363,31 +365,39 @@ class Cube:
                         found |= setting_coordinates(setting, label, [value], scalar=True)
         return found
 
-    def _statuses(self) -> Iterator[tuple[str, dict[str, Array]]]:
-        """Yield group and arrays of the states of stages."""
+    def _states(self, variables: Sequence[StoredVariable]) -> dict[str, Array]:
+        """Return the states of stages, beside the `variables` of states that stages return."""
         members: dict[tuple[str, str, tuple[int, ...]], list[BoundStage]] = defaultdict(list)
         for bound in self.plan.targets:
-            of = bound.stage.group
+            status = bound.stage.group.status
             if all(output.role == COORDINATE for output in bound.stage.outputs):
                 continue
-            if of.status is None:
-                name = f"status_{of.path}".replace("/", "_") + f":{bound.name}"
+            if status is None:
                 over = tuple(_dimensions(self.plan, bound))
-                members[name, f"state of {bound.name}", over].append(bound)
-            elif of.status.over:
-                over = tuple(self.plan.axis_number(setting.key) for setting in of.status.over)
-                members[of.status.name, of.status.label, over].append(bound)
+                members[bound.name, f"state of {bound.name}", over].append(bound)
+            elif status.over:
+                over = tuple(self.plan.axis_number(setting.key) for setting in status.over)
+                members[status.name, status.label, over].append(bound)
+        names = self._names(variables)
+        taken = [*names.values(), *(one.name for one in variables), *(name for name, *_ in members)]
+        found: dict[str, Array] = {}
+        for number in sorted({number for *_, over in members for number in over} - names.keys()):
+            axis = self.plan.axes[number]
+            key = axis.settings[0].key.replace(".", "_")
+            names[number] = key if axis.name in taken else axis.name
+            taken.append(names[number])
         for (name, label, over), bounds in members.items():
-            group, _, variable = name.partition(":")
-            yield group, self._status(variable, label, bounds, over)
+            for number in over:
+                found |= axis_coordinates(self.plan.axes[number], names[number])
+            attrs = {"units": "1", "long_name": label, **FLAGS}
+            dims = tuple(names[number] for number in over)
+            found[name] = Array.from_values(dims, self._worst(bounds, over), attrs, MISSING)
+        return found
 
-    def _status(
-        self, name: str, label: str, bounds: Sequence[BoundStage], numbers: Sequence[int]
-    ) -> dict[str, Array]:
-        """Return the worst state of some stages along axes, and the coordinates of these."""
+    def _worst(self, bounds: Sequence[BoundStage], numbers: Sequence[int]) -> NDArray[np.int8]:
+        """Return the worst state of some stages along axes."""
         plan = self.plan
-        axes = [plan.axes[number] for number in numbers]
-        worst = np.full([len(axis.points) for axis in axes], DONE, dtype=np.int8)
+        worst = np.full([len(plan.axes[number].points) for number in numbers], DONE, dtype=np.int8)
         for bound in bounds:
             results, own = self.schedule.results[bound], plan.axis_numbers(bound)
             present = self.schedule.locations.present[results]
@@ -400,15 +410,7 @@ class Cube:
                 )
                 if len(cells):
                     worst[point] = np.where(worst[point] == FAILED, FAILED, state)
-        names: list[str] = []
-        for axis in axes:
-            taken = axis.name in (*names, name)
-            names.append(axis.settings[0].key.replace(".", "_") if taken else axis.name)
-        found: dict[str, Array] = {}
-        for axis, axis_name in zip(axes, names, strict=True):
-            found |= axis_coordinates(axis, axis_name)
-        attrs = {"units": "1", "long_name": label, **FLAGS}
-        return found | {name: Array.from_values(tuple(names), worst, attrs, MISSING)}
+        return worst
 
 
 # coordinates --------------------------------------------------------------------------------------

@@ -67,6 +67,17 @@ def read_manifest(path: PathOrUrl) -> Manifest | None:
         raise _unreadable(path) from error
 
 
+def refuse_foreign(path: PathOrUrl, found: Iterable[str], manifest: Manifest | None) -> None:
+    """Refuse a folder with objects that no sweep wrote, or without a manifest."""
+    if not (foreign := sorted({*found} - (manifest or Manifest()).known)):
+        return
+    more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
+    reason = f"which contains {foreign[0]!r}{more}, not part of the store; move it"
+    if manifest is None:
+        reason = "which exists but is not a store of a sweep; give a new path or such a store"
+    raise ConfigurationError(f"store is {str(path)!r}, {reason}")
+
+
 def require_manifest(path: PathOrUrl) -> Manifest:
     """Return the manifest of a store; ConfigurationError if it is missing or damaged."""
     found = read_manifest(path)

@@ -28,7 +28,7 @@ from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.tasks import DamagedResults
-from sweeps.engine.store.arrays import SCALARS, Array, Group, metadata
+from sweeps.engine.store.arrays import BOTH, SCALARS, Array, Group, metadata
 from sweeps.engine.store.writing import zarr_store
 
 MAX_ROWS = 20  # of a table at the end of a sweep
@@ -126,7 +126,7 @@ def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
     about = decode_attrs({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
     scalars = {}
     for name, given in about.items():
-        value = attrs.pop(name, math.nan)
+        value = attrs.get(name, math.nan) if given.pop(BOTH, 0) else attrs.pop(name, math.nan)
         value = value == "true" if given.pop("dtype", "") == "bool" else value
         scalars[name] = ((), value, given)
     found = dataset.assign_coords(scalars)

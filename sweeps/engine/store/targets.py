@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from sweeps.engine.declare.paths import (
     resolve_path,
 )
 from sweeps.engine.store.arrays import METADATA
-from sweeps.engine.store.manifest import read_manifest
+from sweeps.engine.store.manifest import read_manifest, refuse_foreign
 
 ZARR_FILES = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
 LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # of names beside a store one of the longest
@@ -34,18 +34,11 @@ def check_store_path(path: PathOrUrl) -> None:
     """
     resolved = _resolve_checked("store", path, inside=True)
     try:
-        found = set(Objects(resolved).sizes())
+        found = Objects(resolved).sizes()
     except OSError as error:
         raise _invalid("store", resolved, f"which cannot be read: {error.strerror}") from error
     if found:
-        manifest = read_manifest(resolved)
-        if manifest is None:
-            reason = "which exists but is not a store of a sweep; give a new path or such a store"
-            raise _invalid("store", path, reason)
-        if foreign := sorted(found - manifest.known):
-            more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
-            reason = f"which contains {foreign[0]!r}{more}, not part of the store; move it"
-            raise _invalid("store", path, reason)
+        refuse_foreign(path, found, read_manifest(resolved))
 
 
 def check_cache_path(path: PathOrUrl) -> None:
@@ -60,14 +53,19 @@ def check_cache_path(path: PathOrUrl) -> None:
             raise _invalid("cache", path, f"{reason}: chmod go-w, or give another folder")
 
 
-def check_disjoint(
-    stores: Iterable[PathOrUrl], cache: PathOrUrl, beside: Callable[[Path], Iterable[Path]]
+def check_targets(
+    stores: Collection[PathOrUrl],
+    cache: PathOrUrl,
+    beside: Callable[[Path], Iterable[Path]] = lambda store: (),
 ) -> None:
-    """Refuse stores of one command inside each other, around its cache, or in the way of reports.
+    """Refuse stores and a cache that cannot be used, are inside each other, or in a report's way.
 
-    `check_store_path` and `check_cache_path` refuse stores that exist. `beside` returns the paths
-    that the report of a store writes to, which may also be an existing store.
+    `beside` returns the paths that the report of a store writes to, which may also be an existing
+    store.
     """
+    for path in stores:
+        check_store_path(path)
+    check_cache_path(cache)
     stores_by_path = {resolve_path(path): path for path in stores}
     reports: dict[Path, PathOrUrl] = {}
     for path in stores_by_path.values():

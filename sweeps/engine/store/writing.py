@@ -37,8 +37,13 @@ from sweeps.engine.store.arrays import (
     iter_chunks,
     metadata,
 )
-from sweeps.engine.store.manifest import MANIFEST, Manifest, read_manifest, require_manifest
-from sweeps.engine.store.targets import check_store_path
+from sweeps.engine.store.manifest import (
+    MANIFEST,
+    Manifest,
+    read_manifest,
+    refuse_foreign,
+    require_manifest,
+)
 
 LOG = logging.getLogger(__name__)
 MAX_SENT = 64  # chunks of a task of another process
@@ -66,10 +71,11 @@ def write_store(
     the root; all groups repeat those named in `shared`. `writers` write chunks that other processes
     can make.
     """
-    check_store_path(path)
     groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
     with world_readable():
-        objects, old = Objects(path, make=True), read_manifest(path) or Manifest()
+        objects, manifest = Objects(path, make=True), read_manifest(path)
+        sizes, old = Objects(path).sizes(), manifest or Manifest()  # makes no folder
+        refuse_foreign(path, sizes, manifest)
         arrays = {
             f"{name}/{inner}": array.with_fill()
             for name, group in groups.items()
@@ -79,7 +85,6 @@ def write_store(
         described = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
         nodes = _make_nodes(groups, described, attributes, shared)
         chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
-        sizes = objects.sizes()
         same = [one.name for one in chunks if one.is_unchanged(old, sizes)]
         unchanged = {name: sizes.get(name) for name in same}
         new = [chunk for chunk in chunks if chunk.name not in unchanged]
@@ -93,7 +98,8 @@ def write_store(
             with interruptible():
                 made |= _write_chunks(objects, [one for one in new if one.name not in made])
             files = {name: size for name, size in made.items() if size is not None}
-            check_store_path(path)  # another process may have written something there
+            # Another process may have written something there.
+            refuse_foreign(path, objects.sizes(), read_manifest(path))
             check()
         except BaseException:
             with suppress(OSError):

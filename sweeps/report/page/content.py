@@ -96,7 +96,7 @@ def charted(
     """
     # Rows and charts run along the axis of the headline.
     first = next(iter(frames.values()))
-    ordinary = [name for name in first.several if name not in curves_of(first)]
+    ordinary = [name for name in first.varying_axes if name not in curves_of(first)]
     numbers = swept_axes(first, swept)
     against = next(filter(None, [along, main_axis(first, swept), *ordinary]), "")
     second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
@@ -122,7 +122,7 @@ def charted(
 
 def swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
     """Return the swept axes of numbers that are not down or across, those of most values first."""
-    several = [name for name in frame.several if name not in (*frame.down, frame.across)]
+    several = [name for name in frame.varying_axes if name not in (*frame.down, frame.across)]
     names = [n for axis in swept for n in several if frame.columns[n].axis == axis]
     numeric = [name for name in names if frame.rows[name].dtype.kind in "fiu"]
     return sorted(numeric, key=lambda name: -frame.rows[name].nunique())
@@ -130,7 +130,7 @@ def swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
 
 def curves_of(frame: Frame) -> list[str]:
     """Return the declared axes down of several values: a curve for each of their values."""
-    return [name for name in frame.down if name in frame.several]
+    return [name for name in frame.down if name in frame.varying_axes]
 
 
 def colours_of(frame: Frame) -> list[str]:
@@ -143,7 +143,7 @@ def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
     """Return the axes of several values, which are not down or across everywhere, to select."""
     columns, values = dict[str, Column](), dict[str, list[Any]]()
     for frame in frames.values():
-        for name in frame.several:
+        for name in frame.varying_axes:
             if name in curves_of(frame) or (name == frame.across and name != BINS):
                 continue
             columns.setdefault(name, frame.columns[name])
@@ -182,8 +182,8 @@ def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]
 def data_of(frame: Frame) -> dict[str, Any]:
     """Return a frame for the script: its rows, and how its charts are specified."""
     rows, curves, columns = frame.rows.head(CHARTED), curves_of(frame), frame.columns
-    numeric = [name for name in frame.several if frame.rows[name].dtype.kind in "fiu"]
-    along = [name for name in frame.several if name not in curves or name in numeric]
+    numeric = [name for name in frame.varying_axes if frame.rows[name].dtype.kind in "fiu"]
+    along = [name for name in frame.varying_axes if name not in curves or name in numeric]
     along.sort(key=lambda name: (name == frame.across, -frame.rows[name].nunique()))
     return {
         "rows": {

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 import zarr
 
+from sweeps.engine.declare.stage import STATUS
 from sweeps.report.frames import Frame
 from sweeps.report.stores import attributes, failed_cells, groups, read
 from sweeps.report.words import printable, shown, unit_of
@@ -59,12 +60,9 @@ class Status:
 def status_of(store: Any, work: Frame | None = None) -> Status:
     """Return the states of all cells of a store, whose last sweep did some work."""
     parts = {}
-    for group in groups(store):
-        if group == "status" or group.startswith("status_"):
-            for name, array in read(store, group).data_vars.items():
-                label = str(name) if group == "status" else group.removeprefix("status_")
-                counts = tuple(int((array.values == state).sum()) for state in STATES)
-                parts[printable(label.replace("_", " "))] = counts
+    for name, array in read(store, STATUS).data_vars.items() if STATUS in groups(store) else ():
+        counts = tuple(int((array.values == state).sum()) for state in STATES)
+        parts[printable(str(name).replace("_", " "))] = counts
     rows = work.rows if work is not None else pd.DataFrame(columns=["done", "reused", "failed"])
     done, reused, failed = (int(rows[name].sum()) for name in ("done", "reused", "failed"))
     return Status(parts, failed_cells(store), (done + reused, failed))

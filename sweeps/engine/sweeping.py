@@ -6,12 +6,11 @@ import errno
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,9 @@ import numpy as np
 
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, make_folder
-from sweeps.engine.cache.packs import NO_PACK, array_kinds, iter_cells, open_packs
-from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
-from sweeps.engine.declare.failures import Failure, format_traceback, one_line
+from sweeps.engine.cache.packs import array_kinds, iter_cells, open_packs
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.resolve.code import module_and_name
@@ -29,21 +28,20 @@ from sweeps.engine.resolve.keys import unique_keys
 from sweeps.engine.resolve.modules import is_within
 from sweeps.engine.resolve.plan import Plan, modules_of
 from sweeps.engine.run.cluster import ClusterChoice, Executor
+from sweeps.engine.run.execution import Failures, call_each, execute
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
 from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, unless_stopped
 from sweeps.engine.run.process import environment
-from sweeps.engine.run.schedule import Progress, Schedule, Task, Watch
-from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches, uneven_error
+from sweeps.engine.run.schedule import Progress, Schedule, Watch
+from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.locks import cache_lock, store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.provenance import SHARED_ATTRIBUTES, check_extends, differences, provenance
-from sweeps.engine.store.targets import check_cache_path, check_disjoint, check_store_path
 from sweeps.engine.store.writing import read_attributes, recover, write_store
 
 MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
-QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
 LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
 TABLE_MODULES = (
     "sweeps.engine.store.tables",
@@ -55,9 +53,6 @@ LOG = logging.getLogger(__name__)
 
 PARTIAL = "partial"
 """Attribute of a store and its groups that says how many cells are missing."""
-
-Failures = list[tuple[str, str]]
-"""Names of cells or tables that failed, and why."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +100,7 @@ def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | N
 
 
 def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
-    """Compute all missing cells of a plan, and write its store.
+    """Compute all missing cells of a plan, and write its store; see `check_targets` for its path.
 
     Raises
     ------
@@ -117,9 +112,6 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     start = time.perf_counter()
     with ExitStack() as stack:
         stack.enter_context(environment(plan.choices.variables))
-        check_store_path(options.store)
-        check_cache_path(options.cache)
-        check_disjoint([options.store], options.cache, lambda store: ())
         check = stack.enter_context(store_lock(options.store))
         recover(options.store)
         if isinstance(packs := options.packs.path, Path):
@@ -262,84 +254,6 @@ def _compute(
         thread.submit(import_module, name)
     call_each(first, workers, lambda: watch.step(schedule))
     return execute(schedule, workers, index, watch), workers
-
-
-def call_each(
-    functions: Sequence[Callable[[], object]], executor: Executor, progress: Callable[[], None]
-) -> None:
-    """Call functions on workers, side by side; `progress` is called whenever one ends.
-
-    Raises SweepIncomplete if one fails.
-    """
-    for number, function in enumerate(functions):
-        executor.submit(number, function)
-    left = len(functions)
-    while left:
-        with interruptible():
-            finished = executor.finished()
-        for _, _, error in finished:
-            if error is not None:
-                raise SweepIncomplete(f"workers cannot be prepared: {one_line(error)}") from error
-        left -= len(finished)
-        progress()
-
-
-def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
-    """Run all calls of a schedule, and record finished cells in the index, whose packs have them.
-
-    Returns the names of cells that failed, with the reasons. Raises `DamagedResults` at the end if
-    cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
-    without a value to pad them with, and OSError if results cannot be written.
-    """
-    damaged: set[bytes] = set()
-    shapes: dict[tuple[str, str], tuple[int, ...]] = {}
-    failures: Failures = []
-    under_way: dict[int, Task] = {}
-    # A worker that dies, for example out of memory, takes other tasks with it. So each of their
-    # calls is run again, alone, when nothing else is left to run.
-    suspects: deque[Task] = deque()
-    isolated = False  # whether the running task is a suspect
-    numbers = count()
-
-    def submit(task: Task) -> None:
-        number, batches = next(numbers), tuple(one.batch for one in task.batches)
-        executor.submit(number, run_batches, batches, task.order, index.cells)
-        under_way[number] = task
-
-    while schedule.ready or under_way or suspects:
-        if not under_way and (isolated := bool(suspects) and not schedule.ready):
-            submit(suspects.popleft())
-        most = 0 if isolated else QUEUED_TASKS * executor.worker_count
-        while schedule.ready and len(under_way) < most:
-            if (task := schedule.next_task(executor.worker_count)).batches:
-                submit(task)
-        with interruptible():
-            finished = executor.finished()
-        for number, report, error in finished:
-            task = under_way.pop(number)
-            if error is not None and not isolated:
-                suspects += schedule.split_task(task)
-                continue
-            if error is not None:
-                lost = Failure("", one_line(error), traceback=format_traceback(error))
-                cells = range(len(task.batches[0].cells))
-                report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
-            if report.write_error is not None:
-                raise report.write_error
-            for planned, outcome in zip(task.batches, report.outcomes, strict=True):
-                damaged.update(*outcome.lost_inputs.values())
-                pack = NO_PACK if outcome.pack is None else index.add(outcome.pack)
-                for failure in schedule.record(planned, outcome, pack, split=error is None):
-                    failures.append(failure[:2])
-                    watch.failed(failure)
-            for stage, output, shape in report.shapes:
-                first = shapes.setdefault((stage, output), shape)
-                if shape != first:
-                    raise uneven_error(stage, output, shape, first)
-        watch.step(schedule)
-    if damaged:
-        raise DamagedResults(*sorted(damaged))
-    return failures
 
 
 def _damaged_keys(schedule: Schedule, packs: Objects) -> set[bytes]:
