@@ -19,7 +19,7 @@ from packed import SMALL, keys, small, whole, write_pack, written
 from running import ROOT
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.objects import MARKER, Objects
 from sweeps.engine.cache.packs import Pack, PackWriter, array_kinds, open_packs
 
 
@@ -113,11 +113,12 @@ def test_packs_of_a_killed_run_are_whole_or_absent(six, said, tmp_path):
 
 
 def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, said):
-    left = six.path / "0.pack#1"
-    left.write_bytes(b"")
+    left = [six.path / name for name in ("0.pack#1", f"0{MARKER}")]
+    for path in left:
+        path.write_bytes(b"")
     index = CellIndex(six, said.append)
     assert index.prune(2**40) == (0, 0)
-    assert not left.exists()
+    assert not any(path.exists() for path in left)
     assert whole(six, index, range(6)) and said == []
 
 

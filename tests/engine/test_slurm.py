@@ -183,7 +183,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 
 def refused():
     try:
-        import_jobqueue()
+        import_jobqueue("slurm")
     except ConfigurationError as error:
         print(error)
 
@@ -191,7 +191,7 @@ before = signal.getsignal(signal.SIGINT)
 thread = threading.Thread(target=refused)
 thread.start()
 thread.join()
-import_jobqueue()
+import_jobqueue("slurm")
 print(signal.getsignal(signal.SIGINT) is before)
 """
 

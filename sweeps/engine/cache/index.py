@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.objects import MARKER, Objects
 from sweeps.engine.cache.packs import (
     NO_LOCATIONS,
     NO_PACK,
@@ -133,6 +133,7 @@ class CellIndex:
         count = int(np.searchsorted(newest_first, limit, side="right"))
         old = self.packs[: len(self.packs) - count]
         self.cells.delete(pack.path for pack in old)
+        self.cells.delete(name for name in self.cells.sizes() if name.endswith(MARKER))
         self.cells.delete_unfinished()
         self.cells.remove_empty_folders()
         return sum(pack.cells for pack in old), sum(pack.size for pack in old)

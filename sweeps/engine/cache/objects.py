@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 PUBLIC_MODE = 0o755  # mode of folders: others may read them
 PRIVATE_MODE = 0o700  # of those that they may not even read
+MARKER = ".mark"  # ends the name of an object that workers look for in a shared cache
 UNREACHABLE = errno.ECONNABORTED  # of a server that cannot be asked, or fails
 RETRIES = 6  # of a request, with growing pauses: some seconds
 

@@ -26,6 +26,8 @@ REQUIRED_SETTINGS = {
     "address": {"address": "the address of a dask scheduler"},
     "slurm": {"workers": "the number of jobs", "memory": "the memory of a job, such as 4GiB"},
 }
+# Class of dask-jobqueue, and command that submits jobs, of each kind of job queue.
+JOB_QUEUES = {"slurm": ("SLURMCluster", "sbatch")}
 # Pattern that a setting must match, and its description.
 PATTERNS = {
     "address": (r"(tcp|tls)://(\[[\d:a-f]+\]|[^\s:/\[\]]+):\d+", "like tls://10.0.0.1:8786"),
@@ -128,21 +130,24 @@ class InlineExecutor:
             return [(number, None, error)]
 
 
-def import_jobqueue() -> Any:
-    """Return dask's class of Slurm clusters; only the main thread can import it first.
+def import_jobqueue(kind: str) -> Any:
+    """Return dask's class of clusters of a job queue; only the main thread can import it first.
 
     Raises ConfigurationError if it is not installed, or this machine cannot submit jobs.
     """
     before = signal.getsignal(signal.SIGINT)
     try:
-        from dask_jobqueue import SLURMCluster
+        import dask_jobqueue
     except (ImportError, ValueError) as error:
         raise ConfigurationError(
-            "cluster.kind is slurm, but dask-jobqueue (pip install dask-jobqueue) cannot be "
+            f"cluster.kind is {kind}, but dask-jobqueue (pip install dask-jobqueue) cannot be "
             f"imported: {error}"
         ) from error
     if signal.getsignal(signal.SIGINT) is not before:  # its import would let Ctrl-C exit at once
         signal.signal(signal.SIGINT, before)
-    if shutil.which("sbatch") is None:
-        raise ConfigurationError("cluster.kind is slurm, but this machine has no sbatch command")
-    return SLURMCluster
+    name, submit = JOB_QUEUES[kind]
+    if shutil.which(submit) is None:
+        raise ConfigurationError(
+            f"cluster.kind is {kind}, but this machine has no {submit} command"
+        )
+    return getattr(dask_jobqueue, name)

@@ -291,7 +291,7 @@ def _slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
     made, certificate, key = Security.temporary(), folder / "certificate.pem", folder / "key.pem"
     certificate.write_text(made.tls_client_cert, encoding="ascii")
     key.write_text(made.tls_client_key, encoding="ascii")
-    return import_jobqueue()(
+    return import_jobqueue("slurm")(
         **options,
         cores=1,
         processes=1,

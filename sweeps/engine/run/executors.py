@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any
 
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.cache.objects import MARKER, Objects
 from sweeps.engine.resolve.modules import ENGINE
 from sweeps.engine.run.cluster import (
+    JOB_QUEUES,
     SETTINGS_OF_KIND,
     ClusterChoice,
     Executor,
@@ -58,8 +59,8 @@ def open_executor(
     ConfigurationError
         If the cluster cannot be reached or started, or the code or folder of a worker differs.
     """
-    if choice.kind == "slurm":
-        import_jobqueue()
+    if choice.kind in JOB_QUEUES:
+        import_jobqueue(choice.kind)
 
     @contextmanager
     def opened() -> Iterator[Executor]:
@@ -76,7 +77,7 @@ def open_executor(
             shared = Requirements()
             if choice.kind != "local":
                 code = {name: package_digest(name) for name in (*ENGINE, *packages)}
-                shared = Requirements(code, packs, f"{uuid.uuid4().hex}.mark")
+                shared = Requirements(code, packs, f"{uuid.uuid4().hex}{MARKER}")
                 if packs:
                     packs.put(shared.marker, b"")
                     stack.callback(packs.delete, [shared.marker])
