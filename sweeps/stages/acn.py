@@ -262,7 +262,11 @@ def _clustering(formed: Arrays) -> Clustering:
 
 
 def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringNetwork:
-    """Return the network that formed the categories of a training set."""
+    """Return the network that formed the categories of a training set.
+
+    Raises `ValueError` if it forms others: the two ways to train round differently, and would part
+    at a near tie.
+    """
     # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
@@ -278,6 +282,8 @@ def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringN
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
         network.fit(vectors, np.indices(training_views.shape)[0].reshape(-1)[presented])
+    if not np.array_equal(network.labels_, formed["training_category"].reshape(-1)[presented]):
+        raise ValueError("the network that learns in the test formed other categories than before")
     return network
 
 

@@ -58,6 +58,10 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     # They meet categories that known ones have moved half the way: from 0 to 1.5 deg.
     moved = np.cos(np.radians(40.0 - 1.5))
     assert first[1][unknown, 0] == pytest.approx(moved, abs=1e-6)
+    # Categories that another training formed have other names.
+    formed["training_category"] = 1 - formed["training_category"]
+    with pytest.raises(ValueError, match="other categories than before"):
+        network_of(training_set, formed)
 
 
 # The stages on profiles and maps
