@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 VIGILANCE = 0.87
 FRAMES = 16
-TRAINING_RANGE = 25e3
 SHARP = 1e-3  # K, standard deviation at which the matched segmentation is a threshold
 
 Floats = NDArray[np.float64]
