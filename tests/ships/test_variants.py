@@ -42,7 +42,7 @@ def drawn() -> dict[str, list[sheets.Sheet]]:
     return made
 
 
-@pytest.mark.parametrize("name", ["duncan", "texas"])  # two seconds each
+@pytest.mark.parametrize("name", ships.names())
 def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
     mesh, nominal = ships.load(f"{name}@0.1"), ships.load(name)
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
