@@ -135,7 +135,9 @@ class Array:
         first = values.flat[0]
         # The metadata of zarr have one NaN, of many. A scalar has no chunk in any case.
         equal = first == first and values.tobytes() == first.tobytes() * values.size
-        return replace(self, fill=first) if equal or not self.dims else self
+        if self.dims and not equal:
+            return self
+        return replace(self, fill=first, remote_read=None)  # no worker has anything to write
 
     def for_worker(self, region: Region) -> Array:
         """Return the part that another process needs to write the chunk of a region."""
