@@ -5,11 +5,11 @@ import pytest
 
 from docs._tables.operate import Setting, compared, planned
 
-TESTS, DRAWS = 240, 4
+TESTS, DRAWS = 240, 8
 VIEWS = planned(TESTS)
 
 
-@pytest.mark.parametrize("setting", [Setting(100, 16), Setting(100, 4, 10)])
+@pytest.mark.parametrize("setting", [Setting(100, 16), Setting(100, 4), Setting(100, 16, 10)])
 def test_one_covariance_names_as_many_views_as_each_templates_own(setting):
     right = compared(setting, VIEWS, DRAWS)
     exact, one, drawn = (right[name].astype(float) for name in ("exact", "one", "drawn"))
