@@ -76,7 +76,7 @@ def quantity(
 class Sweep(Settings):
     """The sweep."""
 
-    sensor = set_of(
+    sensor = set_of(  # of which other modules declare more, as `SENSOR`
         word(RANGE, (RANGE, INFRARED, IRAR), label="sensors", fixed="it is a set"),
         spellings=(("both", (RANGE, INFRARED)),),
     )

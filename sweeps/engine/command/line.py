@@ -64,7 +64,7 @@ HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 MAX_CELLS = 10_000_000  # whose keys fit into memory
 
 Report = Callable[[PathOrUrl, Choices, Finished], None]
-Sweep = tuple[Plan, RunOptions]
+PlannedSweep = tuple[Plan, RunOptions]
 
 
 @dataclass(frozen=True)
@@ -190,12 +190,12 @@ class Command:
         job = make_job(self.experiment, composed, of_hydra.overrides.task, str(store))
         self._run_all(self.prepare([job]), job.overrides)
 
-    def prepare(self, jobs: Sequence[Job]) -> list[Sweep]:
+    def prepare(self, jobs: Sequence[Job]) -> list[PlannedSweep]:
         """Return the checked sweeps of some jobs; an invalid one stops them all."""
         with interruptible():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
-        sweeps: list[Sweep] = []
+        sweeps: list[PlannedSweep] = []
         with interruptible():
             fused = fuse_jobs(self.experiment, checked)
             for cache in dict.fromkeys(choices.value(Run.cache) for choices, _ in fused):
@@ -260,7 +260,7 @@ class Command:
 
     # running --------------------------------------------------------------------------------
 
-    def _run_all(self, sweeps: Sequence[Sweep], keys: Collection[str]) -> None:
+    def _run_all(self, sweeps: Sequence[PlannedSweep], keys: Collection[str]) -> None:
         """Run some sweeps of a command line that sets some keys; a failed one stops no other.
 
         Raises

@@ -263,9 +263,9 @@ class Plan:
     def _find_input_cells(self, bound: BoundStage, source: BoundStage) -> InputCells:
         cells, strides = self.cells(bound), self._strides[source]
         moved = {
-            self.axis_number(one.key): self._substitute(bound, source, one, other)
-            for one, other in bound.stage.substitutions.items()
-            if one.key in source.needs
+            self.axis_number(target.key): self._substitute(bound, source, target, replacement)
+            for target, replacement in bound.stage.substitutions.items()
+            if target.key in source.needs
         }
         first = 0 * cells
         for number, stride in strides.items():
@@ -278,25 +278,26 @@ class Plan:
         return InputCells(source, first, offsets)
 
     def _substitute(
-        self, bound: BoundStage, source: BoundStage, one: Setting, other: Setting
+        self, bound: BoundStage, source: BoundStage, target: Setting, replacement: Setting
     ) -> Cells:
-        """Return by cell the position of an input on the axis of `one`, at the value of `other`.
+        """Return by cell the position of an input on the axis of a setting, at another's value.
 
         Raises
         ------
         ConfigurationError
             If the axis lacks a value, or settings that run together make it ambiguous.
         """
-        number, position = self._axis_of[one.key]
-        axis, (at, part) = self.axes[number], self._axis_of[other.key]
+        number, position = self._axis_of[target.key]
+        axis, (at, part) = self.axes[number], self._axis_of[replacement.key]
         read = [k for k, member in enumerate(axis.settings) if member.key in source.needs]
         depends, cells = number in self._strides[bound], self.cells(bound)
         length = len(axis.points)
         pairs = self.positions(bound, at, cells) * length + self.positions(bound, number, cells)
         distinct, inverse = np.unique(pairs, return_inverse=True)
         found = []
-        for other_position, own_position in (divmod(pair, length) for pair in distinct.tolist()):
-            value = self.axes[at].points[other_position][part]
+        for pair in distinct.tolist():
+            replacing, own_position = divmod(pair, length)
+            value = self.axes[at].points[replacing][part]
             matching = [k for k, point in enumerate(axis.points) if point[position] == value]
             known = {tuple(axis.points[k][r] for r in read) for k in matching}
             if depends and own_position in matching:
@@ -305,8 +306,8 @@ class Plan:
                 found.append(matching[0])
             else:
                 raise ConfigurationError(
-                    f"{other.key} has {format_value(value)}, but must be a value of {one.key}, "
-                    "which must not run together with other settings, because "
+                    f"{replacement.key} has {format_value(value)}, but must be a value of "
+                    f"{target.key}, which must not run together with other settings, because "
                     f"{bound.name} takes {source.name} there"
                 )
         return np.array(found)[inverse]
