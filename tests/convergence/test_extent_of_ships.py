@@ -22,7 +22,7 @@ from studies.run_time.reference import reference_range_extent
 GRID = [
     (name, float(aspect), metric.DEPRESSION)
     for name in ncti.ships.names()
-    for aspect in range(0, 91, 30)
+    for aspect in range(0, 91, 18)
 ]
 OTHERS = [
     (name, *(((175.0, 6.7), (301.0, 15.6))[number % 2]))
