@@ -34,14 +34,20 @@ def read_predictions(store: Any) -> dict[str, xr.DataArray]:
     return found
 
 
-def confusion_of(predictions: Mapping[str, xr.DataArray]) -> Frame | None:
-    """Return the share of the answers to each true ship that name each ship; None without any."""
+def confusion_of(
+    predictions: Mapping[str, xr.DataArray], frames: Mapping[str, Frame]
+) -> Frame | None:
+    """Return the share of the answers to each true ship that name each ship; None without any.
+
+    Rows have the classifier and channel of the tables of a group's scores, among the `frames`.
+    """
+    tables = [part for frame in frames.values() for part in frame.parts]
+    labels = {part.group.removeprefix("tables/"): part.display.labels for part in tables}
     parts = []
     for name, predicted in predictions.items():
         counted = _counted(predicted)
-        channel = "infrared" if name.endswith("_infrared") else "range"
-        labels = {"classifier": name.removesuffix("_infrared"), "channel": channel}
-        own = {key: text for key, text in labels.items() if key not in counted.coords}
+        given = labels.get(name) or {"classifier": name}
+        own = {key: text for key, text in given.items() if key not in counted.coords}
         parts.append(tidy(counted, replace(DISPLAY, labels=own), ""))
     answered = [part for part in parts if part is not None]
     return stacked(answered) if answered else None

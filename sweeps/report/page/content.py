@@ -34,7 +34,7 @@ def content_of(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any]:
     store = opened(path)
     about = attributes(store)
     predictions = read_predictions(store)
-    work, matrix = frames.get(WORK), confusion_of(predictions)
+    work, matrix = frames.get(WORK), confusion_of(predictions, frames)
     tables = {name: frame for name, frame in frames.items() if name != WORK}
     sentences = headline(tables, about)
     axes, first = list(about.get("swept", ())), next(iter(tables.values()))
