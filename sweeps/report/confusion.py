@@ -47,7 +47,8 @@ def confusion_of(
     for name, predicted in predictions.items():
         counted = _counted(predicted)
         given = labels.get(name) or {"classifier": name}
-        own = {key: text for key, text in given.items() if key not in counted.coords}
+        kept = {*DISPLAY.rows} - {*counted.coords}
+        own = {key: text for key, text in given.items() if key in kept}
         parts.append(tidy(counted, replace(DISPLAY, labels=own), ""))
     answered = [part for part in parts if part is not None]
     return stacked(answered) if answered else None
