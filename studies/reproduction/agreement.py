@@ -78,9 +78,10 @@ def posterior_weights(chi_square: Floats, *, effective: float = 1.0) -> Posterio
 
     This is importance sampling from the prior with a Gaussian likelihood of the figures,
     approximate Bayesian computation with a Gaussian kernel (R. D. Wilkinson, Statistical
-    Applications in Genetics and Molecular Biology 12, 129-141 (2013)). A temperature above 1 widens
-    all variances by that factor: either the model is wrong by more than they say, or the settings
-    are too few to resolve the posterior, which is then too wide.
+    Applications in Genetics and Molecular Biology 12, 129-141 (2013),
+    doi:10.1515/sagmb-2013-0010). A temperature above 1 widens all variances by that factor: either
+    the model is wrong by more than they say, or the settings are too few to resolve the posterior,
+    which is then too wide.
     """
     excess = chi_square - chi_square.min()
 

@@ -67,8 +67,8 @@ BOTH = (
     "grid.range=[25,50,100]",
     "infrared.range=[25,50,100]",
     "infrared.super_resolution=none",
-    "infrared.subpixel_offsets=4",
-    "grid.replicate=4",
+    "infrared.subpixel_offsets=6",
+    "grid.replicate=6",
     "classifier.name=fusion",
 )
 """Profiles and silhouettes at some places of the ship on the detector."""
@@ -147,7 +147,7 @@ class Share:
 
 
 VIEWS, DRAWS = 4 * 61, 3  # of the sweep of profiles, learned
-SEEN = 4 * 12 * 4  # answers of that of both sensors
+SEEN = 4 * 12 * 6  # answers of that of both sensors
 SHARES = {
     "acn, bow": Share(0.80, 4 * 10 * DRAWS, low=0.55),
     "acn, beam": Share(0.33, 4 * 11 * DRAWS, high=0.58),
@@ -157,7 +157,7 @@ SHARES = {
     "gain known, beam": Share(0.91, 4 * 21 * DRAWS, low=0.75),
     "gain unknown, beam": Share(0.75, 4 * 21 * DRAWS, low=0.55),
     "infrared, 25 km": Share(0.98, SEEN, low=0.83),
-    "infrared, 100 km": Share(0.29, SEEN, high=0.50),
+    "infrared, 100 km": Share(0.29, SEEN, high=0.48),
     "both, 25 km": Share(1.0, SEEN, low=0.95),
     "both, 50 km": Share(1.0, SEEN, low=0.95),
 }

@@ -113,8 +113,8 @@ def test_a_put_that_fails_is_noticed_though_what_follows_stays(tmp_path, monkeyp
 def test_a_store_is_whole_whenever_its_writer_ends(place, ending, old):
     direct, new = below(place, "direct.zarr"), 5
     write_store(direct, grown(new), {"rows": new})
-    # Each request to the server takes milliseconds: there, of five moments one.
-    for succeeding in range(0, 1000, 5 if isinstance(place, str) else 1):
+    # Each request to the server takes milliseconds: there, of three moments one.
+    for succeeding in range(0, 1000, 3 if isinstance(place, str) else 1):
         ending(None)
         path = below(place, f"{succeeding}.zarr")
         if old is not None:
@@ -238,7 +238,7 @@ def test_readers_of_a_growing_store_never_see_two(place):
 
     def grow():
         try:
-            for rows in range(2, 9):
+            for rows in range(2, 14):
                 write_store(path, grown(rows), {})
                 time.sleep(0.05)  # readers who opened it two changes ago must open it again
         finally:

@@ -40,7 +40,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("kind", ["inline", "local"])
 def test_a_script_that_changed_is_computed_again(tmp_path, kind):
-    for number, factor in enumerate((2, 5, 2) if kind == "inline" else (2, 5)):
+    for number, factor in enumerate((2, 5, 2)):
         (tmp_path / "script.py").write_text(SCRIPT.replace("{factor}", str(factor)))
         arguments = ["script.py", f"cluster={kind}", "cache=cache", f"store=s{number}.zarr"]
         arguments += ["cluster.workers=1"] if kind == "local" else []

@@ -136,7 +136,7 @@ def many(aspects, draws=()):
 @pytest.mark.parametrize("draws", [(), (3,)])
 def test_levels_some_at_a_time_are_as_all_together(draws, monkeypatch):
     whole = tabulate(*many(20, draws), np.linspace(0, 1, 11))
-    for at_once in (1, 2000):
+    for at_once in (1, 500, 2000):
         monkeypatch.setattr(rejection, "AT_ONCE", at_once)
         parts = tabulate(*many(20, draws), np.linspace(0, 1, 11))
         if not draws:  # all sums are of whole numbers

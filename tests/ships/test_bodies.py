@@ -149,9 +149,9 @@ def refused(mesh: trimesh.Trimesh, **how) -> str:
     return sentence(caught.value)
 
 
-@pytest.fixture(scope="module")
-def hull(ship) -> trimesh.Trimesh:
-    mesh = ship("texas")
+@pytest.fixture(scope="module", params=["texas", "spruance"])
+def hull(request, ship) -> trimesh.Trimesh:
+    mesh = ship(request.param)
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
     return mesh
@@ -214,7 +214,7 @@ def meet(one, other) -> bool:
     return on_each_other or bool(((low >= other_low) & (high <= other_high)).all())
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(boxes=BOXES)
 def test_bodies_that_touch_in_any_way_are_united(boxes):
     """Whether they share facets, parts of them, edges or corners, overlap or are the same."""
@@ -222,7 +222,7 @@ def test_bodies_that_touch_in_any_way_are_united(boxes):
     assert read(mesh)[0].volume == pytest.approx(volume, rel=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(boxes=BOXES)
 def test_bodies_inside_out_are_turned(boxes):
     """Whatever they overlap, and touch along edges and at corners; what is within is a cavity."""

@@ -11,7 +11,7 @@ from ncti import ships
 from ncti.ships import build, perturbation, sheets
 from ncti.ships.perturbation import Variant, build_variant, carriage, perturbed
 
-DRAWS = {"duncan": 2, "spruance": 8, "texas": 2}  # a second each
+DRAWS = dict.fromkeys(ships.names(), 2) | {"spruance": 10}  # a second each
 
 
 def parsed(document) -> sheets.Sheet:
@@ -30,9 +30,9 @@ def feet(sheet: sheets.Sheet) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def drawn() -> dict[str, list[sheets.Sheet]]:
-    """Some perturbed sheets of a sister, of a ship of many parts and of one of few."""
+    """Some perturbed sheets of each of the six ships."""
     made = {}
-    for name in DRAWS:
+    for name in ships.names():
         sheet = packaged_sheet(name)
         borne = carriage(sheet)
         made[name] = [
@@ -56,7 +56,7 @@ def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
     assert ships.describe(f"{name}@0.1").findings == ()
 
 
-@pytest.mark.parametrize("name", DRAWS)
+@pytest.mark.parametrize("name", ships.names())
 def test_places_are_within_their_uncertainty(drawn, name) -> None:
     """Two parts, each cut off at two sigma, and variances that add up to one of one at most."""
     sheet = packaged_sheet(name)
@@ -82,8 +82,8 @@ def test_uncertainty_is_used(drawn) -> None:
     sheet = packaged_sheet("spruance")
     number = [c.name for c in sheet.components].index("capstans/windlass")
     x = [feet(variant)[number, 0] for variant in drawn["spruance"]]
-    # The deviation of eight draws is within 0.45 to 1.55 of that of all at a level of 3 %.
-    assert 0.45 * 1.5 * 0.8 < np.std(x) < 1.55 * 1.5
+    # The deviation of ten draws is within 0.5 to 1.5 of that of all at a level of 2 %.
+    assert 0.5 * 1.5 * 0.8 < np.std(x) < 1.5 * 1.5
 
 
 def test_variants_are_distinct(drawn) -> None:

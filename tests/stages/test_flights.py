@@ -22,7 +22,7 @@ SEVERAL = {
     "seed": 7,
     "grid__replicate": 2,
     "grid__pulse_width": [30, 50],
-    "mast_gain": 3,
+    "mast_gain": [1, 3],
     "cnr": [15, 20],
     "errors": {"aircraft_speed": 1},
     "autofocus": [False, True],
@@ -41,7 +41,7 @@ def several(folder):
 )
 def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     """Every variable, from the flight's parameters and the name of its noise."""
-    ours = at(several, cnr=15, error=error, autofocus=focus, replicate=1)
+    ours = at(several, mast_gain=3, cnr=15, error=error, autofocus=focus, replicate=1)
 
     mesh = ncti.ships.load("roberts")
     flight = irar.Flight(
@@ -161,16 +161,17 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
 
 
 def test_a_flight_is_the_same_in_another_grid(several, tmp_path):
-    """Whatever else there is: other ratios, errors, replicates, ships, and other windows."""
+    """Whatever else there is: other gains, ratios, errors, replicates, ships, and other windows."""
     other = opened(
         flown(
-            tmp_path, seed=7, mast_gain=3, cnr=[12, 20], range=3, offset=5,
+            tmp_path, seed=7, mast_gain=3, cnr=[12, 20], range=[2.5, 3], offset=5,
             grid__ship=["duncan", "roberts"], flown=["duncan", "roberts"], errors={"pointing": -1},
         ),
         "validation",
     )  # fmt: skip
     ours, theirs = (
-        at(found, ship="roberts", cnr=20, error=("none", 0.0)) for found in (other, several)
+        at(found, ship="roberts", mast_gain=mast, cnr=20, range=3, error=("none", 0.0))
+        for found, mast in ((other.expand_dims(mast_gain=[3.0]), 3), (several, 3))
     )
     theirs = theirs.sel(pulse_width=[30])
     for name in ours.data_vars:
@@ -180,7 +181,7 @@ def test_a_flight_is_the_same_in_another_grid(several, tmp_path):
             np.testing.assert_array_equal(mine["at"], yours["at"])
         np.testing.assert_array_equal(mine, yours, err_msg=name)
     assert other.sizes["column"] != several.sizes["column"]
-    quieter = at(other, ship="roberts", cnr=12)
+    quieter = at(other, ship="roberts", cnr=12, range=3)
     assert not np.array_equal(quieter.profile, ours.profile)
 
 
