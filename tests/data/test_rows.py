@@ -46,7 +46,7 @@ def whole():
     return rows_of(40)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(first=st.integers(0, 39), count=st.integers(1, 40))
 def test_rows_depend_on_their_numbers_alone(whole, first, count):
     """Also where other rows share a view, or an image at other ranges, and where none does."""
@@ -108,7 +108,7 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
     more are Gaussian to within 2 % of their kurtosis. Each row has the mean of its own place on the
     IFOVs, of which the covariance hardly depends.
     """
-    count, directions = 1000, 20
+    count, directions = 3000, 20
     how = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
     how |= {"frames": (8, 12), "sensor": "range"}
     rows = ncti.dataset(["duncan"], count, seed=11, rows_per_view=count, **{**MIXED, **how})
