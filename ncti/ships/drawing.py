@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,19 @@ def side_view(name: str, vertices: Floats, faces: NDArray[np.integer]) -> str:
         f'viewBox="0 0 {COLUMNS} {height:.1f}" role="img"><title>{html.escape(name)}</title>'
         f'<path d="{path}" stroke="#7d94a8" stroke-width="1.1"/></svg>'
     )
+
+
+def figure(name: str, vertices: Floats, faces: NDArray[np.integer], remarks: Iterable[str]) -> str:
+    """Return a ship's silhouette above its measures and some remarks, as HTML."""
+    caption = html.escape("; ".join((f"{name}: {measures(vertices, faces)}", *remarks)))
+    picture = side_view(name, vertices, faces)
+    return f"<figure>{picture}<figcaption>{caption}</figcaption></figure>"
+
+
+def measures(vertices: Floats, faces: NDArray[np.integer]) -> str:
+    """Return length x beam x height and the number of facets, as text."""
+    length, beam, height = np.ptp(vertices, axis=0)
+    return f"{length:.1f} x {beam:.1f} x {height:.1f} m, {len(faces):,} facets"
 
 
 def spans_at(columns: Floats, vertices: Floats, faces: NDArray[np.integer]) -> list[Floats]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import html
 import os
 import stat
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,7 @@ import numpy as np
 from ncti.ships import cache as store
 from ncti.ships import checks, meshes, sheets
 from ncti.ships.build import Ship, build
-from ncti.ships.drawing import side_view
+from ncti.ships.drawing import figure, measures
 from ncti.ships.errors import ShipError, shown
 from ncti.ships.orientation import Diagnosis
 from ncti.ships.perturbation import (
@@ -161,7 +160,7 @@ def load(
         waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
         and `beam` [m], which for a sheet are those of the hull without overhanging parts,
         `findings`, `mend` and `faults` of `describe`, and `variant_of`, the ship of a variant, or
-        None.
+        None. Notebooks show its silhouette with these.
 
     Raises
     ------
@@ -341,15 +340,12 @@ class Description:
     faults: tuple[str, ...] = ()
 
     def _repr_html_(self) -> str:
-        words = [f"{self.name}: {self.measures}", *self.findings, *self.faults]
-        picture = side_view(self.name, self.vertices, self.faces)
-        return f"<figure>{picture}<figcaption>{html.escape('; '.join(words))}</figcaption></figure>"
+        return figure(self.name, self.vertices, self.faces, (*self.findings, *self.faults))
 
     @property
     def measures(self) -> str:
         """Length x beam x height and facets, as text."""
-        size = f"{self.length:.1f} x {self.beam:.1f} x {self.height:.1f} m"
-        return f"{size}, {self.facets:,} facets"
+        return measures(self.vertices, self.faces)
 
 
 def describe(

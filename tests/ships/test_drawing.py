@@ -46,9 +46,10 @@ def test_a_ship_covers_points_inside_its_facets():
     assert covered == inside and 30 < sum(inside) < 270
 
 
-def test_notebooks_show_a_ship_with_its_measures():
+@pytest.mark.parametrize("view", [ships.describe, ships.load])
+def test_notebooks_show_a_ship_with_its_measures(view):
     about = ships.describe("texas", offset=[0, 0, 3])
-    shown = ElementTree.fromstring(about._repr_html_())
+    shown = ElementTree.fromstring(view("texas", offset=[0, 0, 3])._repr_html_())
     assert about.measures in "".join(shown.itertext()) and about.findings[0] in shown[1].text
     picture = shown[0]
     ratio = float(picture.get("height")) / float(picture.get("width"))

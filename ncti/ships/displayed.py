@@ -1,0 +1,20 @@
+"""A ship's trimesh that notebooks show as a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from ncti.ships.drawing import figure
+
+
+class Ship(trimesh.Trimesh):
+    """The mesh of `load`: a trimesh with a silhouette, measures and findings in notebooks.
+
+    Copies and other meshes made of it are plain ones of trimesh.
+    """
+
+    def _repr_html_(self) -> str:
+        about = self.metadata
+        remarks = (*about["findings"], *about["faults"])
+        return figure(about["name"], np.asarray(self.vertices), np.asarray(self.faces), remarks)
