@@ -107,15 +107,15 @@ def _scan(code: CodeType) -> _Scan:
     counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount)
     names = (code.co_varnames, code.co_cellvars, code.co_freevars)
     lines = [repr((counts, names, code.co_flags & _FLAGS, code.co_exceptiontable))]
-    inner = [_scan(one) for one in code.co_consts if isinstance(one, CodeType)]
-    chains = [chain for one in inner for chain in one.chains]
-    imports = [target for one in inner for target in one.imports]
-    steps = [one for one in dis.get_instructions(code) if one.opname != "EXTENDED_ARG"]
+    inner = [_scan(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
+    chains = [chain for scan in inner for chain in scan.chains]
+    imports = [reference for scan in inner for reference in scan.imports]
+    steps = [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]
     chained = False
     for number, step in enumerate(steps):
-        given = step.argval if step.opcode in _NAME_OPCODES else step.arg
+        argument = step.argval if step.opcode in _NAME_OPCODES else step.arg
         constant = step.opcode in dis.hasconst
-        lines.append(f"{step.opname} {_constant(step.argval) if constant else given}")
+        lines.append(f"{step.opname} {_constant(step.argval) if constant else argument}")
         chained &= step.opname in _ATTRIBUTES
         if chained:
             chains[-1] += (step.argval,)
@@ -128,7 +128,7 @@ def _scan(code: CodeType) -> _Scan:
             imports.append((imports[-1][0], step.argval))
         elif step.opname == "STORE_NAME" and step.argval in _CLASS_METADATA:
             del lines[-2:]
-    every = {*code.co_names}.union(*(one.names for one in inner))
+    every = {*code.co_names}.union(*(scan.names for scan in inner))
     return _Scan("\n".join(lines), chains, imports, every)
 
 
@@ -162,19 +162,20 @@ class _Walk:
         self._open: list[int] = []
         self._references: list[Any] = []  # objects whose ids are known
         self.root = self._variable(name, root)
-        for label, one in self._waiting:  # which grows
-            part = self._class(label, one) if isinstance(one, type) else self._function(label, one)
+        for label, target in self._waiting:  # which grows
+            content = self._class if isinstance(target, type) else self._function
+            part = content(label, target)
             self.parts[f"code of {label}"] = digest(repr(part))
 
-    def _label(self, one: Any, name: str) -> str:
+    def _label(self, target: Any, name: str) -> str:
         """Return the name of a function, class or file; the second of a name has a number."""
-        if id(one) not in self._labels:
-            self._references.append(one)
+        if id(target) not in self._labels:
+            self._references.append(target)
             same = sum(label.partition(" ")[0] == name for label in self._labels.values())
-            self._labels[id(one)] = f"{name} {same + 1}" if same else name
-            if isinstance(one, _REFERENCED):
-                self._waiting.append((self._labels[id(one)], one))
-        return self._labels[id(one)]
+            self._labels[id(target)] = f"{name} {same + 1}" if same else name
+            if isinstance(target, _REFERENCED):
+                self._waiting.append((self._labels[id(target)], target))
+        return self._labels[id(target)]
 
     def _variable(self, name: str, value: Any) -> str:
         """Return the token of a variable; if it holds a value, the name of its part."""
@@ -196,9 +197,9 @@ class _Walk:
         for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             with suppress(ValueError):  # an empty cell
                 held[name] = cell.cell_contents
-        found = [(one, self._variable(f"{one} of {label}", held[one])) for one in sorted(held)]
+        variables = [(key, self._variable(f"{key} of {label}", held[key])) for key in sorted(held)]
         if self._is_in_module(function, module):
-            return found
+            return variables
         scan, before = _scan(code), self._label(space, module)
         for owner, name in scan.imports:
             self._add_module(absolute_name(owner, space.get("__package__") or module), name)
@@ -214,21 +215,21 @@ class _Walk:
                 if isinstance(value, ModuleType):
                     for number, name in enumerate(attributes or [""]):
                         self._add_module(".".join((value.__name__, *attributes[:number])), name)
-                    found.append((path, f"module {value.__name__}"))
+                    variables.append((path, f"module {value.__name__}"))
                 else:
-                    found.append((path, self._variable(f"{before}.{path}", value)))
-        return scan.text, found
+                    variables.append((path, self._variable(f"{before}.{path}", value)))
+        return scan.text, variables
 
-    def _class(self, label: str, one: type) -> Any:
+    def _class(self, label: str, cls: type) -> Any:
         """Return bases, methods and values of a class."""
-        self._name, self._value = label, one
+        self._name, self._value = label, cls
         functions = FunctionType | property | staticmethod | classmethod
-        own = {
+        members = {
             name: value
-            for name, value in vars(one).items()
+            for name, value in vars(cls).items()
             if isinstance(value, functions) or not (name.startswith("__") or name == "_abc_impl")
         }
-        return self.token((type(one), *one.__bases__)), self.token(own)
+        return self.token((type(cls), *cls.__bases__)), self.token(members)
 
     def _add_file(self, label: str, space: Mapping[str, Any]) -> None:
         """Add the whole file of a function that may use any of its globals."""
@@ -244,39 +245,40 @@ class _Walk:
     def _add_module(self, owner: str, name: str = "") -> None:
         """Add a module, or the name imported from it, and its imports, to the parts."""
         waiting = [*self._modules.loaded_with(owner, name)]
-        for one in waiting:  # which grows
-            if one in self._loaded:
+        for module_name in waiting:  # which grows
+            if module_name in self._loaded:
                 continue
-            self._loaded.add(one)
-            if not self._modules.is_source(one):
-                self.libraries |= {} if one in sys.stdlib_module_names else dist_versions(one)
+            self._loaded.add(module_name)
+            if not self._modules.is_source(module_name):
+                if module_name not in sys.stdlib_module_names:
+                    self.libraries |= dist_versions(module_name)
                 continue
-            if module := self._modules.module(one):
-                self.parts[f"code of {one}"] = module.digest
-            if "." not in one and (shaders := package_files(one, SHADERS)):
-                self.parts[f"shaders of {one}"] = digest(repr(shaders))
-            waiting += self._modules.imports(one)
+            if module := self._modules.module(module_name):
+                self.parts[f"code of {module_name}"] = module.digest
+            if "." not in module_name and (shaders := package_files(module_name, SHADERS)):
+                self.parts[f"shaders of {module_name}"] = digest(repr(shaders))
+            waiting += self._modules.imports(module_name)
 
-    def _is_in_module(self, one: FunctionType | type, module: str) -> bool:
+    def _is_in_module(self, definition: FunctionType | type, module: str) -> bool:
         """Return whether a function or class counts as part of its module."""
         if module in self._homes or module not in sys.modules:
             return False
-        if isinstance(one, FunctionType):
-            return vars(sys.modules[module]) is one.__globals__
+        if isinstance(definition, FunctionType):
+            return vars(sys.modules[module]) is definition.__globals__
         is_source = self._modules.is_source(module)
-        return not is_source or find_attribute(module, one.__qualname__) is one
+        return not is_source or find_attribute(module, definition.__qualname__) is definition
 
-    def _reference(self, one: Any) -> str:
+    def _reference(self, target: Any) -> str:
         """Return the name of a function, class or module, which counts on its own."""
-        if isinstance(one, ModuleType):
-            self._add_module(one.__name__)
-            return f"module {one.__name__}"
-        module = _module_of(one)
-        if self._is_in_module(one, module):
+        if isinstance(target, ModuleType):
+            self._add_module(target.__name__)
+            return f"module {target.__name__}"
+        module = _module_of(target)
+        if self._is_in_module(target, module):
             self._add_module(module)
-            if isinstance(one, type) or find_attribute(module, one.__qualname__) is one:
-                return f"{module}.{one.__qualname__}"
-        return self._label(one, f"{module}.{one.__qualname__}")
+            if isinstance(target, type) or find_attribute(module, target.__qualname__) is target:
+                return f"{module}.{target.__qualname__}"
+        return self._label(target, f"{module}.{target.__qualname__}")
 
     def token(self, value: Any) -> str:
         """Return a text that is equal for values of equal type and content."""
@@ -319,7 +321,7 @@ class _Walk:
             content = self.token(value.tolist()) if objects else digest(value.tobytes())
             return repr(value.dtype), value.shape, content
         if is_within(kind.__module__, ENGINE) and is_dataclass(value):
-            names = {one.name for one in fields(value)} - DISPLAY_FIELDS
+            names = {field.name for field in fields(value)} - DISPLAY_FIELDS
             return self.token(kind), self.token({name: getattr(value, name) for name in names})
         if hasattr(kind, "__dask_tokenize__"):
             from dask.base import tokenize  # takes long
@@ -327,7 +329,8 @@ class _Walk:
             return tokenize(value, ensure_deterministic=True)
         if hasattr(value, "__wrapped__") and hasattr(value, "targetoptions"):  # numba's
             return self.token(value.__wrapped__), self.token(value.targetoptions)
-        reduced = copyreg.dispatch_table.get(kind, lambda one: one.__reduce_ex__(4))(value)
+        reduce = copyreg.dispatch_table.get(kind)
+        reduced = value.__reduce_ex__(4) if reduce is None else reduce(value)
         if isinstance(reduced, str):  # a name of a module, or a cached function
             inner = getattr(value, "__wrapped__", None)
             if inner is None:
@@ -337,32 +340,32 @@ class _Walk:
         state, items, pairs = (*rest, None, None, None)[:3]
         if isinstance(state, dict):  # without cached properties, which derive from the rest
             kinds = {name: type(getattr(kind, str(name), None)) for name in state}
-            own = {name: state[name] for name in state if kinds[name] is not cached_property}
-            state = own or None
+            state = {name: state[name] for name in state if kinds[name] is not cached_property}
+            state = state or None
         parts = (make, arguments, state, [*(items or ())], dict(pairs or ()))
         return [*map(self.token, parts)]
 
 
 def find_attribute(module: str, name: str) -> Any:
     """Return an attribute of an imported module by its dotted name; None if it is absent."""
-    one: Any = sys.modules.get(module)
+    attribute: Any = sys.modules.get(module)
     for part in name.split("."):
-        one = getattr(one, part, None)
-    return one
+        attribute = getattr(attribute, part, None)
+    return attribute
 
 
 def module_and_name(function: Callable[..., Any]) -> tuple[str, str]:
     """Return module and qualified name of the innermost wrapped function."""
-    given: Any = None
+    innermost: Any = None
     inner: Any = function
     while inner is not None:
-        given, is_partial = inner, isinstance(inner, partial)
-        inner = getattr(given, "func" if is_partial else "__wrapped__", None)
-        inner = given.__func__ if isinstance(given, MethodType) else inner
-    given = given if hasattr(given, "__qualname__") else type(given)
-    return _module_of(given), given.__qualname__
+        innermost, is_partial = inner, isinstance(inner, partial)
+        inner = getattr(innermost, "func" if is_partial else "__wrapped__", None)
+        inner = innermost.__func__ if isinstance(innermost, MethodType) else inner
+    innermost = innermost if hasattr(innermost, "__qualname__") else type(innermost)
+    return _module_of(innermost), innermost.__qualname__
 
 
-def _module_of(one: Any) -> str:
+def _module_of(definition: Any) -> str:
     """Return the name of the module in which a function or class was made."""
-    return getattr(one, "__globals__", {}).get("__name__") or one.__module__ or MAIN
+    return getattr(definition, "__globals__", {}).get("__name__") or definition.__module__ or MAIN

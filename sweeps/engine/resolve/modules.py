@@ -54,12 +54,12 @@ def _parse(source: bytes, package: str) -> Module:
                 node.body = []
             case ast.FunctionDef(decorator_list=[]):
                 node.returns = None
-                for one in ast.walk(node.args):
-                    if isinstance(one, ast.arg):
-                        one.annotation = None
+                for argument in ast.walk(node.args):
+                    if isinstance(argument, ast.arg):
+                        argument.annotation = None
         if isinstance(body := getattr(node, "body", None), list):
-            body[:] = [one for one in body if not _is_constant(one)]
-    lazy = any(getattr(one, "name", "") == "__getattr__" for one in tree.body)
+            body[:] = [statement for statement in body if not _is_constant(statement)]
+    lazy = any(getattr(statement, "name", "") == "__getattr__" for statement in tree.body)
     return Module(digest(ast.dump(tree)), sorted({*_imports(tree, package)}), lazy)
 
 
@@ -72,10 +72,10 @@ def _imports(tree: ast.Module, package: str) -> Iterator[Reference]:
     for node in ast.walk(tree):
         match node:
             case ast.Import():
-                yield from ((one.name, "") for one in node.names)
+                yield from ((alias.name, "") for alias in node.names)
             case ast.ImportFrom():
                 owner = absolute_name("." * node.level + (node.module or ""), package)
-                yield from ((owner, one.name) for one in node.names)
+                yield from ((owner, alias.name) for alias in node.names)
             case ast.Call(ast.Name(name) | ast.Attribute(attr=name), [ast.Constant(str(text)), *_]):
                 if name in {"import_module", "__import__"}:
                     yield absolute_name(text, package), ""
@@ -151,11 +151,11 @@ def package_folders(name: str) -> list[str]:
 @cache
 def package_files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
     """Return paths and hashes of the files of some kinds in and below a package's folders."""
-    found = [(of, one) for of in package_folders(name) for one in sorted(Path(of).rglob("*"))]
     return [
-        (f"{name}/{one.relative_to(of).as_posix()}", digest(one.read_bytes()))
-        for of, one in found
-        if one.suffix in suffixes
+        (f"{name}/{file.relative_to(folder).as_posix()}", digest(file.read_bytes()))
+        for folder in package_folders(name)
+        for file in sorted(Path(folder).rglob("*"))
+        if file.suffix in suffixes
     ]
 
 
@@ -172,12 +172,12 @@ def distributions() -> dict[str, list[metadata.Distribution]]:
     Like `metadata.packages_distributions`, which is slow and, in Python 3.11, omits packages
     that are a single compiled file.
     """
-    found: dict[str, list[metadata.Distribution]] = {}
+    providers: dict[str, list[metadata.Distribution]] = {}
     for owner in metadata.distributions():
         listed = owner.read_text("RECORD") or owner.read_text("top_level.txt") or ""
         for top in {name.partition(".")[0] for name in re.findall("\n([^/,\n]+)", f"\n{listed}")}:
-            found.setdefault(top, []).append(owner)
-    return found
+            providers.setdefault(top, []).append(owner)
+    return providers
 
 
 class Modules:
@@ -209,19 +209,20 @@ class Modules:
         """Return sources, or the library, that are loaded with a module or a name of it."""
         if not self.is_source(owner):
             return set() if is_within(owner, ENGINE) else {owner.partition(".")[0]}
-        found, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)
+        loaded, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)
         if name and module_spec(f"{owner}.{name}"):
-            found.add(f"{owner}.{name}")
+            loaded.add(f"{owner}.{name}")
         elif module and module.is_lazy:
             paths = (path for path, _ in package_files(owner, frozenset({".py"})))
             below = [path.removesuffix(".py") for path in paths]
-            found |= {path.replace("/", ".").removesuffix(".__init__") for path in below}
-        return {*filter(self.is_source, found)}
+            loaded |= {path.replace("/", ".").removesuffix(".__init__") for path in below}
+        return {*filter(self.is_source, loaded)}
 
     def _imports(self, name: str) -> set[str]:
         """Return all sources and libraries that a module imports."""
         module = self.module(name)
-        return set().union(*(self.loaded_with(*one) for one in module.imports)) if module else set()
+        references = module.imports if module else []
+        return set().union(*(self.loaded_with(*reference) for reference in references))
 
 
 def is_within(name: str, packages: Iterable[str]) -> bool:
