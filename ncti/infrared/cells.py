@@ -61,12 +61,12 @@ def places_of_bits(
     roll.
     """
     # Count the set bits, to allocate the result.
-    many = 0
+    count = 0
     for byte in bits:
         while byte:
             byte &= byte - 1
-            many += 1
-    horizontal, vertical = np.empty(many), np.empty(many)
+            count += 1
+    horizontal, vertical = np.empty(count), np.empty(count)
     cos, sin = turn
     # Place of each set bit: row and column, then the lattice's roll.
     number, row, ended = 0, 0, columns
@@ -105,8 +105,8 @@ def lay_out(
     """Arrange normals of the ship's box, the window and its rim into images `out` (draw, row, col).
 
     `box` (draw, row, col) has its first pixel at row and column `corner` of `out`, and may reach
-    beyond it; `window` and `rim` (draw, place) are outside the box, row by row; the rim is `width`
-    pixels wide.
+    beyond it; `window` and `rim` (draw, place) are for pixels outside the box, row by row; the rim
+    is `width` pixels wide.
     """
     draws, rows, columns = out.shape
     # Each pixel takes the next normal of the region it is in: ship's box, window or rim.
