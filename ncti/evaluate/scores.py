@@ -283,7 +283,7 @@ def accuracy_by_aspect(
 def checked_answers(correct: ArrayLike, aspects: int, draws: int = 0) -> NDArray[np.bool_]:
     """Return answers as an array, or raise `ValueError` unless they are boolean.
 
-    Their axes are (..., ship, aspect), with some kinds of draws before the ships.
+    Their axes are (..., ship, aspect), with `draws` axes of draws before the ships.
     """
     try:
         right = np.asarray(correct)
