@@ -97,11 +97,15 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 
 @compiled
 def by_lines(
-    unsorted: NDArray[np.void], of: Places, strip: Places, strips: Places, start: NDArray[np.int64]
+    unsorted: NDArray[np.void],
+    line: Places,
+    strip: Places,
+    strips: Places,
+    start: NDArray[np.int64],
 ) -> NDArray[np.void]:
     """Return crossings line by line, and on each line strip by strip.
 
-    `unsorted` (crossing,) CROSSING; `of`, `strip` (crossing,) uint32 are the line and strip of
+    `unsorted` (crossing,) CROSSING; `line`, `strip` (crossing,) uint32 are the line and strip of
     each; `strips` (STRIPS,) uint32 counts the crossings of each strip, and is overwritten; `start`
     (line + 1,) holds increments of the number of crossings from line to line, and is overwritten
     by the first crossing of each line.
@@ -122,8 +126,8 @@ def by_lines(
         before += crossings
     crossing, free = np.empty(len(unsorted), CROSSING), start.copy()
     for c in by_strip:
-        crossing[free[of[c]]] = unsorted[c]
-        free[of[c]] += 1
+        crossing[free[line[c]]] = unsorted[c]
+        free[line[c]] += 1
     return crossing
 
 

@@ -163,13 +163,13 @@ def before(edges: NDArray[np.int64]) -> NDArray[np.int64]:
     return edges - edges % 3 + (edges + 2) % 3
 
 
-def components(one: NDArray[np.int64], other: NDArray[np.int64], count: int) -> NDArray[np.int32]:
+def components(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     """Return the number of the component of each node of a graph, given the ends of its links."""
     # Imported where they are used: scipy takes a quarter of a second.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    links = coo_array((np.ones(len(one), bool), (one, other)), shape=(count, count))
+    links = coo_array((np.ones(len(start), bool), (start, end)), shape=(count, count))
     labels: NDArray[np.int32] = connected_components(links, directed=False)[1]
     return labels
 

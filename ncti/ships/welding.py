@@ -101,6 +101,6 @@ def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:
     return float(counts.mean()) * len(points) <= MOST_PAIRS
 
 
-def counted(number: int, one: str, several: str = "") -> str:
-    """Return a number of things as text; `several` is the plural, which ends in s by default."""
-    return f"{number:,} {one if number == 1 else several or f'{one}s'}"
+def counted(number: int, singular: str, plural: str = "") -> str:
+    """Return a number of things as text; `plural` ends in s by default."""
+    return f"{number:,} {singular if number == 1 else plural or f'{singular}s'}"
