@@ -34,9 +34,9 @@ def put_streams(key: Words, first: int, cell: NDArray[np.int64], out: Words) -> 
     """
     step = key[1]
     for frame in range(out.shape[0]):
-        of_frame = _word(key[0], step, first + frame)
+        frame_stream = _word(key[0], step, first + frame)
         for i in range(out.shape[1]):
-            out[frame, i] = _word(_word(of_frame, step, cell[i, 0]), step, cell[i, 1])
+            out[frame, i] = _word(_word(frame_stream, step, cell[i, 0]), step, cell[i, 1])
 
 
 @compiled

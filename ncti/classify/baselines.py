@@ -141,8 +141,8 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         template, similarity = np.empty(shape[0], dtype=np.intp), np.empty(shape[0])
         for rows in row_blocks(shape[0]):
             # A single row of flags serves all samples.
-            of_rows = full[rows] if excluded.ndim == 2 else full[:1]
-            template[rows], similarity[rows] = self._nearest(vectors[rows], of_rows)
+            flags = full[rows] if excluded.ndim == 2 else full[:1]
+            template[rows], similarity[rows] = self._nearest(vectors[rows], flags)
         return template, similarity
 
     def predict(self, X: ArrayLike) -> NDArray:

@@ -203,8 +203,8 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     """
     values, place = np.asarray(scores), require_all("aspect", aspect)
     phases, views, _ = values.shape
-    for of_phase in values:
-        require_all("scores", of_phase)
+    for cosines in values:
+        require_all("scores", cosines)
     _, names = np.unique(require_labels("labels", labels), return_inverse=True)
 
     def piece(phase: int, rows: slice, left_out: bool) -> Floats:

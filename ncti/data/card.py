@@ -150,8 +150,8 @@ def _parts(split: Split) -> dict[str, xr.Dataset]:
 
 def _columns(rows: xr.Dataset) -> list[str]:
     """Return the names of the variables of a row that the card describes."""
-    of_row = (str(name) for name in rows.variables if "row" in rows[name].dims)
-    return [name for name in of_row if name not in LEFT_OUT]
+    variables = (str(name) for name in rows.variables if "row" in rows[name].dims)
+    return [name for name in variables if name not in LEFT_OUT]
 
 
 def _lines(rows: xr.Dataset) -> Iterator[bytes]:

@@ -55,19 +55,19 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
     --------
     >>> import ncti
     >>> rows = ncti.dataset(["duncan"], 4, seed=0, rows_per_view=2)
-    >>> of_views = ncti.data.moments(rows)
-    >>> of_views.sizes["view"], of_views["mean"].dims
+    >>> table = ncti.data.moments(rows)
+    >>> table.sizes["view"], table["mean"].dims
     (2, ('view', 'place', 'down_range'))
     """
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     views, first = np.unique(rows.view.values, return_index=True)
-    of_views = [_moments(rows.isel(row=k), places) for k in first.tolist()]
-    means, bands = zip(*of_views, strict=True)
+    pairs = [_moments(rows.isel(row=k), places) for k in first.tolist()]
+    means, bands = zip(*pairs, strict=True)
     covariance = np.zeros((len(bands), max(map(len, bands)), rows.sizes["down_range"]))
-    for of_view, band in zip(covariance, bands, strict=True):
-        of_view[: len(band)] = band
+    for target, band in zip(covariance, bands, strict=True):
+        target[: len(band)] = band
     coords = {
         name: ("view", rows[name].values[first], rows[name].attrs)
         for name in OF_VIEW

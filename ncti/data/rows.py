@@ -251,11 +251,11 @@ def dataset(
         far_field_error=far_field_error,
         expected=bool(expected),
     )
-    of_radar = {"pulse_width": pulse_width, "cnr": cnr, "gain": gain, "floor": floor}
+    radar_arguments = {"pulse_width": pulse_width, "cnr": cnr, "gain": gain, "floor": floor}
     if sensor == "infrared":
-        _check_unused(of_radar | {"expected": expected})
-    of_view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
-    drawable = of_view | of_radar | {"frames": frames, "bin_width": bin_width}
+        _check_unused(radar_arguments | {"expected": expected})
+    view_arguments = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
+    drawable = view_arguments | radar_arguments | {"frames": frames, "bin_width": bin_width}
     rows = np.arange(first, first + count)
     drawn = parameters(rows, len(names), seed=seed, rows_per_view=rows_per_view, **drawable)
     _check_views(recipe, names, drawn)
@@ -276,9 +276,9 @@ def _integers(**numbers: float) -> list[int]:
     return [int(value) for value in numbers.values()]
 
 
-def _check_unused(of_radar: dict[str, Any]) -> None:
+def _check_unused(arguments: dict[str, Any]) -> None:
     """Raise `ValueError` for arguments of the laser radar in a data set without it."""
-    for name, value in of_radar.items():
+    for name, value in arguments.items():
         if value is not OF_RADAR[name] and not (np.isscalar(value) and value == OF_RADAR[name]):
             raise ValueError(
                 f"{name} is {value!r:.60}, but must not be given without a laser radar"
@@ -350,13 +350,13 @@ def parameters(
     # A block has as many views as there are ships, one of each ship.
     view = numbers // rows_per_view
     blocks, block = np.unique(view // ships, return_inverse=True)
-    views, of_row = blocks[:, None] * ships + np.arange(ships), block * ships + view % ships
-    *of_view, row_names = VIEW[1:], [name for name in samplers if name not in VIEW]
+    views, view_of_row = blocks[:, None] * ships + np.arange(ships), block * ships + view % ships
+    *view_names, row_names = VIEW[1:], [name for name in samplers if name not in VIEW]
     order, *uniform = uniform_numbers(seed, OF_VIEWS, views.reshape(-1), len(VIEW))
     drawn: Arrays = {"row": numbers, "view": view}
-    drawn["ship"] = order.reshape(views.shape).argsort(axis=1).reshape(-1)[of_row]
-    for name, values in zip(*of_view, uniform, strict=True):
-        drawn[name] = samplers[name](values)[of_row]
+    drawn["ship"] = order.reshape(views.shape).argsort(axis=1).reshape(-1)[view_of_row]
+    for name, values in zip(*view_names, uniform, strict=True):
+        drawn[name] = samplers[name](values)[view_of_row]
     *uniform, right, up = uniform_numbers(seed, OF_ROWS, numbers, len(row_names) + len(PLACE))
     for name, values in zip(row_names, uniform, strict=True):
         drawn[name] = samplers[name](values)

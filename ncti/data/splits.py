@@ -255,8 +255,8 @@ def _drawn_by(name: str, part: str, seed: int) -> int:
     Parts share it only if they have the same training, or the same views and noise under other
     conditions.
     """
-    of_train = [*SPLITS].index(trained_as(name))
-    key = {TRAIN: (0, of_train), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
+    training = [*SPLITS].index(trained_as(name))
+    key = {TRAIN: (0, training), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
     words = np.random.SeedSequence(seed, spawn_key=key).generate_state(1, np.uint64)
     return int(words[0] >> np.uint64(1))
 

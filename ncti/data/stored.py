@@ -117,7 +117,7 @@ def load_xy(
     group = _opened(store, sensor)
     if group is None:
         raise ValueError(f"classifier_group is {classifier_group!r}, but the store lacks {sensor}")
-    of_sensor = SENSORS[sensor]
+    layout = SENSORS[sensor]
     views = _selected(group, where)
     if views.learned.ndim > 1:
         spacing = next(str(dim) for dim in views.learned.dims if dim != "aspect")
@@ -128,9 +128,9 @@ def load_xy(
     ships = ~known if split == "unknown" else known
     if not (ships.any() and aspects.any()):
         raise ValueError(f"split is {split!r}, but {NOTHING[split]}")
-    name = of_sensor.learned if split == "train" else of_sensor.measured
+    name = layout.learned if split == "train" else layout.measured
     signatures = views[name].isel(ship=np.flatnonzero(ships), aspect=np.flatnonzero(aspects))
-    axes = of_sensor.axes
+    axes = layout.axes
     for dim in signatures.dims:
         if dim not in ("ship", "aspect", *axes, *DRAWS, *where) and signatures.sizes[dim] > 1:
             listed = ", ".join(map(str, signatures[dim].values[:20]))
@@ -141,14 +141,14 @@ def load_xy(
     rows = signatures.stack(row=[d for d in signatures.dims if d not in axes], create_index=False)
     rows = rows.transpose("row", *axes)
     values = rows.values
-    valid = (values == values) if of_sensor.kind == "profile" else (values >= 0)  # NaN, or -1
+    valid = (values == values) if layout.kind == "profile" else (values >= 0)  # NaN, or -1
     valid = valid.reshape(len(values), -1).all(axis=1)
-    of_view = [
+    view_indices = [
         group.get_index(key).get_indexer(rows[key].values[valid]) for key in ("ship", "aspect")
     ]
-    groups = np.ravel_multi_index(of_view, (group.sizes["ship"], group.sizes["aspect"]))
+    groups = np.ravel_multi_index(view_indices, (group.sizes["ship"], group.sizes["aspect"]))
     return (
-        _as_vectors(values[valid], of_sensor.kind, classifier_group),
+        _as_vectors(values[valid], layout.kind, classifier_group),
         rows.ship.values[valid].astype(str),
         groups.astype(np.int64),
     )
@@ -230,10 +230,10 @@ def _vectors(rows: xr.Dataset) -> Vectors:
     vectors = None
     for start in range(0, rows.sizes["row"], AT_ONCE):
         block = slice(start, start + AT_ONCE)
-        of_block, *_ = to_numpy(rows.isel(row=block).load())
+        block_vectors, *_ = to_numpy(rows.isel(row=block).load())
         if vectors is None:
-            vectors = np.empty((rows.sizes["row"], of_block.shape[1]), of_block.dtype)
-        vectors[block] = of_block
+            vectors = np.empty((rows.sizes["row"], block_vectors.shape[1]), block_vectors.dtype)
+        vectors[block] = block_vectors
     if vectors is None:
         return to_numpy(rows.load())
     return vectors, coords.ship.values.astype(str), groups_of(coords)
@@ -304,8 +304,8 @@ def _sensor(store: str | Path, classifier: str | None) -> str:
     answers = _opened(store, CLASSIFIERS.format(classifier.removeprefix(CLASSIFIERS[:-2])))
     sensors = [
         name
-        for name, of_sensor in SENSORS.items()
-        if answers is not None and of_sensor.dimension in answers.coords
+        for name, layout in SENSORS.items()
+        if answers is not None and layout.dimension in answers.coords
     ]
     if len(sensors) != 1:
         raise ValueError(

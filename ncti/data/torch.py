@@ -122,12 +122,12 @@ class RowStream(IterableDataset):
             }
             for start in range(0, max(map(len, orders.values())), self.batch_size):
                 for piece, order in orders.items():
-                    of_batch = order[start : start + self.batch_size]
-                    if not of_batch.size:
+                    batch = order[start : start + self.batch_size]
+                    if not batch.size:
                         continue
                     if number % workers == worker_id:
                         X, y = self.rows.piece(piece)
-                        yield X[of_batch], y[of_batch]
+                        yield X[batch], y[batch]
                     number += 1
 
     def _rng(self, *piece: int) -> np.random.Generator:

@@ -112,12 +112,12 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
                 spacing=recipe.spacing,
                 ifov=recipe.beam.ifov,
             )
-        of_rows = {name: values[rows] for name, values in drawn.items()}
+        parameters = {name: values[rows] for name, values in drawn.items()}
         signatures: Arrays = {}
         if "range" in SENSORS[recipe.sensor]:
-            signatures |= profiles(recipe, image, slant_range, of_rows)
+            signatures |= profiles(recipe, image, slant_range, parameters)
         if "infrared" in SENSORS[recipe.sensor]:
-            signatures["silhouette"] = silhouettes(recipe, image, slant_range, of_rows)
+            signatures["silhouette"] = silhouettes(recipe, image, slant_range, parameters)
         yield signatures
 
 

@@ -61,10 +61,10 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
     """
     arrays = formed(classified, "")
     draws = [name for name in DRAWS if name in arrays["category_count"].dims]
-    done = arrays["view_count"] > 0
-    counts = arrays["category_count"].where(done)
+    trained = arrays["view_count"] > 0
+    counts = arrays["category_count"].where(trained)
     views, mean = arrays["view_count"].max(draws), counts.mean(draws)
-    settled = done.any(draws) & (arrays["settled"].where(done, 1) == 1).all(draws)
+    settled = trained.any(draws) & (arrays["settled"].where(trained, 1) == 1).all(draws)
     return data_set(
         {
             "categories": (mean, "categories formed, mean over draws"),
@@ -72,7 +72,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
             "least": (counts.min(draws), "least number of categories"),
             "most": (counts.max(draws), "largest number of categories"),
             "first": (counts.isel(dict.fromkeys(draws, 0), drop=True), "categories, first draw"),
-            "trainings": (done.astype("i4").sum(draws), "number of trainings"),
+            "trainings": (trained.astype("i4").sum(draws), "number of trainings"),
             "views": (views, "training views"),
             "compression": (views / mean.where(mean > 0), "training views per category"),
             "settled": (settled, "whether no category changed in the last pass"),
@@ -106,8 +106,8 @@ def scored(
         "n": (score.n, f"number of {what}"),
     }
     if draws:
-        of_draws = accuracy_by_aspect(right, aspect, answered=answered).fraction
-        spread = xr.DataArray(of_draws, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
+        by_draw = accuracy_by_aspect(right, aspect, answered=answered).fraction
+        spread = xr.DataArray(by_draw, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
         label = f"standard deviation of that fraction over {' and '.join(draws)}"
         figures["spread"] = spread.values, label
     prefixed = {prefix + name: figure for name, figure in figures.items()}

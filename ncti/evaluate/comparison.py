@@ -128,9 +128,9 @@ def compare(
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import chdtrc
 
-    _, of_view = np.unique(view, return_inverse=True)
-    gains = np.bincount(of_view, weights=second_right.astype(float) - first_right)
-    rows = np.bincount(of_view).astype(float)
+    _, view_index = np.unique(view, return_inverse=True)
+    gains = np.bincount(view_index, weights=second_right.astype(float) - first_right)
+    rows = np.bincount(view_index).astype(float)
     equal = np.ones(len(rows)) / len(rows)
     times = rng.multinomial(len(rows), equal, size=resamples)  # draws of each view
     tails = 0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence

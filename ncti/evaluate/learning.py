@@ -107,34 +107,34 @@ def learning_curve(
     from sklearn.base import clone
 
     require_generator("rng", rng)
-    for name, rows_of in (("train", train), ("test", test)):
-        if not isinstance(rows_of, Sequence) or len(rows_of) != 3:
-            text = " ".join(repr(rows_of).split())
+    for name, part in (("train", train), ("test", test)):
+        if not isinstance(part, Sequence) or len(part) != 3:
+            text = " ".join(repr(part).split())
             raise ValueError(f"{name} is {text:.60}, but must be vectors, classes and views")
     (vectors, labels, groups), (test_vectors, truth, test_groups) = (
         (require_all("X", X), require_labels("y", y), require_labels("groups", view))
         for X, y, view in (train, test)
     )
-    for name, X, of_rows in (
+    for name, X, arrays in (
         ("train", vectors, (labels, groups)),
         ("test", test_vectors, (truth, test_groups)),
     ):
-        for array in of_rows:
+        for array in arrays:
             require_shape(name, array, X.shape[:1])
     for name, counts in (("views", views), ("draws", draws)):
         checked = require_all(name, counts, whole=True, minimum=1)
         require_shape(name, checked, (checked.size,))
-    _, of_class = np.unique(labels, return_inverse=True)
-    distinct, first, of_view = np.unique(groups, return_index=True, return_inverse=True)
-    if not np.array_equal(of_class, of_class[first][of_view]):
+    _, class_index = np.unique(labels, return_inverse=True)
+    distinct, first, view_index = np.unique(groups, return_index=True, return_inverse=True)
+    if not np.array_equal(class_index, class_index[first][view_index]):
         raise ValueError("groups has a view of several classes, but a view must be of one")
     shuffled = rng.permutation(len(distinct))
     turn = np.empty(len(distinct), dtype=np.intp)
-    turn[shuffled] = _places(of_class[first][shuffled])
-    rank = turn[of_view]
-    order = _places(of_view)
-    of_classes, of_views = np.bincount(of_class[first]), np.bincount(of_view)
-    for name, values, most in (("views", views, of_classes), ("draws", draws, of_views)):
+    turn[shuffled] = _places(class_index[first][shuffled])
+    rank = turn[view_index]
+    order = _places(view_index)
+    class_sizes, view_sizes = np.bincount(class_index[first]), np.bincount(view_index)
+    for name, values, most in (("views", views, class_sizes), ("draws", draws, view_sizes)):
         for value in values:
             require(f"each of {name}", value, maximum=most.min())
     fraction, low, high = np.empty((3, len(views), len(draws)))

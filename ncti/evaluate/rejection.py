@@ -91,31 +91,31 @@ def tabulate_rejection(
     answered = classified.correct >= 0
     pooled = [*(name for name in DRAWS if name in right.dims), *VIEW]
     parts = []
-    for kind, of_kind in aspects.items():
-        of_known = answered & known & of_kind
-        of_unknown = similarity.notnull() & ~known & of_kind  # right or wrong
-        of_all = similarity.where(of_known | of_unknown)
+    for kind, mask in aspects.items():
+        knowns = answered & known & mask
+        unknowns = similarity.notnull() & ~known & mask  # right or wrong
+        all_similarity = similarity.where(knowns | unknowns)
         apply = partial(xr.apply_ufunc, vectorize=True)
         up_to = apply(
             lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST),
-            similarity.where(of_unknown),
+            similarity.where(unknowns),
             input_core_dims=[pooled],
             output_core_dims=[["least_rejected"]],
         ).assign_coords(least_rejected=LEAST)
         pools: Any = {"input_core_dims": [pooled] * 3, "output_core_dims": [[], []]}
-        auroc, oscr = apply(_areas, of_all, right, of_known, **pools)
+        auroc, oscr = apply(_areas, all_similarity, right, knowns, **pools)
         columns = {
-            "n_unknown": of_unknown.sum(pooled),
-            "n_known": of_known.sum(pooled),
+            "n_unknown": unknowns.sum(pooled),
+            "n_known": knowns.sum(pooled),
             "rejected_up_to": up_to.where(up_to > -np.inf).astype(similarity.dtype),
             "auroc": auroc,
             "oscr": oscr,
         }
         for name, level, hits, counted in (
-            ("rejected_unknown", vigilance, lambda least: ~(similarity >= least), of_unknown),
-            ("rejected_known", vigilance, lambda least: ~(similarity >= least), of_known),
-            ("correct_known", vigilance, lambda least: (similarity >= least) & right, of_known),
-            ("correct_where_rejected", up_to, lambda most: (similarity > most) & right, of_known),
+            ("rejected_unknown", vigilance, lambda least: ~(similarity >= least), unknowns),
+            ("rejected_known", vigilance, lambda least: ~(similarity >= least), knowns),
+            ("correct_known", vigilance, lambda least: (similarity >= least) & right, knowns),
+            ("correct_where_rejected", up_to, lambda most: (similarity > most) & right, knowns),
         ):
             share = _shares(level, hits, counted, name)
             columns[name] = share[f"{name}_accuracy"]

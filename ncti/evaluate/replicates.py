@@ -122,10 +122,10 @@ def replicated_accuracy(
     step = max(1, AT_ONCE // max(math.prod(inner), 1))
     number = math.prod(lead)
     results = tuple(np.empty((number, len(labels) + 1)) for _ in range(4))
-    of_cells, flags_of_cells = right.reshape(number, *inner), flags.reshape(number, *inner)
+    right_cells, flag_cells = right.reshape(number, *inner), flags.reshape(number, *inner)
     for first in range(0, len(results[0]), step):
         cells = slice(first, first + step)
-        accuracy = _accuracy(of_cells[cells], flags_of_cells[cells], member, draws, confidence)
+        accuracy = _accuracy(right_cells[cells], flag_cells[cells], member, draws, confidence)
         for values, block in zip(results, accuracy, strict=True):
             values[cells] = block
     fraction, low, high, n = (values.reshape(*lead, len(labels) + 1) for values in results)
@@ -301,17 +301,17 @@ def paired_difference(
     """
     labels, index = aspect_bins(aspects)
     require("draws", draws, whole=True, minimum=0)
-    both = [checked_answers(right, len(index), draws) for right in (first, second)]
-    require_shape("second", both[1], both[0].shape)
+    pair = [checked_answers(right, len(index), draws) for right in (first, second)]
+    require_shape("second", pair[1], pair[0].shape)
     former, other = (
         replicated_accuracy(right, aspects, draws=draws, answered=answered, confidence=confidence)
-        for right in both
+        for right in pair
     )
-    count = np.broadcast_to(np.asarray(answered), both[0].shape).astype(float)
+    count = np.broadcast_to(np.asarray(answered), pair[0].shape).astype(float)
     kinds = tuple(range(-2 - draws, -2))
     answers = max(np.prod([count.shape[kind] for kind in kinds]), 1)  # per view
     per_view = count.sum(axis=kinds)
-    means = [(right * count).sum(axis=kinds) / np.maximum(per_view, 1.0) for right in both]
+    means = [(right * count).sum(axis=kinds) / np.maximum(per_view, 1.0) for right in pair]
     phi = np.zeros(former.fraction.shape)
     for k in range(len(labels) + 1):
         inside = (per_view > 0) & ((index == k) | (k == len(labels)))

@@ -201,9 +201,9 @@ def score(
     known = np.isin(truth, learned)
     if not known.any():
         raise ValueError(f"y has {truth[:1]}, but must have a row of the classes, {learned}")
-    of_view = require_labels("groups", groups)
+    views = require_labels("groups", groups)
     angles = require_all("aspect", aspect, minimum=0.0, maximum=360.0)
-    for name, array in (("groups", of_view), ("aspect", angles)):
+    for name, array in (("groups", views), ("aspect", angles)):
         require_shape(name, array, truth.shape)
     correct = chosen == truth
     loss, ece, curve = np.nan, np.nan, None
@@ -220,7 +220,7 @@ def score(
     from sklearn.metrics import confusion_matrix
 
     return Scores(
-        accuracy=grouped_accuracy(correct[known], angles[known], of_view[known]),
+        accuracy=grouped_accuracy(correct[known], angles[known], views[known]),
         classes=learned,
         confusion=confusion_matrix(truth[known], chosen[known], labels=learned).astype(np.intp),
         log_loss=loss,
@@ -285,9 +285,9 @@ def _rejection(
 
 def _reliability(confidence: Floats, correct: NDArray[np.bool_]) -> Reliability:
     """Return the reliability of answers with confidences in (0, 1]."""
-    of_bin = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)
-    n = np.bincount(of_bin, minlength=BINS)
+    bin_index = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)
+    n = np.bincount(bin_index, minlength=BINS)
     divisor = np.where(n > 0, n, np.nan)
-    sums = (np.bincount(of_bin, weights=w, minlength=BINS) for w in (confidence, correct))
+    sums = (np.bincount(bin_index, weights=w, minlength=BINS) for w in (confidence, correct))
     mean, fraction = (total / divisor for total in sums)
     return Reliability(mean, fraction, n.astype(np.intp))

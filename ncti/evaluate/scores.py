@@ -270,11 +270,11 @@ def accuracy_by_aspect(
     labels, index = aspect_bins(aspects)
     right = checked_answers(correct, len(index))
     # Counts by bin are products with the membership of aspects in bins; the last bin holds all.
-    counted = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
+    flags = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
     member = np.ones((len(index), len(labels) + 1), dtype=np.intp)
     member[:, :-1] = index[:, None] == np.arange(len(labels))
-    hits = (right & counted).sum(axis=-2) @ member
-    n = counted.sum(axis=-2) @ member
+    hits = (right & flags).sum(axis=-2) @ member
+    n = flags.sum(axis=-2) @ member
     low, high = wilson_interval(hits, n)
     fraction = np.divide(hits, n, out=np.full(hits.shape, np.nan), where=n > 0)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, n)

@@ -142,9 +142,9 @@ def band_contrast(
             f"contrast_at_zero is {contrast_at_zero:g}, but must be above {-sea_temperature:g}, "
             "so that the ship is above 0 K"
         )
-    at_ship = band_radiance(ship, band=band) - band_radiance(sea_temperature, band=band)
-    through = 10.0 ** (-extinction * distance / 10)
-    apparent: Values = through * at_ship / radiance_slope(sea_temperature, band=band)
+    difference = band_radiance(ship, band=band) - band_radiance(sea_temperature, band=band)
+    transmission = 10.0 ** (-extinction * distance / 10)
+    apparent: Values = transmission * difference / radiance_slope(sea_temperature, band=band)
     return apparent
 
 

@@ -111,7 +111,7 @@ def lay_out(
     draws, rows, columns = out.shape
     # Each pixel takes the next normal of the region it is in: ship's box, window or rim.
     for draw in range(draws):
-        of_window, of_rim = 0, 0
+        window_number, rim_number = 0, 0
         for row in range(rows):
             up = row - corner[0]
             for column in range(columns):
@@ -119,8 +119,8 @@ def lay_out(
                 if 0 <= up < box.shape[1] and 0 <= along < box.shape[2]:
                     out[draw, row, column] = box[draw, up, along]
                 elif width <= row < rows - width and width <= column < columns - width:
-                    out[draw, row, column] = window[draw, of_window]
-                    of_window += 1
+                    out[draw, row, column] = window[draw, window_number]
+                    window_number += 1
                 else:
-                    out[draw, row, column] = rim[draw, of_rim]
-                    of_rim += 1
+                    out[draw, row, column] = rim[draw, rim_number]
+                    rim_number += 1

@@ -171,13 +171,13 @@ def _draw(
     total = (rows + 2 * rim) * (columns + 2 * rim)
     around = total - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
     # One draw for box, window and rim, which are then arranged into images.
-    drawn = rng.standard_normal(count * (math.prod(shape) + window + around))
+    all_normals = rng.standard_normal(count * (math.prod(shape) + window + around))
     ends = count * math.prod(shape), count * (math.prod(shape) + window)
-    of_box = drawn[: ends[0]].reshape(count, *shape)
-    of_window = drawn[ends[0] : ends[1]].reshape(count, window)
-    of_rim = drawn[ends[1] :].reshape(count, around)
+    box_normals = all_normals[: ends[0]].reshape(count, *shape)
+    window_normals = all_normals[ends[0] : ends[1]].reshape(count, window)
+    rim_normals = all_normals[ends[1] :].reshape(count, around)
     normals = np.empty((count, rows + 2 * rim, columns + 2 * rim))
-    lay_out(of_box, (box[0] + rim, box[2] + rim), of_window, of_rim, rim, normals)
+    lay_out(box_normals, (box[0] + rim, box[2] + rim), window_normals, rim_normals, rim, normals)
     return normals
 
 

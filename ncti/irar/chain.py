@@ -354,6 +354,6 @@ def profile(
     down_range = (snapshot.range - flight.slant_range).ravel()
     place = np.searchsorted(edges, down_range, side="right") - 1  # NaN sorts beyond the last
     inside = (place >= 0) & (place < bins)
-    counted = np.nan_to_num(snapshot.intensity).ravel()[inside]
-    summed = np.bincount(place[inside], weights=counted, minlength=int(bins)).astype(np.float64)
-    return summed * share
+    intensity = np.nan_to_num(snapshot.intensity).ravel()[inside]
+    total = np.bincount(place[inside], weights=intensity, minlength=int(bins)).astype(np.float64)
+    return total * share

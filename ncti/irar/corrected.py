@@ -145,8 +145,8 @@ class Chain(Correction):
                 columns=window.columns + 2 * aside,
             )
         if error[0] == "pointing":
-            moved = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
-            window = replace(window, left=window.left + round(moved))
+            shift = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
+            window = replace(window, left=window.left + round(shift))
         return window
 
 
@@ -265,11 +265,11 @@ def compare_profiles(
             with suppress(NothingSeenError):
                 marks[k] = landmarks(line, down_range, hangar=near, end=end)
     figures = [_figures(mark, ship in PERRY) for mark in marks]
-    alike = partial(profile_correlation, measured, noiseless)
+    correlate = partial(profile_correlation, measured, noiseless)
     near_spike = np.abs(down_range - spike) <= HANGAR
     return {
-        "profile_correlation": np.array(alike()),
-        "profile_correlation_without_hangar": np.array(alike(exclude=near_spike)),
+        "profile_correlation": np.array(correlate()),
+        "profile_correlation_without_hangar": np.array(correlate(exclude=near_spike)),
         "hangar_spike_offset": np.array(
             figures[0].get("hangar", math.nan) - figures[1].get("hangar", math.nan)
         ),

@@ -99,13 +99,13 @@ def peaks(
         margin = math.ceil(1.5 * flight.pulse_length / step)
         bins = np.ceil((far - near) / step).astype(np.intp) + 2 * margin + 2
         sizes = np.exp2(np.ceil(np.log2(bins))).astype(np.intp)
-        of_ray = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(place))))
+        sample = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(place))))
         for size in np.unique(sizes):
             chosen = np.flatnonzero(sizes == size)
             number = np.full(len(visible), -1)
             number[chosen] = np.arange(len(chosen))
-            ray = np.flatnonzero(number[of_ray] >= 0)
-            row = number[of_ray[ray]]
+            ray = np.flatnonzero(number[sample] >= 0)
+            row = number[sample[ray]]
             position = (distance[ray] - near[chosen][row]) / step + margin
             shape = len(chosen), int(size)
             wave = _waveforms(
@@ -144,10 +144,10 @@ def noiseless(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32],
     visible, first = np.unique(returns.place, return_index=True)
     if len(visible):
         # One row of rays per sample; rays that miss the ship have no power.
-        of_ray = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(returns.place))))
+        sample = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(returns.place))))
         power, distance = np.zeros((2, len(visible), returns.rays))
-        power[of_ray, returns.ray] = returns.power
-        distance[of_ray, returns.ray] = returns.distance
+        power[sample, returns.ray] = returns.power
+        distance[sample, returns.ray] = returns.distance
         for start in range(0, len(visible), SAMPLES_AT_ONCE):
             block = slice(start, start + SAMPLES_AT_ONCE)
             peak, middle = _peak_of_mean(power[block], distance[block], flight.pulse_length)

@@ -119,16 +119,16 @@ def add_looks(
     for i in range(len(pixel)):
         # Place of the look in the truth, within its border.
         y, x = row[i], column[i]
-        at_row = factor * (up + height * y + waterline * x) + middle_row
-        at_column = factor * (right + mast * y + width * x) + middle_column
-        at_row = min(max(at_row, 0.0), last_row)
-        at_column = min(max(at_column, 0.0), last_column)
-        r, c = int(at_row), int(at_column)
+        truth_row = factor * (up + height * y + waterline * x) + middle_row
+        truth_column = factor * (right + mast * y + width * x) + middle_column
+        truth_row = min(max(truth_row, 0.0), last_row)
+        truth_column = min(max(truth_column, 0.0), last_column)
+        r, c = int(truth_row), int(truth_column)
         if not near[r, c]:
             continue
         # Brightness by bilinear interpolation, slopes from the nearest cell.
-        beyond_row, beyond_column = at_row - r, at_column - c
-        nearest_row, nearest_column = int(np.rint(at_row)), int(np.rint(at_column))
+        beyond_row, beyond_column = truth_row - r, truth_column - c
+        nearest_row, nearest_column = int(np.rint(truth_row)), int(np.rint(truth_column))
         p = pixel[i]
         share = 1.0 / count[p]
         for k in range(len(cells)):

@@ -288,10 +288,10 @@ def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
             outer.append(number)
         if (body.volume < 0) != (len(around) % 2 == 1):
             wrong.append(number)
-    joined = dict(zip(outer, (outward[number] for number in outer), strict=True))
+    containers = dict(zip(outer, (outward[number] for number in outer), strict=True))
     for number, around in cavities:
-        container = min((k for k in around if k in joined), key=lambda k: outward[k].volume)
-        joined[container] = joined[container].joined(outward[number].turned)
+        container = min((k for k in around if k in containers), key=lambda k: outward[k].volume)
+        containers[container] = containers[container].joined(outward[number].turned)
     if wrong:
         place = work.place(solids[wrong[0]].vertices)
         work.faults.append(
@@ -299,4 +299,4 @@ def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
             if len(wrong) == len(bodies)
             else f"{len(wrong)} of {len(bodies)} bodies inside out (the first at {place})"
         )
-    return [*joined.values(), *flat]
+    return [*containers.values(), *flat]

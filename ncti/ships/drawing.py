@@ -69,6 +69,6 @@ def _united(low: Floats, high: Floats) -> Floats:
     if not len(low):
         return np.empty((0, 2))
     order = low.argsort()
-    low, reached = low[order], np.maximum.accumulate(high[order])
-    gaps = np.flatnonzero(low[1:] > reached[:-1] + 1e-9)
-    return np.stack([low[np.r_[0, gaps + 1]], reached[np.r_[gaps, len(low) - 1]]], axis=-1)
+    low, reach = low[order], np.maximum.accumulate(high[order])
+    gaps = np.flatnonzero(low[1:] > reach[:-1] + 1e-9)
+    return np.stack([low[np.r_[0, gaps + 1]], reach[np.r_[gaps, len(low) - 1]]], axis=-1)

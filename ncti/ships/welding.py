@@ -68,30 +68,30 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     tree = cKDTree(vertices[rim])
     if not len(edges) or not _are_few(tree, middle, length / 2):
         return surface, 0
-    near = tree.query_ball_point(middle, length / 2)
-    row = np.repeat(np.arange(len(edges)), [len(indices) for indices in near])
-    met = rim[np.concatenate([np.asarray(indices, np.int64) for indices in near])]
-    place = np.einsum("ij,ij->i", vertices[met] - start[row], along[row]) / length[row]
-    offset = vertices[met] - start[row] - (place / length[row])[:, None] * along[row]
+    neighbours = tree.query_ball_point(middle, length / 2)
+    row = np.repeat(np.arange(len(edges)), [len(indices) for indices in neighbours])
+    vertex = rim[np.concatenate([np.asarray(indices, np.int64) for indices in neighbours])]
+    place = np.einsum("ij,ij->i", vertices[vertex] - start[row], along[row]) / length[row]
+    offset = vertices[vertex] - start[row] - (place / length[row])[:, None] * along[row]
     inside = (place > distance) & (length[row] - place > distance)
-    inside &= (np.linalg.norm(offset, axis=1) <= distance) & (met != corner[before(edges[row])])
-    row, met, place = row[inside], met[inside], place[inside]
+    inside &= (np.linalg.norm(offset, axis=1) <= distance) & (vertex != corner[before(edges[row])])
+    row, vertex, place = row[inside], vertex[inside], place[inside]
     if not len(row):
         return surface, 0
     first = np.unique(edges[row] // 3, return_index=True)[1]
     chosen = np.isin(row, row[first])
-    row, met, place = row[chosen], met[chosen], place[chosen]
+    row, vertex, place = row[chosen], vertex[chosen], place[chosen]
     order = np.lexsort((place, row))
-    row, met = row[order], met[order]
+    row, vertex = row[order], vertex[order]
     begins = np.flatnonzero(np.diff(row, prepend=-1))
     # The parts of an edge: from its start to the first vertex, between vertices, to its end.
     cut = edges[row[begins]]
-    ends = np.insert(met, np.append(begins[1:], len(met)), corner[following(cut)])
-    starts = np.insert(met, begins, corner[cut])
-    apex = np.repeat(corner[before(cut)], np.diff(begins, append=len(met)) + 1)
+    ends = np.insert(vertex, np.append(begins[1:], len(vertex)), corner[following(cut)])
+    starts = np.insert(vertex, begins, corner[cut])
+    apex = np.repeat(corner[before(cut)], np.diff(begins, append=len(vertex)) + 1)
     parts = np.column_stack([starts, ends, apex])
     faces = np.concatenate([np.delete(surface.faces, cut // 3, axis=0), parts])
-    return surface_of(vertices, faces), len(met)
+    return surface_of(vertices, faces), len(vertex)
 
 
 def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:

@@ -223,9 +223,9 @@ def _labelled(
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
-    down_range, *both = profiles
+    down_range, *curves = profiles
     single = coords["aspect"][1].ndim == 0
-    averaged, expected = (rows[0] if single else np.stack(rows) for rows in both)
+    averaged, expected = (rows[0] if single else np.stack(rows) for rows in curves)
     dims = ("aspect", "down_range")[-averaged.ndim :]
     label = {"units": "1", "long_name": "amplitude above the noise floor"}
     coords["down_range"] = labelled("down_range", down_range, "m", "down-range")
