@@ -377,8 +377,8 @@ def sweep_line(
     the number of pieces so far.
     """
     slope, stop, opened = outlines
-    # The surface that began at crossing `visible` is seen from `since` on; `front` is its slot.
-    count, front, visible, since = 0, -1, -1, 0.0
+    # The surface that began at crossing `top` is visible from `since` on; `front` is its slot.
+    count, front, top, since = 0, -1, -1, 0.0
     active.slot[len(crossings)] = -1  # for crossings at which no surface ends
     for m in range(len(crossings)):
         c = crossings[m]
@@ -397,38 +397,34 @@ def sweep_line(
             if when > since:
                 if number == len(pieces.line):
                     return -1
-                number = write(
-                    pieces, number, line, crossings[visible], slope[visible], since, when
-                )
-            front, visible, since = nearer, active.crossing[nearer], when
-        previous = visible
+                number = write(pieces, number, line, crossings[top], slope[top], since, when)
+            front, top, since = nearer, active.crossing[nearer], when
+        old = top
         if slot >= 0 and fresh:  # one surface takes the place of another
             i = slot
             if slot == front or depth < depth_of(active, front, now) - NEARER:
-                front, visible = slot, m
+                front, top = slot, m
         elif slot >= 0:
             i = -1
             count -= 1
             take_out(active, slot, count)
             if front == slot:
                 front = nearest_of(active, count, now)
-                visible = active.crossing[front] if front >= 0 else -1
+                top = active.crossing[front] if front >= 0 else -1
             elif front == count:
                 front = slot
         else:
             i = count
             count += 1
             if front < 0 or depth < depth_of(active, front, now):
-                front, visible = i, m
+                front, top = i, m
         if i >= 0:
             put(active, i, m, now, depth, slope[m])
-        if visible != previous:
-            if previous >= 0 and now > since:
+        if top != old:
+            if old >= 0 and now > since:
                 if number == len(pieces.line):
                     return -1
-                number = write(
-                    pieces, number, line, crossings[previous], slope[previous], since, now
-                )
+                number = write(pieces, number, line, crossings[old], slope[old], since, now)
             since = now
     return number
 
