@@ -53,7 +53,7 @@ def wigley(length=100.0, beam=13.0, draught=4.5, freeboard=6.0) -> trimesh.Trime
     max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
-    turn=st.sampled_from([one for one in TURNS if one != ("z", "-x")]),
+    turn=st.sampled_from([turn for turn in TURNS if turn != ("z", "-x")]),
     scale=st.floats(0.2, 3.0),
     place=st.tuples(*[st.floats(-300, 300)] * 3),
 )
