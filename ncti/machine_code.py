@@ -39,7 +39,7 @@ def _is_private(place: Path) -> bool:
         status = place.stat()
     except OSError:
         return False
-    # numba runs what it loads from there, so no other user may write to it.
+    # numba runs the code that it loads from there, so no other user may write to it.
     is_exclusive = not hasattr(os, "geteuid") or (
         status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )

@@ -105,7 +105,7 @@ class Similarities:
 
     @property
     def coordinates(self) -> Floats:
-        """The (sample, coordinate) training directions in coordinates of which categories are sums.
+        """Coordinates (sample, coordinate) of the training directions; categories are their sums.
 
         They are the features, or the training directions themselves if these are no more.
         """

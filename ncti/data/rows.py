@@ -127,7 +127,7 @@ def dataset(
 ) -> xr.Dataset:
     """Return labelled rows of simulated signatures, with every parameter that was drawn.
 
-    A parameter that may be drawn is a value; a list, of which each value is drawn as often; a tuple
+    A parameter that may be drawn is a value; a list of equally probable values; a tuple
     (low, high), drawn uniformly between; or a frozen distribution of `scipy.stats`.
 
     Parameters

@@ -93,7 +93,7 @@ def load_xy(
 
     Notes
     -----
-    What is learned is read from the coordinates `learned` of aspects and `known` of ships. A store
+    The coordinates `learned` of aspects and `known` of ships tell the learned views. A store
     of rows, of ``ncti-sweep +experiment=dataset``, has one split, `train`.
 
     Examples
@@ -177,7 +177,7 @@ def open_rows(
     Raises
     ------
     ValueError
-        If it is no such store, or has another dimension, of which no value is given.
+        If it is no such store, or has another dimension and `where` no value on it.
 
     See Also
     --------

@@ -117,9 +117,9 @@ class RangeExtent:
 
         Notes
         -----
-        The sampling error is bounded from the samples themselves: of lines by what their strands
-        have at frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`), of
-        pixels by how far images of a quarter of them differ (`ncti.ladar.sampling.pixel_error`).
+        The samples themselves bound the sampling error: lines by the content of their strands at
+        frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`), pixels by the
+        differences between images of a quarter of them (`ncti.ladar.sampling.pixel_error`).
         The bound holds in 97 of 100 views and is twice the error in the median.
         `far_field_error` is added: the whole is the error at the slant range, also of a view that
         was drawn in the far field.
@@ -203,7 +203,7 @@ class RangeExtent:
 
         See Also
         --------
-        packed : What it is made of.
+        packed : Arrays to unpack.
 
         Examples
         --------

@@ -84,7 +84,7 @@ def sample_frames(
     (<|w|^2> = 2), as Equation C requires; with the printed <w w*> = 1 the mean would be lower by
     sqrt(2). Both are independent between IFOVs and between frames.
 
-    Only what a frame needs is drawn: speckle on occupied bins, noise in the band that the filter
+    A frame is the sum of few draws: speckle on occupied bins, noise in the band that the filter
     passes and, from GAUSSIAN_FROM target-free IFOVs on, their full-profile sum as one Gaussian
     process with the exact mean and covariance. The filtered noise is even or odd about the middle
     of the window (see `ncti.ladar.fields.Noise`), which halves the products, and the target is

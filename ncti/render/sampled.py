@@ -45,7 +45,7 @@ class Sampling:
 
     See Also
     --------
-    range_image, line_image : What is drawn.
+    range_image, line_image : Draw the images.
 
     Notes
     -----

@@ -140,7 +140,7 @@ def piece(sheet: Sheet, component: Component) -> Piece:
 def build(sheet: Sheet) -> Ship:
     """Build a ship from its sheet: one watertight solid in ship axes, clipped at the waterline.
 
-    Refuses (`ShipError`) a component of which any part is not connected to the hull.
+    Refuses (`ShipError`) a component with any part that is not connected to the hull.
     """
     hull = sheet.hull.solid()
     pieces = [piece(sheet, component) for component in sheet.components]

@@ -386,7 +386,7 @@ def describe(
 
     Notes
     -----
-    Where more than two facets meet at an edge of a file, bodies that touch are told apart; bodies
+    Bodies that touch are separated where more than two facets meet at an edge of a file; bodies
     that are inside out are turned, and vertices along open edges merged that differ by less than
     1e-5 of the longest extent. All bodies are united.
 

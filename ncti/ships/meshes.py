@@ -73,7 +73,7 @@ def _in_ship_frame(
 ) -> list[trimesh.Trimesh]:
     """Return transformed geometries; refuse sizes that no ship has."""
     if not transform.is_identity:
-        with np.errstate(all="ignore"):  # what is not finite is refused below
+        with np.errstate(all="ignore"):  # coordinates that are not finite are refused below
             for part in parts:
                 part.vertices = transform.apply(part.vertices)
     if not all(np.isfinite(part.vertices).all() for part in parts):

@@ -43,7 +43,7 @@ class Part:
 
     @property
     def place(self) -> str:
-        """Those of x, y and z that position it."""
+        """Names of the coordinates, among x, y and z, that position it."""
         return PRIMITIVES[self.prim].place
 
     @property
