@@ -236,9 +236,9 @@ def surface(
     """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
 
     `facet` (row * col,) is the facet of each pixel, below 0 for none; `lattice` has column and row
-    of the first pixel's centre [pixel] and the pixel side [m]; `sight` the view's axes and
-    curvature; `planes` normals, offsets and faces of `Solid`; `away` (vertex,) [m] is the
-    down-range of vertices.
+    of the first pixel's centre [pixel] and the pixel side [m]; `sight` (axes, curvature) the
+    view's; `planes` normals, offsets and faces of `Solid`; `away` (vertex,) [m] is the down-range
+    of vertices.
     """
     (rows, columns), (first_column, first_row, pixel) = shape, lattice
     (axes, curvature), (normals, offsets, faces) = sight, planes
