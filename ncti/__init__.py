@@ -14,7 +14,7 @@ Packages, in the order of the data flow, each imported when it is first used:
 
 `simulate` joins the first of them: one call returns a range profile, an infrared image or a flight
 as an xarray object, with units, ready to plot. `ncti.dataset`, `ncti.load_xy` and
-`ncti.to_numpy` are those of `data`.
+`ncti.to_numpy` are functions of `data`.
 
 Examples
 --------
@@ -72,7 +72,7 @@ OF_DATA = ("dataset", "load_xy", "to_numpy")
 
 
 def __getattr__(name: str) -> Any:
-    # Imported when it is first asked for, so that using one package does not wait for the others.
+    # Imported on first access, so that using one package does not wait for the others.
     if name in __all__:
         return import_module(f"{__name__}.{name}")
     if name in OF_DATA:
@@ -85,5 +85,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    own = (name for name in globals() if name.startswith("__"))
-    return sorted({*own, *__all__, *OF_DATA, "__version__"})
+    special = (name for name in globals() if name.startswith("__"))
+    return sorted({*special, *__all__, *OF_DATA, "__version__"})

@@ -21,7 +21,7 @@ BINS = ("0-27", "30-57", "60-90")  # deg
 
 @cache
 def article_figures() -> dict[str, Any]:
-    """Return the figures of the article by its tables and figures, as `article.yaml` has them."""
+    """Return the content of `article.yaml`: the article's figures by its tables and figures."""
     text = files("ncti").joinpath("article.yaml").read_text(encoding="utf-8")
     figures: dict[str, Any] = yaml.safe_load(text)
     return figures
@@ -31,8 +31,8 @@ def article_figures() -> dict[str, Any]:
 class Figure:
     """A figure of the article's Tables 2 to 5, percent correct or a number of categories.
 
-    `trials` are the views of which it is the percentage, 0 for categories; `frames` those averaged
-    in its tests, the first of those of other figures, 0 if it shares none.
+    `trials` is the number of views behind the percentage, 0 for categories; `frames` the number of
+    frames averaged in its tests, whose first frames other figures share, or 0 if none does.
     """
 
     table: int
@@ -45,27 +45,26 @@ class Figure:
 def figures(aspects: ArrayLike = ASPECTS) -> tuple[Figure, ...]:
     """Return the figures of Tables 2 to 5 of the article, in the order of `in_order`.
 
-    Their trials are views of four ships at `aspects` (aspect,) [deg], which must lie in all three
-    bins.
+    Trials are views of four ships at `aspects` (aspect,) [deg], which must lie in all three bins.
     """
     labels, group = aspect_bins(aspects)
     if len(labels) != len(BINS):
         raise ValueError(f"aspects lie in {len(labels)} bins, but must lie in the article's three")
     trials = len(SHIPS) * np.bincount(group)
     article = article_figures()
-    seen = article["table5_percent_correct"]
+    table5 = article["table5_percent_correct"]
     looks: dict[str | int, Sequence[float]] = {
-        "25 km": seen["none"][25],
-        "50 km, half pixels": seen["perfect"][50],
-        "50 km": seen["none"][50],
+        "25 km": table5["none"][25],
+        "50 km, half pixels": table5["perfect"][50],
+        "50 km": table5["none"][50],
     }
-    several: list[Figure] = []
+    entries: list[Figure] = []
 
     def add(table: int, rows: Mapping[str | int, Sequence[float]]) -> None:
         """Add rows of a table, each by its name or the number of frames averaged."""
         for row, values in rows.items():
             name, frames = (row, 0) if isinstance(row, str) else (f"{row} frames", row)
-            several.extend(
+            entries.extend(
                 Figure(table, f"{name}, {label}°", float(value), int(count), frames)
                 for label, value, count in zip(BINS, values, trials, strict=True)
             )
@@ -74,14 +73,14 @@ def figures(aspects: ArrayLike = ASPECTS) -> tuple[Figure, ...]:
         return {"training": table["training"], **table["frames"]}
 
     add(2, scores(article["table2_percent_correct"]))
-    several += (
+    entries += (
         Figure(3, f"categories, {width} ns", float(count), 0)
         for width, count in article["table3_categories"]["categories"].items()
     )
     add(4, scores(article["table4_percent_correct"]))
     add(5, looks)
-    several.append(Figure(5, "categories", float(seen["categories"]), 0))
-    return tuple(several)
+    entries.append(Figure(5, "categories", float(table5["categories"]), 0))
+    return tuple(entries)
 
 
 def in_order(tables: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Checks of arguments, with one-sentence errors that state name, value and what is allowed."""
+"""Checks of arguments, with one-sentence errors that state name, value and allowed values."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def require(
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> None:
-    """Raise `ValueError` unless `value` is a finite number in its range; a text never is.
+    """Raise `ValueError` unless `value` is a finite number in its range; texts are refused.
 
     `minimum` and `maximum` are inclusive, `below` is exclusive, and `positive` refuses 0.
     """
@@ -57,12 +57,14 @@ def require(
     except (TypeError, ValueError):
         number = math.nan
     except OverflowError:
-        # An integer too large for a float, whose digits would fill pages.
+        # An integer too large for a float; its digits would fill pages.
         number = value = math.inf if value > 0 else -math.inf
 
-    def inside(one: float) -> bool:
+    def inside(candidate: float) -> bool:
         limits = {"minimum": minimum, "maximum": maximum, "below": below}
-        return _inside(one, one, positive=positive, **limits) and not (whole and one % 1)
+        return _inside(candidate, candidate, positive=positive, **limits) and not (
+            whole and candidate % 1
+        )
 
     if inside(number):
         return
@@ -72,15 +74,15 @@ def require(
     bounds += [f"at least {minimum:g}"] if minimum > -math.inf and not ranged else []
     bounds += [f"at most {maximum:g}"] if maximum < math.inf and not ranged else []
     bounds += [f"below {below:g}"] if below < math.inf else []
-    sort = "a whole number" if whole else "a number" if ranged else "a finite number"
+    kind = "a whole number" if whole else "a number" if ranged else "a finite number"
     unit = f" {UNITS[name]}" if name in UNITS else ""
-    said = f"{_line(value)}{unit if math.isfinite(number) else ''}"
-    allowed = f"{sort} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
+    text = f"{_line(value)}{unit if math.isfinite(number) else ''}"
+    allowed = f"{kind} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
     other, power = OTHER_UNITS.get(unit.strip(), ("", 0))
     digits = f"{number:g}"
     is_slip = "e" not in digits and inside(number * 10.0**power)  # not of a number with an exponent
     meant = f"; {digits} {other} is {digits}e{power}" if is_slip else ""
-    raise ValueError(f"{name} is {said}, but must be {allowed}{unit}{meant}")
+    raise ValueError(f"{name} is {text}, but must be {allowed}{unit}{meant}")
 
 
 def require_instance(name: str, value: Any, kind: type) -> None:
@@ -103,7 +105,7 @@ def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
 
 
 def _all_inside(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -> bool:
-    """Return whether `require` accepts every element, by checks of the array as a whole."""
+    """Return whether `require` accepts every element, by vectorised checks of the array."""
     if not array.size:
         return True
     least, most = float(array.min()), float(array.max())  # a NaN is both
@@ -119,7 +121,7 @@ def _inside(
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> bool:
-    """Return whether numbers are finite and within their bounds, by the least and the largest."""
+    """Return whether numbers from `least` to `most` are finite and within their bounds."""
     finite = -math.inf < least and most < below
     return finite and minimum <= least and most <= maximum and not (positive and least <= 0)
 
@@ -142,7 +144,7 @@ def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
 
 
 def require_shape(name: str, values: NDArray[Any], *shapes: tuple[int, ...]) -> None:
-    """Raise `ValueError` unless an array has one of some shapes; () is that of one value.
+    """Raise `ValueError` unless an array has one of `shapes`; () stands for a single value.
 
     Examples
     --------
@@ -157,7 +159,7 @@ def require_shape(name: str, values: NDArray[Any], *shapes: tuple[int, ...]) -> 
 
 
 def require_word(name: str, value: Any, words: Collection[str]) -> None:
-    """Raise `ValueError` unless a value is one of some words.
+    """Raise `ValueError` unless a value is one of `words`.
 
     Examples
     --------

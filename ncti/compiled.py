@@ -1,7 +1,7 @@
-"""Functions compiled by numba and kept in the user's cache, never in the package.
+"""Functions compiled by numba, with a cache in the user's folder, never in the package.
 
-Private names of numba are in this module alone, as in versions 0.61 to 0.68: no public one counts
-the constants of other modules, or leaves the code in memory where the cache cannot be written.
+Only this module uses private names of numba, as of versions 0.61 to 0.68: no public one covers the
+constants of other modules, or keeps the code in memory when the cache cannot be written.
 """
 
 from __future__ import annotations
@@ -47,33 +47,33 @@ def compiled(function: F) -> F:
         config.CACHE_DIR = before
 
 
-def _keep_if_possible(kept: Any) -> None:
+def _keep_if_possible(cache: Any) -> None:
     """Make a cache of numba tolerate files that it cannot read or write, as on a full disk."""
-    load, save = kept.load_overload, kept.save_overload
+    load, save = cache.load_overload, cache.save_overload
 
-    def load_overload(*given: Any) -> Any:
+    def load_overload(*args: Any) -> Any:
         try:
-            return load(*given)
+            return load(*args)
         except OSError:
             return None
 
-    def save_overload(*given: Any) -> None:
+    def save_overload(*args: Any) -> None:
         with suppress(OSError):
-            save(*given)
+            save(*args)
 
-    kept.load_overload, kept.save_overload = load_overload, save_overload
+    cache.load_overload, cache.save_overload = load_overload, save_overload
 
 
-def _stamp(kept: Any, function: Callable[..., Any]) -> None:
-    """Make a cache of numba reject machine code with other constants of other modules.
+def _stamp(cache: Any, function: Callable[..., Any]) -> None:
+    """Make a cache of numba reject machine code when constants of other modules change.
 
-    Numba compiles them in, but compares the time of the function's own file alone.
+    Numba compiles them in, but checks only the time of the function's own file.
     """
-    given = sorted(function.__globals__.items())
+    variables = sorted(function.__globals__.items())
     constants = tuple(
-        (name, repr(value)) for name, value in given if isinstance(value, int | float)
+        (name, repr(value)) for name, value in variables if isinstance(value, int | float)
     )
-    index = kept._cache_file
+    index = cache._cache_file
     index._source_stamp = (index._source_stamp, constants)
 
 
@@ -90,8 +90,8 @@ class _Announcer(event.Listener):
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith("ncti.") and not self.said:
             self.said = True
-            kept = f" and keeping them in {folder()}" if folder() else ""
-            logging.getLogger("ncti").warning("compiling loops%s; this takes some seconds", kept)
+            place = f" and keeping them in {folder()}" if folder() else ""
+            logging.getLogger("ncti").warning("compiling loops%s; this takes some seconds", place)
 
     def on_end(self, event: Any) -> None:
         """Do nothing."""
@@ -106,7 +106,7 @@ event.register("numba:compile", announcer)
 def keep(loops: Loops) -> None:
     """Compile loops in this process; others load their machine code, if there is a folder for it.
 
-    Nothing is logged: the caller reports it.
+    It logs nothing: the caller reports the compilation.
     """
     before, announcer.said = announcer.said, True
     try:

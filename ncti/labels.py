@@ -1,4 +1,4 @@
-"""Units and names of arrays, as data sets of xarray have them."""
+"""Units and names of arrays in xarray data sets."""
 
 from __future__ import annotations
 

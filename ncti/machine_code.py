@@ -19,8 +19,8 @@ def folder() -> str:
 
     It is `NUMBA_CACHE_DIR`, if set, or a folder in the user's cache that all sweeps share.
     """
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    chosen = Path(given) if given else user_cache_path("ncti-sweep") / "compiled"
+    setting = os.environ.get("NUMBA_CACHE_DIR")
+    chosen = Path(setting) if setting else user_cache_path("ncti-sweep") / "compiled"
     return str(chosen) if _is_private(chosen) else ""
 
 
@@ -33,17 +33,17 @@ def folder_of(source: str) -> str:
 def _is_private(place: Path) -> bool:
     """Return whether a folder, made if missing, is writable by this user alone."""
     try:
-        for part in reversed((place, *place.parents)):
-            if not part.is_dir():
-                part.mkdir(mode=0o700, exist_ok=True)
+        for parent in reversed((place, *place.parents)):
+            if not parent.is_dir():
+                parent.mkdir(mode=0o700, exist_ok=True)
         status = place.stat()
     except OSError:
         return False
-    # numba runs what it loads from there, so no other user may write to it.
-    alone = not hasattr(os, "geteuid") or (
+    # numba runs the code that it loads from there, so no other user may write to it.
+    is_exclusive = not hasattr(os, "geteuid") or (
         status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )
-    return alone and os.access(place, os.W_OK | os.X_OK)
+    return is_exclusive and os.access(place, os.W_OK | os.X_OK)
 
 
 def _place(source: Path) -> Path:
@@ -56,9 +56,9 @@ def _place(source: Path) -> Path:
 class Loops:
     """Loops that one call compiles; see `ncti.compiled.keep`.
 
-    `of` names their results, such as "sampled frames"; `names` within `ncti` are as
-    "render.line_sweep.sweep", of loops that only call one another the outer one; `call` runs them
-    all on tiny arguments of the types that sweeps use.
+    `of` names their results, such as "sampled frames"; `names` are the outermost loops within
+    `ncti`, such as "render.line_sweep.sweep"; `call` runs them all on tiny arguments of the types
+    that sweeps use.
     """
 
     of: str
@@ -71,15 +71,15 @@ class Loops:
         False without a folder. File times alone decide; if they are wrong, as with another release
         of numba, the loops are compiled when they are first called.
         """
-        return bool(folder()) and not all(_kept(*name.rsplit(".", 2)) for name in self.names)
+        return bool(folder()) and not all(_is_compiled(*name.rsplit(".", 2)) for name in self.names)
 
 
-def _kept(*names: str) -> bool:
+def _is_compiled(*names: str) -> bool:
     """Return whether the machine code of a function exists, given [package,] module and name."""
     *room, module, function = names
     source = Path(__file__).absolute().parent.joinpath(*room, f"{module}.py")
-    # File names as numba composes them.
+    # numba's file names.
     return any(
-        kept.stat().st_mtime >= source.stat().st_mtime
-        for kept in _place(source).glob(f"{module}.{function}-*.nbi")
+        index.stat().st_mtime >= source.stat().st_mtime
+        for index in _place(source).glob(f"{module}.{function}-*.nbi")
     )

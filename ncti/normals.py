@@ -1,4 +1,4 @@
-"""Counter-based standard normals: each depends on its stream and its number alone."""
+"""Counter-based standard normals: each depends only on its stream and its number."""
 
 from __future__ import annotations
 
@@ -30,45 +30,44 @@ def draw_key(rng: np.random.Generator) -> Words:
 def put_streams(key: Words, first: int, cell: NDArray[np.int64], out: Words) -> None:
     """Write the stream of each frame and cell to `out` (frame, cell).
 
-    `first` is the number of the first frame, `cell` (cell, 2) column and row, which name the
-    stream.
+    `first` is the number of the first frame, `cell` (cell, 2) column and row, which key the stream.
     """
     step = key[1]
     for frame in range(out.shape[0]):
-        of_frame = _word(key[0], step, first + frame)
+        frame_stream = _word(key[0], step, first + frame)
         for i in range(out.shape[1]):
-            out[frame, i] = _word(_word(of_frame, step, cell[i, 0]), step, cell[i, 1])
+            out[frame, i] = _word(_word(frame_stream, step, cell[i, 0]), step, cell[i, 1])
 
 
 @compiled
 def draw_run(key: Words, streams: Words, begin: int, out: Singles) -> None:
     """Write successive pairs of normals of each stream to `out` (frame, 2 cell, pair).
 
-    `streams` (frame, cell) are those of `put_streams`, `begin` the number of the first pair. A row
-    has the first normals of a cell's pairs, the next one the others.
+    `streams` (frame, cell) are as of `put_streams`, `begin` is the number of the first pair. A row
+    has the first normals of a cell's pairs, the next row the second ones.
     """
     for frame in range(streams.shape[0]):
         for i in range(streams.shape[1]):
-            one, other = out[frame, 2 * i], out[frame, 2 * i + 1]
+            lower, upper = out[frame, 2 * i], out[frame, 2 * i + 1]
             for k in range(out.shape[2]):
-                one[k], other[k] = _pair(streams[frame, i], key[1], begin + k)
+                lower[k], upper[k] = _pair(streams[frame, i], key[1], begin + k)
 
 
 @compiled
 def draw_places(
     key: Words, streams: Words, first: NDArray[np.int64], number: NDArray[np.int64], out: Singles
 ) -> None:
-    """Write the pairs of normals at some places of each stream to `out` (frame, 2, place).
+    """Write the numbered pairs of normals of each stream to `out` (frame, 2, place).
 
-    `first` (cell + 1,) is where each cell begins in `number` (place,), those of pairs in their
-    stream; `out` begins at ``first[0]``.
+    `number` (place,) are numbers of pairs in their stream, those of each cell from `first` (cell +
+    1,) on; `out` begins at ``first[0]``.
     """
     for frame in range(streams.shape[0]):
-        one, other = out[frame, 0], out[frame, 1]
+        lower, upper = out[frame, 0], out[frame, 1]
         for i in range(streams.shape[1]):
             for place in range(first[i], first[i + 1]):
-                at = place - first[0]
-                one[at], other[at] = _pair(streams[frame, i], key[1], number[place])
+                column = place - first[0]
+                lower[column], upper[column] = _pair(streams[frame, i], key[1], number[place])
 
 
 def _layers() -> tuple[Singles, NDArray[np.uint32], Singles]:
@@ -103,7 +102,7 @@ STEP = np.float32(1.0 / 2**24)  # of uniform float32 numbers
 
 @compiled
 def _mixed(word: np.uint64) -> np.uint64:
-    """Return the bits of a word mixed, one to one."""
+    """Return a word with its bits mixed by a bijection."""
     word = (word ^ word >> U30) * FACTOR_A
     word = (word ^ word >> U27) * FACTOR_B
     return word ^ word >> U31
@@ -117,31 +116,31 @@ def _word(stream: np.uint64, step: np.uint64, number: int) -> np.uint64:
 
 @compiled
 def _pair(stream: np.uint64, step: np.uint64, number: int) -> tuple[np.float32, np.float32]:
-    """Return the pair of normals that the halves of a word give."""
+    """Return the pair of normals of the two halves of a word."""
     word = _word(stream, step, number)
     low, high = word & HALF, word >> U32
-    one, other = _normal(low), _normal(high)
+    lower, upper = _normal(low), _normal(high)
     # 99 % of the halves lie inside the next layer of the ziggurat; the others take further words.
     if low >> U9 >= INSIDE[np.int64(low & SIGNED_LAYER)]:
-        one = _further(low, word)
+        lower = _further(low, word)
     if high >> U9 >= INSIDE[np.int64(high & SIGNED_LAYER)]:
-        other = _further(high, ~word)
-    return one, other
+        upper = _further(high, ~word)
+    return lower, upper
 
 
 @compiled
 def _normal(half: np.uint64) -> np.float32:
-    """Return the place in its layer that 32 bits give: of layer (8), sign (1) and mantissa (23)."""
+    """Return the place in a layer from 32 bits: layer (8), sign (1) and mantissa (23)."""
     return np.float32(np.int32(half >> U9)) * WIDTH[np.int64(half & SIGNED_LAYER)]
 
 
 @compiled
 def _further(half: np.uint64, state: np.uint64) -> np.float32:
-    """Return the normal of 32 bits, and of more words of its own stream if these do not suffice."""
+    """Return the normal of 32 bits, with more words of its own stream if they are rejected."""
     while True:
-        layer, whole, x = np.int64(half & SIGNED_LAYER), half >> U9, _normal(half)
+        layer, mantissa, x = np.int64(half & SIGNED_LAYER), half >> U9, _normal(half)
         # Inside the next layer, too: accepted without evaluating the density.
-        if whole < INSIDE[layer]:
+        if mantissa < INSIDE[layer]:
             return x
         layer &= 255
         # The lowest layer's tail, by Marsaglia's method.
@@ -153,11 +152,11 @@ def _further(half: np.uint64, state: np.uint64) -> np.float32:
                 height = -_log1p(_mixed(state) >> U32)
                 if height + height > beyond * beyond:
                     break
-            return -(TAIL_BEGINS + beyond) if whole >> U8 & U1 else TAIL_BEGINS + beyond
+            return -(TAIL_BEGINS + beyond) if mantissa >> U8 & U1 else TAIL_BEGINS + beyond
         # Between this layer and the next: accepted below the density, or drawn again.
         state += GOLDEN
-        drawn = np.float32(np.int32(_mixed(state) >> U32 >> U8)) * STEP
-        above = (HEIGHT[layer - 1] - HEIGHT[layer]) * drawn + HEIGHT[layer]
+        uniform = np.float32(np.int32(_mixed(state) >> U32 >> U8)) * STEP
+        above = (HEIGHT[layer - 1] - HEIGHT[layer]) * uniform + HEIGHT[layer]
         if above < math.exp(-0.5 * np.float64(x) * np.float64(x)):
             return x
         state += GOLDEN

@@ -33,9 +33,9 @@ def streams(*, first=0, frames=1, cells=CELLS):
     return out
 
 
-def run(of, count, *, begin=0):
-    out = np.empty((len(of), 2 * of.shape[1], count), dtype=np.float32)
-    draw_run(KEY, of, begin, out)
+def run(stream, count, *, begin=0):
+    out = np.empty((len(stream), 2 * stream.shape[1], count), dtype=np.float32)
+    draw_run(KEY, stream, begin, out)
     return out
 
 
@@ -74,28 +74,30 @@ def test_a_pair_is_what_numpy_makes_of_the_halves_of_a_word():
     """100,000: some 25 beyond the lowest layer, and 1,000 that are drawn again or evaluated."""
     numpys, [[stream]] = Halves(), streams(cells=CELLS[:1]).tolist()
     words = [word(stream, number) for number in range(-50, 50_000)]
-    wanted = [(numpys.normal(w % 2**32, w), numpys.normal(w >> 32, w ^ (2**64 - 1))) for w in words]
-    found = run(np.array([[stream]], dtype=np.uint64), len(words), begin=-50)
-    np.testing.assert_array_equal(found[0].T, wanted)
+    expected = [
+        (numpys.normal(w % 2**32, w), numpys.normal(w >> 32, w ^ (2**64 - 1))) for w in words
+    ]
+    pairs = run(np.array([[stream]], dtype=np.uint64), len(words), begin=-50)
+    np.testing.assert_array_equal(pairs[0].T, expected)
 
 
 def test_a_stream_is_named_by_frame_and_cell():
-    found = streams(first=5, frames=2)
-    for frame, row in enumerate(found.tolist(), start=5):
+    numbers = streams(first=5, frames=2)
+    for frame, row in enumerate(numbers.tolist(), start=5):
         of_frame = word(int(KEY[0]), frame)
         assert row == [word(word(of_frame, int(c)), int(r)) for c, r in CELLS]
 
 
 def test_places_are_those_of_the_run():
     """Whatever is drawn beside them, in whatever order."""
-    of = streams(frames=3)
+    stream = streams(frames=3)
     number = np.array([7, 2, 2, 90, 0, 1, 40])
     first = np.array([0, 2, 2, 3, 5, 5, 7])
     out = np.empty((3, 2, 5), dtype=np.float32)
-    draw_places(KEY, of[:, 2:], first[2:], number, out)
-    every = run(of, 100).reshape(3, len(CELLS), 2, 100)
-    wanted = [every[:, i, :, n] for i, n in ((2, 2), (3, 90), (3, 0), (5, 1), (5, 40))]
-    np.testing.assert_array_equal(out, np.stack(wanted, axis=-1))
+    draw_places(KEY, stream[:, 2:], first[2:], number, out)
+    normals = run(stream, 100).reshape(3, len(CELLS), 2, 100)
+    expected = [normals[:, i, :, n] for i, n in ((2, 2), (3, 90), (3, 0), (5, 1), (5, 40))]
+    np.testing.assert_array_equal(out, np.stack(expected, axis=-1))
 
 
 @pytest.mark.parametrize("axis", ["pair", "quadrature", "cell", "frame", "column", "key"])
@@ -114,11 +116,11 @@ def test_neighbours_are_independent(axis):
         place = ["frame", "column", "cell", "quadrature", "pair"].index(axis)
         drawn = np.moveaxis(drawn, place, 0)
         a, b = drawn[:-1], drawn[1:]
-    found = [
-        np.corrcoef(of(a).ravel(), of(b).ravel())[0, 1] * np.sqrt(a.size)
-        for of in (np.asarray, np.square, np.sign)
+    correlations = [
+        np.corrcoef(transform(a).ravel(), transform(b).ravel())[0, 1] * np.sqrt(a.size)
+        for transform in (np.asarray, np.square, np.sign)
     ]
-    assert np.abs(found).max() < stats.norm.isf(level / 2 / len(found) / 6)
+    assert np.abs(correlations).max() < stats.norm.isf(level / 2 / len(correlations) / 6)
 
 
 def test_they_are_normal():

@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-MOMENTUM = 0.9  # share of the last step that is added to the next
+MOMENTUM = 0.9  # share of the last step in the next one
 GAIN_FACTOR = (0.1, 10.0)  # bounds of the learned gain of a node relative to the gain level
 
 Floats = NDArray[np.float64]
@@ -34,8 +34,7 @@ class Layer:
     ) -> tuple[Layer, Floats]:
         """Return the gradient of a loss in the layer's parameters, and in its net inputs w.x.
 
-        The latter is (sample, node), as are `answers`, and `errors`, the derivatives in the
-        outputs.
+        The latter is (sample, node), like `answers` and `errors`, the derivatives by the outputs.
         """
         slopes = errors * ((1.0 - answers) * (1.0 + answers)) * (level / 2)
         net = slopes * self.factors
@@ -53,7 +52,7 @@ class Network:
     def __init__(self, hidden: Layer, output: Layer) -> None:
         self.hidden, self.output = hidden, output
         self.velocities = [
-            Layer(*(np.zeros_like(part) for part in astuple(layer))) for layer in (hidden, output)
+            Layer(*(np.zeros_like(array) for array in astuple(layer))) for layer in (hidden, output)
         ]
 
     @classmethod
@@ -82,8 +81,8 @@ class Network:
     ) -> tuple[float, tuple[Layer, Layer]]:
         """Return the mean square error of the outputs, and the gradient for the next step.
 
-        The gradient is that of half the squared error summed over outputs and averaged over
-        samples, so that the step does not depend on the number of classes.
+        The gradient is of half the squared error, summed over outputs and averaged over samples,
+        so that the step does not depend on the number of classes.
         """
         middle = self.hidden.answers(inputs, level)
         answers = self.output.answers(middle, level)
@@ -109,8 +108,8 @@ class Network:
 def _new_node(n_inputs: int, random: np.random.RandomState) -> tuple[Floats, Floats]:
     """Return random (1, input) weights and a (1,) offset of a new node.
 
-    The offset must not be zero: such a node is odd in its inputs, and on data that are symmetric
+    The offset must not be zero: a node without offset is odd in its inputs, and on data symmetric
     about zero it would never learn an even function.
     """
-    drawn = random.uniform(-1.0, 1.0, (1, n_inputs + 1)) / np.sqrt(n_inputs)
-    return drawn[:, :-1], drawn[:, -1]
+    parameters = random.uniform(-1.0, 1.0, (1, n_inputs + 1)) / np.sqrt(n_inputs)
+    return parameters[:, :-1], parameters[:, -1]

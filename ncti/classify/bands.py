@@ -19,8 +19,8 @@ def checked_moments(
 ) -> tuple[Floats, Floats, NDArray[Any], Floats]:
     """Return (template, place, bin) means, bands, labels, and the means less the floor.
 
-    The arguments are those of `ncti.classify.GaussianTemplates.fit`. Raises `ValueError` if shapes
-    do not match.
+    Arguments are as of `ncti.classify.GaussianTemplates.fit`. Raises `ValueError` if shapes do not
+    match.
     """
     means = require_all("mean", mean)
     bands = require_all("covariance", covariance)
@@ -48,8 +48,8 @@ def checked_moments(
             f"floor has shape {np.shape(floor)}, but must be one number, ({bins},), "
             f"{(*means.shape[:-1], 1)} or {means.shape}"
         )
-    whole = count, -1, bins
-    return means.reshape(whole), bands, names, signal.reshape(whole)
+    shape = count, -1, bins
+    return means.reshape(shape), bands, names, signal.reshape(shape)
 
 
 def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[Floats, Floats]:
@@ -108,7 +108,7 @@ def lower_band(covariance: ArrayLike) -> Floats:
 def factored(bands: Floats, diagonal_loading: float) -> Floats:
     """Return the lower Cholesky factors of (template, lag, bin) bands that include the loading.
 
-    Raises `ValueError` that asks for a larger diagonal loading if a band is not positive definite.
+    Raises `ValueError` if a band is not positive definite; a larger diagonal loading helps.
     """
     factors = np.empty_like(bands)
     for t, band in enumerate(bands):
@@ -123,7 +123,7 @@ def factored(bands: Floats, diagonal_loading: float) -> Floats:
 
 
 def residual_band(residual: ArrayLike, correlation: ArrayLike) -> Floats:
-    """Return the covariance (lag, bin), a lower band, of a residual that correlates as noise does.
+    """Return the covariance (lag, bin), a lower band, of a residual with the noise's correlation.
 
     `residual` (bin,) is the standard deviation in each bin, `correlation` (lag,) positive definite.
     The band is positive semidefinite, as the elementwise product of a positive definite Toeplitz
@@ -140,7 +140,7 @@ def mean_correlation(bands: ArrayLike) -> Floats:
     """Return the correlation between bins by lag (lag,), averaged over templates and bins.
 
     `bands` (template, lag, bin) are positive definite covariances, and so is the mean: sums along
-    the diagonals of such a matrix have a spectrum that is nowhere negative.
+    the diagonals of such a matrix have a nonnegative spectrum.
     """
     along: Floats = np.asarray(bands, dtype=np.float64).sum(axis=(0, 2))
     return along / along[0]
@@ -176,15 +176,15 @@ def densities(
     `factor` (lag, bin) is the lower Cholesky factor L of the covariance of one frame; `unit` (bin,
     column) has, whitened by L, the steps from the mean at the first place to each other place, the
     signal at each place, and the unknown directions that all places share, at a unit of their
-    prior; `samples` (sample, bin) are averages of `frames` (sample,); `mean` (bin,) is that at the
-    first place; `priors` (prior, scaled) are deviations of the signal and the first shared
-    directions, where the others keep their scale; the `places`, over which densities are averaged,
+    prior; `samples` (sample, bin) are averages of `frames` (sample,); `mean` (bin,) is the mean at
+    the first place; `priors` (prior, scaled) are deviations of the signal and the first shared
+    directions, while the others keep their scale; the `places`, over which densities are averaged,
     are equally probable.
 
     With U the directions times their deviations, the covariance of n frames is L (I + n U U') L' /
     n. By the Woodbury identity and the matrix determinant lemma only the small matrix I + n U'U has
-    to be inverted, once for averages of one number of frames. Averages are whitened once for all
-    places: their products with the steps give those at any other place.
+    to be inverted, once per number of frames. Averages are whitened once for all places: their
+    products with the steps give the products at any other place.
     """
     from ncti.classify.whitening import band_products  # numba takes long to import
 
@@ -196,16 +196,18 @@ def densities(
     density: Floats = np.empty((places, len(deviations), len(samples)))
     for p in range(places):
         directions, step = np.append(places - 1 + p, shared), p - 1
-        # Distance from the mean at this place without its unknown directions, and along them.
-        alone, overlapping = squared, along[:, directions]
+        # Squared distance from the mean at this place, and its components along unknown directions.
+        distance, overlapping = squared, along[:, directions]
         if p:
-            alone = squared - 2 * along[:, step] + gram[step, step]
+            distance = squared - 2 * along[:, step] + gram[step, step]
             overlapping = overlapping - gram[step, directions]
         for k, prior in enumerate(deviations):
             scale = np.append(prior, np.ones(len(directions) - len(prior)))
             inner = gram[np.ix_(directions, directions)] * np.outer(scale, scale)
             inner = np.eye(len(directions)) + n[:, None, None] * inner
             overlap = n[:, None] * (overlapping * scale)
-            known = np.einsum("sd,sde,se->s", overlap, np.linalg.inv(inner), overlap)
-            density[p, k] = -(n * alone - known + size + np.linalg.slogdet(inner).logabsdet) / 2
+            explained = np.einsum("sd,sde,se->s", overlap, np.linalg.inv(inner), overlap)
+            density[p, k] = (
+                -(n * distance - explained + size + np.linalg.slogdet(inner).logabsdet) / 2
+            )
     return density[0] if places == 1 else np.logaddexp.reduce(density) - math.log(places)

@@ -135,14 +135,14 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         check_is_fitted(self)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
         shape = len(vectors), len(self.templates_)
-        left_out = require_flags("exclude", exclude)
-        require_shape("exclude", left_out, (), shape[1:], shape)
-        out = np.broadcast_to(left_out, shape)
+        excluded = require_flags("exclude", exclude)
+        require_shape("exclude", excluded, (), shape[1:], shape)
+        full = np.broadcast_to(excluded, shape)
         template, similarity = np.empty(shape[0], dtype=np.intp), np.empty(shape[0])
         for rows in row_blocks(shape[0]):
-            # Where one row stands for all samples, it does for those of a block.
-            of_rows = out[rows] if left_out.ndim == 2 else out[:1]
-            template[rows], similarity[rows] = self._nearest(vectors[rows], of_rows)
+            # A single row of flags serves all samples.
+            flags = full[rows] if excluded.ndim == 2 else full[:1]
+            template[rows], similarity[rows] = self._nearest(vectors[rows], flags)
         return template, similarity
 
     def predict(self, X: ArrayLike) -> NDArray:
@@ -162,19 +162,19 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         template, _ = self.match(X)
         return self.labels_[np.maximum(template, 0)]
 
-    def _nearest(self, vectors: Floats, left_out: NDArray[np.bool_]) -> tuple[Indices, Floats]:
-        """Return `match` of a few (sample, feature) vectors, all of whose cosines fit in memory.
+    def _nearest(self, vectors: Floats, excluded: NDArray[np.bool_]) -> tuple[Indices, Floats]:
+        """Return `match` of a block of (sample, feature) vectors, whose cosines fit in memory.
 
-        Flags of the templates left out are (sample or 1, template).
+        `excluded` (sample or 1, template) flags templates to leave out.
         """
         directions, lengths = polar(vectors)
         cosines = directions @ self.templates_.T
-        hidden = left_out | self._silent
+        hidden = excluded | self._silent
         if hidden.any():
             cosines[np.broadcast_to(hidden, cosines.shape)] = -np.inf
         highest = cosines.max(axis=1)
         answers = (lengths > 0) & (highest > -np.inf)
-        # Of cosines only the best are clipped: rounding takes none further beyond 1 than `TIE`.
+        # Only the best cosines are clipped: rounding exceeds 1 by less than `TIE`.
         template = (cosines >= np.clip(highest, -1.0, 1.0)[:, None] - TIE).argmax(axis=1)
         similarity = np.take_along_axis(cosines, template[:, None], axis=1)[:, 0]
         similarity = np.where(answers, np.clip(similarity, -1.0, 1.0), 0.0)

@@ -47,15 +47,15 @@ def cells(
       frames of an average.
     - m'' h^2 / 2, with h the mean of both steps, is the scale of the *residual*, for equal steps
       half the second difference. Glints appear and vanish within a step, and features of a ship
-      move through several bins, so a parabola only indicates where and how much profiles change.
+      move through several bins, so a parabola only indicates the place and amount of the change.
       The residual is therefore modelled as random, with a variance proportional to its square.
 
     The factor is `template_error` of `ncti.classify.GaussianTemplates`. m''^2 is smoothed over bins
     by the correlation of noise, because a change may equally well occur a pulse length away, and
     averaged over labels at the nearest aspect; otherwise the ship that changes most would have the
-    widest covariance and match profiles of the others. At the ends of an open range m'' is that of
-    the adjacent template. With two templates, half their difference replaces the residual; both are
-    0 for one alone.
+    widest covariance and match profiles of the others. The ends of an open range take m'' from the
+    adjacent template. With two templates, half their difference replaces the residual; tangent and
+    residual of a single template are 0.
     """
     means = require_all("mean", mean)
     aspects = require_all("aspect", aspect)
@@ -72,24 +72,24 @@ def cells(
     tangent, step = np.zeros_like(means), np.zeros(len(means))
     curvature: list[tuple[Floats, Floats]] = []  # aspects of a label, and squares at them
     for name in np.unique(names):
-        own = np.flatnonzero(names == name)
-        own = own[np.argsort(aspects[own] % CIRCLE)]
-        if len(own) < 2:
+        rows = np.flatnonzero(names == name)
+        rows = rows[np.argsort(aspects[rows] % CIRCLE)]
+        if len(rows) < 2:
             continue
-        slope, bend, before, behind = _parabolas(means[own], aspects[own] % CIRCLE, name)
+        slope, bend, before, behind = _parabolas(means[rows], aspects[rows] % CIRCLE, name)
         moment = (before**3 + behind**3) / (12 * (before + behind))
-        tangent[own] = np.sqrt(moment)[:, None] * slope
-        step[own] = (before + behind) / 2
-        curvature.append((aspects[own], bend**2))
+        tangent[rows] = np.sqrt(moment)[:, None] * slope
+        step[rows] = (before + behind) / 2
+        curvature.append((aspects[rows], bend**2))
     if not curvature:
         return TemplateCells(tangent, np.zeros_like(means))
     # Curvatures smoothed over bins and averaged over labels at the nearest aspect.
-    whole = np.concatenate([kernel[:0:-1], kernel]) / (2 * kernel.sum() - kernel[0])
+    symmetric = np.concatenate([kernel[:0:-1], kernel]) / (2 * kernel.sum() - kernel[0])
     pooled = np.zeros_like(means)
-    for at, square in curvature:
-        apart = np.abs(aspects[:, None] - at) % CIRCLE
-        nearest = np.minimum(apart, CIRCLE - apart).argmin(axis=1)
-        smooth = np.stack([_smoothed(row, whole) for row in square])
+    for angles, square in curvature:
+        distance = np.abs(aspects[:, None] - angles) % CIRCLE
+        nearest = np.minimum(distance, CIRCLE - distance).argmin(axis=1)
+        smooth = np.stack([_smoothed(row, symmetric) for row in square])
         pooled += smooth[nearest] / len(curvature)
     return TemplateCells(tangent, np.sqrt(pooled) * (step**2 / 2)[:, None])
 
@@ -97,47 +97,49 @@ def cells(
 def every_other(
     labels: ArrayLike, aspect: ArrayLike
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return every second template of each label (template,), to be left out, and its neighbours.
+    """Return every second template of each label (template,), to leave out, and its neighbours.
 
-    Those are a mask (left out, kept) of the two nearest of the same label. Labels with fewer than
-    five templates keep all, because the curvature of the remaining two would be unknown.
+    The neighbours are a mask (left out, kept) of the two nearest of the same label. Labels with
+    fewer than five templates keep all, because the curvature of the remaining two would be unknown.
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
     for name in np.unique(names):
-        own = np.flatnonzero(names == name)
-        if len(own) >= 2 * LEAST_CURVED - 1:
-            left_out[own[np.argsort(aspects[own])][1::2]] = True
-    apart = np.abs(aspects[left_out][:, None] - aspects[~left_out])
-    apart = np.where(
-        names[left_out][:, None] == names[~left_out], np.minimum(apart, CIRCLE - apart), np.inf
+        rows = np.flatnonzero(names == name)
+        if len(rows) >= 2 * LEAST_CURVED - 1:
+            left_out[rows[np.argsort(aspects[rows])][1::2]] = True
+    distance = np.abs(aspects[left_out][:, None] - aspects[~left_out])
+    distance = np.where(
+        names[left_out][:, None] == names[~left_out],
+        np.minimum(distance, CIRCLE - distance),
+        np.inf,
     )
-    beside = np.zeros(apart.shape, dtype=bool)
-    np.put_along_axis(beside, np.argsort(apart, axis=1, kind="stable")[:, :2], True, axis=1)
+    beside = np.zeros(distance.shape, dtype=bool)
+    np.put_along_axis(beside, np.argsort(distance, axis=1, kind="stable")[:, :2], True, axis=1)
     return left_out, beside
 
 
 def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
     """Return two masks (template,) of templates to leave out in turn, or none.
 
-    They are those of `every_other`, and the others but the ends of each label; none if no label has
-    enough templates.
+    The first mask is of `every_other`, the second has the other templates except the ends of each
+    label; there are none if no label has enough templates.
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     second, _ = every_other(names, aspects)
     between = np.zeros(len(names), dtype=bool)
     for name in np.unique(names[second]):
-        own = np.flatnonzero(names == name)
-        between[own[np.argsort(aspects[own])][2:-1:2]] = True
+        rows = np.flatnonzero(names == name)
+        between[rows[np.argsort(aspects[rows])][2:-1:2]] = True
     return [second, between] if second.any() else []
 
 
 def steps(aspects: Floats, name: object) -> tuple[Floats, Floats, bool]:
     """Return the steps on both sides of ascending aspects [deg], and whether they are closed.
 
-    The range is closed if the step across 360 degrees is no wider than the widest one within; the
-    ends of an open one have the same step on both sides. `ValueError` names a label, `name`, that
-    has an aspect twice.
+    The range is closed if the step across 360 degrees is no wider than the widest step within; the
+    ends of an open range have the same step on both sides. `ValueError` reports a duplicate aspect
+    of the label `name`.
     """
     inner = np.diff(aspects)
     across = CIRCLE - aspects[-1] + aspects[0]

@@ -1,4 +1,4 @@
-"""Calibration of scores on templates that are left out."""
+"""Calibration of scores on held-out templates."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from ncti.classify.fusion import label_posterior, members, posterior_of
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
-FRESH = 1 / 12  # mean square of the distance of a new aspect, over that of one left out
+FRESH = 1 / 12  # mean squared distance of a new aspect, over the one of a held-out template
 NEARBY = 15.0  # standard deviation of the weight of answers by their distance in aspect [deg]
 ANYWHERE = 0.05  # weight of answers at any distance, relative to those at the same aspect
 LEAST_OUTLIERS = 1e-6
-CERTAIN = 0.999  # largest outlier fraction at an aspect left out
+CERTAIN = 0.999  # largest outlier fraction at a held-out aspect
 BISECTIONS = 40
 STEPS = np.geomspace(1e-4, 1e10, 31)
 """Products of inverse temperature and the spread of scores, searched first."""
-UNLIKE = -1.0  # cosine to what is left out: below that of any map
+UNLIKE = -1.0  # cosine to excluded templates, below the cosine of any map
 
 Floats = NDArray[np.float64]
 
@@ -43,42 +43,42 @@ def fit_outlier_fraction(
 
     It is 0 if templates are exact, or too few to leave some out, and has the leading axes of
     `gain_sigma`. A covariance with tangents of a curve does not model every glint, and densities of
-    250 bins are overconfident. Averages of `frame_count` frames drawn from every second template
-    are therefore classified by those that remain, then those between by the first, and e maximises
-    the likelihood of their true labels, (1 - e) p + e / labels, p being the posterior. One right
-    and one wrong answer are added, as in `fit_temperature_and_outliers`.
+    250 bins are overconfident. The remaining templates therefore classify averages of `frame_count`
+    frames drawn from every second template, then from those between, and e maximises the likelihood
+    of the true labels, (1 - e) p + e / labels, p being the posterior. One right and one wrong
+    answer are added, as in `fit_temperature_and_outliers`.
 
     Profiles change faster with aspect abeam than at the bow, so e depends on the aspect: answers
-    have weight 0.05 + exp(-x^2 / 2) at a distance of x times 15 degrees, and those added the mean
-    weight of all. Width and weight were fitted to right answers of fusion at random aspects.
+    have weight 0.05 + exp(-x^2 / 2) at a distance of x times 15 degrees, and added ones the mean
+    weight. Width and weight were fitted to right answers of fusion at random aspects.
 
-    A template left out lies a whole step from the next one, a new aspect up to half a step, and at
+    A held-out template lies a whole step from the next one, a new aspect up to half a step, and at
     a template there is no outlier fraction. Failures are taken as independent chances that grow
-    with the square of the distance, whose mean is 1/12: of e remains 1 - (1 - e)^(1/12).
+    with the square of the distance, whose mean is 1/12, so that e becomes 1 - (1 - e)^(1/12).
     """
     require("frame_count", frame_count, whole=True, minimum=1)
-    given = np.asarray(templates.gain_sigma if gain_sigma is None else gain_sigma)
-    outlier_fraction = np.zeros((*given.shape, len(templates.labels_)))
+    gains = np.asarray(templates.gain_sigma if gain_sigma is None else gain_sigma)
+    outlier_fraction = np.zeros((*gains.shape, len(templates.labels_)))
     if not templates.template_error_:
         return outlier_fraction
     sets = halves(templates.labels_, templates.aspect_)
     if not sets:
         return outlier_fraction
-    # Probabilities of the true labels of templates left out, for each gain prior.
+    # Probabilities of the true labels of held-out templates, for each gain prior.
     true = []
     for out in sets:
         samples, rest = templates.drawn(out, frame_count, rng), templates.without(out)
-        own = templates.labels_[out]  # every label keeps templates
-        logs = rest.log_likelihood(samples, frame_count, gain_sigma=given.ravel())
+        truth = templates.labels_[out]  # every label keeps templates
+        logs = rest.log_likelihood(samples, frame_count, gain_sigma=gains.ravel())
         posteriors = [label_posterior(log, rest.labels_)[1] for log in logs]
-        true.append([posterior[np.arange(len(own)), own] for posterior in posteriors])
+        true.append([posterior[np.arange(len(truth)), truth] for posterior in posteriors])
     answers = np.concatenate(true, axis=1)
     # Their weights at the aspect of each template.
-    left = np.concatenate([templates.aspect_[out] for out in sets])
+    held_out = np.concatenate([templates.aspect_[out] for out in sets])
     places, place = np.unique(templates.aspect_, return_inverse=True)
-    apart = np.abs(places[:, None] - left) % CIRCLE
-    apart = np.minimum(apart, CIRCLE - apart)
-    weight = ANYWHERE + np.exp(-((apart / NEARBY) ** 2) / 2)
+    distance = np.abs(places[:, None] - held_out) % CIRCLE
+    distance = np.minimum(distance, CIRCLE - distance)
+    weight = ANYWHERE + np.exp(-((distance / NEARBY) ** 2) / 2)
     labels = len(templates.classes_)
     for g, answer in enumerate(answers):
         fraction = likely_outlier_fraction(answer, labels, weight, added=weight.mean(axis=1))
@@ -93,8 +93,8 @@ def likely_outlier_fraction(
     """Return the outlier fraction (...) that maximises the likelihood of true labels.
 
     `probability` (sample,) is the posterior p of each true label, among two or more `labels`;
-    `weight` (..., sample), and `added` (...) that of a right and of a wrong answer more. e in
-    [1e-6, 1] maximises the weighted sum of log((1 - e) p + e / labels), which is concave, by
+    `weight` (..., sample) weighs them, and `added` (...) one more right and one more wrong answer.
+    e in [1e-6, 1] maximises the weighted sum of log((1 - e) p + e / labels), which is concave, by
     bisection of its derivative.
     """
     more = np.broadcast_to(added, weight.shape[:-1])[..., None]
@@ -115,15 +115,15 @@ def fit_temperature_and_outliers(
 ) -> tuple[float, float]:
     """Return the factor that turns scores into log densities, and their outlier fraction.
 
-    `scores` and `labels` are those of `ncti.classify.label_posterior`; `truth` (sample,), `weight`
+    `scores` and `labels` are as of `ncti.classify.label_posterior`; `truth` (sample,), `weight`
     (sample,). The factor is 0 if no sample has two different scores, or all templates have one
     label.
 
-    Temperature scaling (Guo et al., ICML 2017, arXiv:1706.04599): numbers fitted to samples other
-    than those to be classified, which do not change the order of templates, but decide the weight
-    of one sensor against another. Log densities have the factor 1 and need no fit. A factor alone
-    must be small enough for the worst answers, so it discards information of the others, and yet
-    leaves wrong answers too sure. Here the probability of the true label is (1 - e) p + e / labels,
+    Temperature scaling (Guo et al., ICML 2017, arXiv:1706.04599) fits the factor to other samples
+    than it is used for; it does not change the order of templates, but decides the weight of one
+    sensor against another. Log densities have the factor 1 and need no fit. A factor alone must be
+    small enough for the worst answers, so it discards information of the others, and yet leaves
+    wrong answers overconfident. Here the probability of the true label is (1 - e) p + e / labels,
     with p the posterior at the inverse temperature s; s and e maximise its likelihood, with one
     right and one wrong answer added, as n correct answers in n do not make the next one certain
     (Platt, in Advances in Large Margin Classifiers, MIT Press 1999).
@@ -150,22 +150,22 @@ def _likeliest(
     truth: NDArray[np.intp],
     weights: Floats,
 ) -> tuple[float, float]:
-    """Return `fit_temperature_and_outliers` of scores that are made piece by piece.
+    """Return `fit_temperature_and_outliers` of scores computed piece by piece.
 
-    Labels and truth are numbers, all of which are labels of templates.
+    Labels and truth are numbers, and every true label has a template.
     """
     classes = int(labels.max()) + 1
     ptp = np.concatenate([np.ptp(piece(), axis=1) for piece in pieces])
     spread = float(ptp.mean()) if classes > 1 else 0.0
     if spread == 0.0:
         return 0.0, 0.0
-    member, every = members(labels), np.ones((1, labels.size), np.bool_)
+    member, included = members(labels), np.ones((1, labels.size), np.bool_)
 
     def fitted(log_inverse_temperature: float) -> tuple[float, float]:
         """Return the best outlier fraction at an inverse temperature, and the loss."""
         factor = math.exp(log_inverse_temperature)
         posterior = np.concatenate(
-            [posterior_of(factor * piece(), member, every) for piece in pieces]
+            [posterior_of(factor * piece(), member, included) for piece in pieces]
         )
         probability = posterior[np.arange(len(truth)), truth]
         outlier_fraction = float(likely_outlier_fraction(probability, classes, weights))
@@ -178,10 +178,10 @@ def _likeliest(
 
 
 def least_at(loss: Callable[[float], float], spread: float) -> float:
-    """Return the logarithm of the inverse temperature at which a loss, a function of it, is least.
+    """Return the logarithm of the inverse temperature that minimises a loss, a function of it.
 
-    The lowest of `STEPS` over `spread`, the mean spread of a sample's scores, is refined between
-    its neighbours.
+    It refines the best of `STEPS` over `spread`, the mean spread of a sample's scores, between its
+    neighbours.
     """
     # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
@@ -203,20 +203,20 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     """
     values, place = np.asarray(scores), require_all("aspect", aspect)
     phases, views, _ = values.shape
-    for of_phase in values:
-        require_all("scores", of_phase)
+    for cosines in values:
+        require_all("scores", cosines)
     _, names = np.unique(require_labels("labels", labels), return_inverse=True)
 
     def piece(phase: int, rows: slice, left_out: bool) -> Floats:
-        """Return some rows of scores, with or without the templates of their own aspects."""
-        found = values[phase, rows].astype(np.float64)
-        return np.where(place[rows, None] == place, UNLIKE, found) if left_out else found
+        """Return rows of scores, with or without the templates of their own aspects."""
+        similarity = values[phase, rows].astype(np.float64)
+        return np.where(place[rows, None] == place, UNLIKE, similarity) if left_out else similarity
 
     weight = np.repeat([1 - FRESH, FRESH], (phases - 1) * views)
     truth = np.tile(names, 2 * (phases - 1))
     constants = np.empty((2, phases))
     for phase in range(phases):
-        others = product((False, True), np.delete(np.arange(phases), phase), row_blocks(views))
-        pieces = [partial(piece, other, rows, left_out) for left_out, other, rows in others]
+        parts = product((False, True), np.delete(np.arange(phases), phase), row_blocks(views))
+        pieces = [partial(piece, other, rows, left_out) for left_out, other, rows in parts]
         constants[:, phase] = _likeliest(pieces, names, truth, weight)
     return constants

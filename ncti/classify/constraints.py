@@ -1,8 +1,8 @@
 """Private names of scikit-learn, all in this module.
 
 `_fit_context` and the constraints of `_param_validation` check the parameters of an estimator and
-word the refusals as scikit-learn's own estimators do. There is no public way to them;
-scikit-learn's own template of estimators uses them. They are as here in versions 1.6 to 1.9.
+word errors like scikit-learn's own estimators. They have no public equivalent, and scikit-learn's
+template of estimators uses them. They are unchanged in versions 1.6 to 1.9.
 """
 
 from sklearn.base import _fit_context as fit_context

@@ -1,4 +1,4 @@
-"""Unit directions of vectors, which clustering and correlation compare; depends on numpy alone."""
+"""Unit directions of vectors, which clustering and correlation compare; depends only on numpy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ NO_CATEGORY = -1
 MAX_PASSES = 200  # presentations of a training set, by default
 
 # Rounding leaves a cosine uncertain by some 1e-13. A vector that agrees with a category to this
-# level joins it whatever the vigilance; otherwise it would found the same category in every pass.
+# level joins it at any vigilance; otherwise it would found the same category in every pass.
 SAME_DIRECTION = 1.0 - 1e-12
 
 Floats = NDArray[np.float64]

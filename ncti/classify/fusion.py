@@ -81,21 +81,23 @@ def label_posterior(
 
 
 def _normalised(priors: Floats, label: NDArray[np.integer], answers: NDArray[np.bool_]) -> Floats:
-    """Return log priors whose exponentials have the mean 1 over the answering ones of a label."""
-    shown = np.where(answers, priors, -np.inf)
-    mean = np.zeros_like(shown)
+    """Return log priors, normalised so that answering templates of a label have mean prior 1."""
+    masked = np.where(answers, priors, -np.inf)
+    mean = np.zeros_like(masked)
     for number in range(label.max() + 1):
-        own = label == number
-        whole = np.logaddexp.reduce(shown[:, own], axis=1, keepdims=True)
-        some = np.isfinite(whole)  # of the label answers
-        mean[:, own] = np.where(
-            some, whole - np.log(np.isfinite(shown[:, own]).sum(1)[:, None] + ~some), 0
+        templates = label == number
+        total = np.logaddexp.reduce(masked[:, templates], axis=1, keepdims=True)
+        answered = np.isfinite(total)  # of the label answers
+        mean[:, templates] = np.where(
+            answered,
+            total - np.log(np.isfinite(masked[:, templates]).sum(1)[:, None] + ~answered),
+            0,
         )
     return np.where(answers, priors - mean, 0.0)
 
 
 def members(label: NDArray[np.integer]) -> Floats:
-    """Return the (template, class) matrix that is 1 where a template has a label, by number."""
+    """Return the (template, class) indicator matrix of numbered labels."""
     return (label[:, None] == np.arange(label.max(initial=-1) + 1)).astype(np.float64)
 
 
@@ -200,19 +202,19 @@ def similarity_between_phases(
 
     `silhouettes` (phase, sample, feature) and `templates` (phase, template, feature) are maps at
     two or more places on the detector; an empty map has 0. In use, no template has the silhouette's
-    place on the detector, so its own is left out.
+    place on the detector, so its own place is left out.
     """
     phases, views, features = templates.shape
     known = _directions(templates)
     best = np.empty((phases, silhouettes.shape[1], views), dtype=np.float32)
-    for phase, seen in enumerate(_directions(silhouettes)):
-        others = known[np.arange(phases) != phase].reshape(-1, features)
-        best[phase] = (seen @ others.T).reshape(-1, phases - 1, views).max(axis=1)
+    for phase, vectors in enumerate(_directions(silhouettes)):
+        references = known[np.arange(phases) != phase].reshape(-1, features)
+        best[phase] = (vectors @ references.T).reshape(-1, phases - 1, views).max(axis=1)
     return best
 
 
 def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return vectors of unit length; those of length 0 as they are."""
+    """Return vectors of unit length, or zero for zero vectors."""
     norm = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
     return np.asarray(vectors / np.where(norm > 0, norm, np.float32(1)), dtype=np.float32)
 

@@ -18,7 +18,7 @@ from ncti.checks import require
 from ncti.classify.back_propagation import Layer, Network
 from ncti.classify.constraints import Interval, StrOptions, fit_context
 
-# Within these bounds no product of weights, gains and inputs leaves float64 in any training.
+# Within these bounds no product of weights, gains and inputs overflows float64 in training.
 LARGEST_INPUT = 1e100
 LARGEST_GAIN = 1e6
 LARGEST_RATE = 1e3

@@ -28,10 +28,10 @@ from ncti.classify.between import cells, every_other
 from ncti.classify.constraints import Interval, fit_context
 from ncti.classify.fusion import label_posterior
 
-UNKNOWN_ERROR = 1.0  # if there are too few templates to leave some out: the residual's full scale
+UNKNOWN_ERROR = 1.0  # with too few templates to leave some out: the residual's full scale
 CALIBRATED_AT = 16  # frames in the averages used for calibration
 WITHIN = 1e-4, 1e2  # bounds of the template error
-WIDEST = 1e6  # of any prior: flat compared to the likelihood, and its square is still finite
+WIDEST = 1e6  # of any prior: flat compared to the likelihood, with a finite square
 
 Floats = NDArray[np.float64]
 
@@ -260,10 +260,10 @@ class GaussianTemplates(BaseEstimator):
         rest = copy(self)
         labels = self.classes_[self.labels_[~out]]
         rest.classes_, rest.labels_ = np.unique(labels, return_inverse=True)
-        kept = ["mean_", "cholesky_", "_whole", "_nuisance", "_directions"]
+        names = ["mean_", "cholesky_", "_whole", "_nuisance", "_directions"]
         if self.template_error_:
-            kept.append("aspect_")
-        for name in kept:
+            names.append("aspect_")
+        for name in names:
             setattr(rest, name, getattr(self, name)[~out])
         if rest.template_error_:
             rest._find_cells()
@@ -304,8 +304,8 @@ class GaussianTemplates(BaseEstimator):
         """
         check_is_fitted(self)
         samples, frames = checked_averages(X, frame_count, self.mean_.shape[2])
-        given = self.gain_sigma if gain_sigma is None else gain_sigma
-        gains = require_all("gain_sigma", given, minimum=0, maximum=WIDEST)
+        deviations = self.gain_sigma if gain_sigma is None else gain_sigma
+        gains = require_all("gain_sigma", deviations, minimum=0, maximum=WIDEST)
         floors = require_all("floor_sigma", self.floor_sigma, minimum=0, maximum=WIDEST)
         pairs = np.stack([gains.ravel(), np.full(gains.size, floors)], axis=1)
         result = np.empty((len(pairs), len(samples), len(self.mean_)))
@@ -349,11 +349,11 @@ class GaussianTemplates(BaseEstimator):
         gain = self.gain_sigma if gain_sigma is None else gain_sigma
         require("gain_sigma", gain, minimum=0, maximum=WIDEST)
         frames, priors = np.array([float(frame_count)]), np.array([[gain, self.floor_sigma]])
-        own = (
+        peaks = (
             self.density(t, self.mean_[t], np.repeat(frames, self.mean_.shape[1]), priors).max()
             for t in range(len(self.mean_))
         )
-        return np.fromiter(own, np.float64, len(self.mean_))
+        return np.fromiter(peaks, np.float64, len(self.mean_))
 
     def posterior(
         self, X: ArrayLike, frame_count: ArrayLike, *, log_prior: ArrayLike = 0.0
@@ -400,7 +400,7 @@ class GaussianTemplates(BaseEstimator):
         return self.classes_[best]
 
     def drawn(self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator) -> Floats:
-        """Return (sample, bin) averages, one drawn from each chosen template, at any place."""
+        """Return (sample, bin) averages, one from each chosen template, at a random place."""
         factors, means = self.cholesky_[which], self.mean_[which]
         noise = rng.standard_normal((len(factors), means.shape[2]))
         deviations = np.array([coloured(*pair) for pair in zip(factors, noise, strict=True)])
@@ -421,16 +421,16 @@ class GaussianTemplates(BaseEstimator):
         if not self.template_error_:
             return self.cholesky_[template], self._nuisance[template]
         scale = math.sqrt(frames * self.template_error_) * self._residual[template]
-        whole = self._whole[template] + residual_band(scale, self._correlation)
-        factor = cholesky_banded(whole, lower=True)
+        covariance = self._whole[template] + residual_band(scale, self._correlation)
+        factor = cholesky_banded(covariance, lower=True)
         return factor, whiten(factor, self._directions[template])
 
 
 def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> float:
-    """Return the template error from 1e-4 to 100, to 5 %, most likely of templates left out.
+    """Return the maximum-likelihood template error for held-out templates, 1e-4 to 100, to 5 %.
 
-    It has the largest mean log density of averages of 16 frames from every second template of a
-    label, under its two neighbours of the same label. 1 if no label has five templates.
+    It maximises the mean log density of averages of 16 frames from every second template of a
+    label, under its two neighbours of the same label. It is 1 if no label has five templates.
     """
     # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar

@@ -1,4 +1,4 @@
-"""Goodness of fit: the probability that a sample of a template lies even farther from it."""
+"""Goodness of fit: the probability that a sample of a template lies farther from it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_shape
 
-SMALLEST = 1e-290  # probability from which on its logarithm is taken of an asymptotic series
+SMALLEST = 1e-290  # probability below which an asymptotic series gives its logarithm
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +32,6 @@ def log_fit(scores: ArrayLike, peak: ArrayLike, bins: int) -> Floats:
     tail = gammaincc(shape, half)
     far = np.maximum(half, shape)
     series = (shape - 1) * np.log(far) - far - gammaln(shape) - np.log1p(-(shape - 1) / far)
-    with np.errstate(divide="ignore"):  # of tails that are smaller than any number
+    with np.errstate(divide="ignore"):  # tails that underflow to 0
         result: Floats = np.where(tail > SMALLEST, np.log(tail), series)
     return result

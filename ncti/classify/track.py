@@ -55,35 +55,35 @@ def aspect_prior(
 
     >>> import numpy as np
     >>> from ncti.classify import aspect_prior
-    >>> at, ship = [0, 10, 20, 30], ["duncan"] * 4
+    >>> aspect, ship = [0, 10, 20, 30], ["duncan"] * 4
     >>> for sigma in (2.0, 20.0):
-    ...     print(np.exp(aspect_prior(at, ship, [12.0], sigma=sigma)).round(2))
+    ...     print(np.exp(aspect_prior(aspect, ship, [12.0], sigma=sigma)).round(2))
     [[0.   0.93 0.07 0.  ]]
     [[0.17 0.2  0.18 0.13]]
     """
     # Imported where it is used: scipy.special takes a fifth of a second.
     from scipy.special import log_ndtr
 
-    at = require_all("aspect", aspect)
+    angles = require_all("aspect", aspect)
     names = require_labels("labels", labels)
     reported = require_all("tracked", tracked)
     require("sigma", sigma, minimum=0.0, maximum=1e6)
     deviation = max(sigma, EXACT)
-    if at.ndim != 1 or names.shape != at.shape or reported.ndim != 1:
+    if angles.ndim != 1 or names.shape != angles.shape or reported.ndim != 1:
         raise ValueError(
-            f"aspect has shape {at.shape}, but must be (template,) as the labels, {names.shape}, "
-            f"and tracked (sample,), not {reported.shape}"
+            f"aspect has shape {angles.shape}, but must be (template,) as the labels, "
+            f"{names.shape}, and tracked (sample,), not {reported.shape}"
         )
-    before, behind = np.full((2, len(at)), CIRCLE)
+    before, behind = np.full((2, len(angles)), CIRCLE)
     for name in np.unique(names):
-        own = np.flatnonzero(names == name)
-        own = own[np.argsort(at[own] % CIRCLE)]
-        if len(own) > 1:
-            before[own], behind[own], _ = steps(at[own] % CIRCLE, name)
-    off = (at - reported[:, None] + CIRCLE / 2) % CIRCLE - CIRCLE / 2
+        rows = np.flatnonzero(names == name)
+        rows = rows[np.argsort(angles[rows] % CIRCLE)]
+        if len(rows) > 1:
+            before[rows], behind[rows], _ = steps(angles[rows] % CIRCLE, name)
+    offset = (angles - reported[:, None] + CIRCLE / 2) % CIRCLE - CIRCLE / 2
     turns = np.array([0.0, -CIRCLE, CIRCLE])[:, None, None]
-    low, high = (off - before / 2 + turns) / deviation, (off + behind / 2 + turns) / deviation
-    # Of the two tails the smaller one, so that nothing cancels far from the report.
+    low, high = (offset - before / 2 + turns) / deviation, (offset + behind / 2 + turns) / deviation
+    # Use the smaller of the two tails, so that nothing cancels far from the report.
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
     most, least = log_ndtr(high), log_ndtr(low)
     mass: Floats = np.logaddexp.reduce(most + np.log(-np.expm1(least - most)))

@@ -74,8 +74,8 @@ class Similarities:
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
         none = np.zeros((0, min(learned.shape)))
-        own = cls(directions, lengths, none, np.zeros(0, dtype=bool))
-        return own if tests is None else own.to(tests)
+        similarities = cls(directions, lengths, none, np.zeros(0, dtype=bool))
+        return similarities if tests is None else similarities.to(tests)
 
     def to(self, tests: ArrayLike) -> Similarities:
         """Return the similarities of the same training vectors to other (test, feature) vectors.
@@ -85,13 +85,13 @@ class Similarities:
         ValueError
             If an element is not finite, or the shape does not match.
         """
-        shown = require_all("tests", tests)
-        if shown.ndim != 2 or shown.shape[1] != self.directions.shape[1]:
+        vectors = require_all("tests", tests)
+        if vectors.ndim != 2 or vectors.shape[1] != self.directions.shape[1]:
             raise ValueError(
-                f"tests has shape {shown.shape}, but must be (test, {self.directions.shape[1]})"
+                f"tests has shape {vectors.shape}, but must be (test, {self.directions.shape[1]})"
             )
-        seen, sizes = polar(shown)
-        return replace(self, test=self.products(seen), answers=sizes > 0)
+        directions, sizes = polar(vectors)
+        return replace(self, test=self.products(directions), answers=sizes > 0)
 
     @property
     def are_few(self) -> bool:
@@ -105,7 +105,7 @@ class Similarities:
 
     @property
     def coordinates(self) -> Floats:
-        """The (sample, coordinate) training directions in coordinates of which categories are sums.
+        """Coordinates (sample, coordinate) of the training directions; categories are their sums.
 
         They are the features, or the training directions themselves if these are no more.
         """
@@ -162,11 +162,13 @@ class Clustering:
 
     def names(self, classes: Indices) -> Indices:
         """Return the most frequent class in each category, (category,), from (sample,) classes."""
-        named = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(np.intp)
-        require_shape("classes", named, (len(self.labels),))
+        numbers = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(
+            np.intp
+        )
+        require_shape("classes", numbers, (len(self.labels),))
         matched = self.labels != NO_CATEGORY
-        votes = np.zeros((len(self.weights), int(named.max()) + 1), dtype=np.intp)
-        np.add.at(votes, (self.labels[matched], named[matched]), 1)
+        votes = np.zeros((len(self.weights), int(numbers.max()) + 1), dtype=np.intp)
+        np.add.at(votes, (self.labels[matched], numbers[matched]), 1)
         return votes.argmax(axis=1)
 
     def first_names(self, classes: Indices, order: Indices) -> Indices:
@@ -260,8 +262,8 @@ def cluster(
     few = similarities.are_few
     blocks = [np.arange(count)] if few else np.split(turn, range(BLOCK, len(turn), BLOCK))
     width = min(count, BLOCK)
-    owns = _single(similarities, blocks, width)
-    rows = np.zeros((32, owns[0].shape[1]))
+    singles = _single(similarities, blocks, width)
+    rows = np.zeros((32, singles[0].shape[1]))
     lengths: list[float] = []
     threshold = min(vigilance, SAME_DIRECTION)
     assigned: list[int] = []
@@ -269,31 +271,31 @@ def cluster(
     while not converged and passes < max_passes:
         # One pass: each vector joins its best match above the threshold, or founds a category.
         previous, assigned = assigned, []
-        for block, own in zip(blocks, owns, strict=True):
-            size, known = len(block), rows[: len(lengths)]
+        for block, single in zip(blocks, singles, strict=True):
+            size, categories = len(block), rows[: len(lengths)]
             if lengths and not few:
-                shown = similarities.products(similarities.directions[block])
-                known[:, :size] = known[:, width:] @ shown.T
+                directions = similarities.products(similarities.directions[block])
+                categories[:, :size] = categories[:, width:] @ directions.T
             presented = turn if few else np.arange(size)
             sizes = similarities.lengths[block[presented]]
             for i, length in zip(presented.tolist(), sizes.tolist(), strict=True):
                 cosines = rows[: len(lengths), i]
                 k = int(cosines.argmax()) if lengths else NO_CATEGORY
                 if lengths and cosines[k] > threshold:
-                    kept = (1.0 - learning_rate) * lengths[k]
-                    share = learning_rate * length / (kept + learning_rate * length)
+                    retained = (1.0 - learning_rate) * lengths[k]
+                    share = learning_rate * length / (retained + learning_rate * length)
                     row = rows[k]
                     norm = (1 - share) ** 2 + share**2 + 2 * share * (1 - share) * float(cosines[k])
                     norm = max(norm, 0.0) ** 0.5
                     scale = 1.0 / norm if norm > 0.0 else 1.0  # zero if opposite vectors cancel
                     row *= (1.0 - share) * scale
-                    row += (share * scale) * own[i]
-                    lengths[k] = (kept + learning_rate * length) * norm
+                    row += (share * scale) * single[i]
+                    lengths[k] = (retained + learning_rate * length) * norm
                 else:
                     k = len(lengths)
                     if k == len(rows):
                         rows = np.concatenate([rows, np.zeros_like(rows)])
-                    rows[k] = own[i]
+                    rows[k] = single[i]
                     lengths.append(length)
                 assigned.append(k)
         passes += 1
@@ -316,19 +318,19 @@ def _presented(similarities: Similarities, order: Indices | None) -> Indices:
 
 
 def _single(similarities: Similarities, blocks: list[Indices], width: int) -> list[Floats]:
-    """Return by block the rows of categories that are single samples.
+    """Return the rows of single-sample categories, block by block.
 
-    Each holds the cosines of a category to a block of samples, then its coordinates, which follow
+    A row holds the cosines of a category to a block of samples, then its coordinates, which follow
     the same rule and are updated together. Few samples are one block.
     """
     coordinates = similarities.coordinates
-    owns = []
+    singles = []
     for block in blocks:
-        shown = similarities.directions[block]
-        between = similarities.between_few if similarities.are_few else shown @ shown.T
+        directions = similarities.directions[block]
+        between = similarities.between_few if similarities.are_few else directions @ directions.T
         padding = np.zeros((len(block), width - len(block)))
-        owns.append(np.hstack([between, padding, coordinates[block]]))
-    return owns
+        singles.append(np.hstack([between, padding, coordinates[block]]))
+    return singles
 
 
 def _places(order: ArrayLike, count: int) -> Indices:
@@ -336,7 +338,7 @@ def _places(order: ArrayLike, count: int) -> Indices:
     places = require_all("order", order, whole=True, minimum=0, below=count).astype(np.intp)
     if places.ndim != 1:
         raise ValueError(f"order has shape {places.shape}, but must be (sample,)")
-    seen = np.bincount(places, minlength=count)
-    if seen.max() > 1:
-        raise ValueError(f"order has {seen.argmax()} more than once, but samples must differ")
+    counts = np.bincount(places, minlength=count)
+    if counts.max() > 1:
+        raise ValueError(f"order has {counts.argmax()} more than once, but samples must differ")
     return places

@@ -10,41 +10,41 @@ from ncti.compiled import compiled, inlined
 Floats = NDArray[np.float64]
 
 AT_ONCE = 64
-"""Vectors that are solved together: the elements that a band spans stay in L1."""
+"""Vectors solved together, few enough that the elements within a band stay in L1."""
 
 
 @inlined
-def _eliminate(factor: Floats, some: Floats, j: int) -> None:
-    """Solve for element j of some (bin, vector) vectors, and subtract it from those below it."""
+def _eliminate(factor: Floats, block: Floats, j: int) -> None:
+    """Solve for element j of a (bin, vector) block, and subtract it from the elements below."""
     lags, bins = factor.shape
-    own = some[j]
+    row = block[j]
     for v in range(AT_ONCE):
-        own[v] /= factor[0, j]
+        row[v] /= factor[0, j]
     for lag in range(1, min(lags, bins - j)):
-        below, share = some[j + lag], factor[lag, j]
+        below, share = block[j + lag], factor[lag, j]
         for v in range(AT_ONCE):
-            below[v] -= share * own[v]
+            below[v] -= share * row[v]
 
 
 @compiled
 def solve_band(factor: Floats, vectors: Floats) -> Floats:
-    """Return L^-1 times each of some (vector, bin) vectors, as if it were alone.
+    """Return L^-1 times each of the (vector, bin) vectors, independent of the other vectors.
 
-    `factor` (lag, bin) is the lower band of L. Forward substitution of several at a time: LAPACK's
-    dtbtrs, which solves one after the other, takes three times as long.
+    `factor` (lag, bin) is the lower band of L. Forward substitution runs over blocks of vectors:
+    LAPACK's dtbtrs, which solves vector by vector, takes three times as long.
     """
     bins = factor.shape[1]
-    solved, some = np.empty(vectors.shape), np.zeros((bins, AT_ONCE))
+    solved, block = np.empty(vectors.shape), np.zeros((bins, AT_ONCE))
     for first in range(0, len(vectors), AT_ONCE):
         count = min(AT_ONCE, len(vectors) - first)
         for v in range(count):
             for j in range(bins):
-                some[j, v] = vectors[first + v, j]
+                block[j, v] = vectors[first + v, j]
         for j in range(bins):
-            _eliminate(factor, some, j)
+            _eliminate(factor, block, j)
         for v in range(count):
             for j in range(bins):
-                solved[first + v, j] = some[j, v]
+                solved[first + v, j] = block[j, v]
     return solved
 
 
@@ -54,22 +54,22 @@ def band_products(
 ) -> tuple[Floats, Floats]:
     """Return squared lengths (vector,) of whitened vectors, and their products with directions.
 
-    `vectors` (vector, bin) are whitened to L^-1 (x - m), but not kept: `factor` (lag, bin) is the
-    lower band of L, `mean` (bin,) m, and `directions` (bin, direction) are whitened. Products
-    (vector, direction) are of each vector as if it were alone.
+    It whitens `vectors` (vector, bin) to L^-1 (x - m) without storing them: `factor` (lag, bin) is
+    the lower band of L, `mean` (bin,) m, and `directions` (bin, direction) are whitened. Products
+    (vector, direction) of a vector do not depend on the other vectors.
     """
     bins, number = directions.shape
     squared, along = np.empty(len(vectors)), np.empty((len(vectors), number))
-    some, sums = np.zeros((bins, AT_ONCE)), np.empty((number + 1, AT_ONCE))
+    block, sums = np.zeros((bins, AT_ONCE)), np.empty((number + 1, AT_ONCE))
     for first in range(0, len(vectors), AT_ONCE):
         count = min(AT_ONCE, len(vectors) - first)
         for v in range(count):
             for j in range(bins):
-                some[j, v] = vectors[first + v, j] - mean[j]
+                block[j, v] = vectors[first + v, j] - mean[j]
         sums[:] = 0.0
         for j in range(bins):
-            _eliminate(factor, some, j)
-            white = some[j]
+            _eliminate(factor, block, j)
+            white = block[j]
             for v in range(AT_ONCE):
                 sums[number, v] += white[v] * white[v]
             for d in range(number):

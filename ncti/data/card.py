@@ -31,7 +31,7 @@ PARTS = {
     TEST: "rows to be tested with",
     UNKNOWN: "rows of a ship absent from training, to be rejected",
 }
-LEFT_OUT = ("expected",)  # variables: not measured
+LEFT_OUT = ("expected",)  # variables that are not measured
 CONTEXT = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -89,7 +89,7 @@ def card(split: Split) -> dict[str, Any]:
     ('few-frames', ['train.jsonl', 'test.jsonl'])
     """
     parts = _parts(split)
-    about = f"{split.question} Simulated range profiles of a laser radar, seed {split.seed}: " + (
+    summary = f"{split.question} Simulated range profiles of a laser radar, seed {split.seed}: " + (
         "; ".join(f"{rows.sizes['row']} {PARTS[part]}" for part, rows in parts.items())
     )
     return {
@@ -97,7 +97,7 @@ def card(split: Split) -> dict[str, Any]:
         "@type": "sc:Dataset",
         "conformsTo": VERSION,
         "name": split.name,
-        "description": about + ".",
+        "description": summary + ".",
         "version": version("ncti-sweep"),
         "datePublished": PUBLISHED,
         "license": LICENSE,
@@ -117,11 +117,11 @@ def save(split: Split, folder: Path) -> None:
     split : Split
         Split.
     folder : Path
-        Folder, which is made if it is not there; files of the same names are replaced.
+        Folder, created if missing; files of the same names are replaced.
 
     See Also
     --------
-    card : What the card says.
+    card : Content of the card.
 
     Examples
     --------
@@ -143,15 +143,15 @@ def save(split: Split, folder: Path) -> None:
 
 
 def _parts(split: Split) -> dict[str, xr.Dataset]:
-    """Return the parts that a split has, by name."""
-    several = {TRAIN: split.train, TEST: split.test, UNKNOWN: split.unknown}
-    return {part: rows for part, rows in several.items() if rows is not None}
+    """Return the parts of a split by name."""
+    candidates = {TRAIN: split.train, TEST: split.test, UNKNOWN: split.unknown}
+    return {part: rows for part, rows in candidates.items() if rows is not None}
 
 
 def _columns(rows: xr.Dataset) -> list[str]:
-    """Return the names of the variables of a row that are described."""
-    of_row = (str(name) for name in rows.variables if "row" in rows[name].dims)
-    return [name for name in of_row if name not in LEFT_OUT]
+    """Return the names of the variables of a row that the card describes."""
+    variables = (str(name) for name in rows.variables if "row" in rows[name].dims)
+    return [name for name in variables if name not in LEFT_OUT]
 
 
 def _lines(rows: xr.Dataset) -> Iterator[bytes]:
@@ -159,14 +159,14 @@ def _lines(rows: xr.Dataset) -> Iterator[bytes]:
     columns = _columns(rows)
     for k in range(rows.sizes["row"]):
         values = {name: rows[name].values[k] for name in columns}
-        texts = (f"{json.dumps(name)}: {_written(value)}" for name, value in values.items())
+        texts = (f"{json.dumps(name)}: {_as_json(value)}" for name, value in values.items())
         yield f"{{{', '.join(texts)}}}\n".encode()
 
 
-def _written(value: Any) -> str:
+def _as_json(value: Any) -> str:
     """Return a value of a row as JSON."""
     if np.ndim(value):
-        return "[" + ",".join(map(_written, value)) + "]"
+        return "[" + ",".join(map(_as_json, value)) + "]"
     return f"{value:.9g}" if value.dtype == np.float32 else json.dumps(value.item())
 
 
@@ -176,8 +176,8 @@ def _file(part: str, rows: xr.Dataset) -> dict[str, Any]:
     for line in _lines(rows):
         digest.update(line)
     name = f"{part}.jsonl"
-    about = {"@type": "cr:FileObject", "@id": name, "name": name, "description": PARTS[part]}
-    return about | {"contentUrl": name, "encodingFormat": ENCODING, "sha256": digest.hexdigest()}
+    entry = {"@type": "cr:FileObject", "@id": name, "name": name, "description": PARTS[part]}
+    return entry | {"contentUrl": name, "encodingFormat": ENCODING, "sha256": digest.hexdigest()}
 
 
 def _records(part: str, rows: xr.Dataset) -> dict[str, Any]:
@@ -190,7 +190,7 @@ def _records(part: str, rows: xr.Dataset) -> dict[str, Any]:
         shape = variable.shape[1:]
         array = {"isArray": True, "arrayShape": ",".join(map(str, shape))} if shape else {}
         source = {"fileObject": {"@id": f"{part}.jsonl"}, "extract": {"column": name}}
-        about = {"@type": "cr:Field", "@id": f"{part}/{name}", "name": name, "description": label}
+        entry = {"@type": "cr:Field", "@id": f"{part}/{name}", "name": name, "description": label}
         kind = {"dataType": TYPES[variable.dtype.kind], "source": source}
-        fields.append(about | kind | array)
+        fields.append(entry | kind | array)
     return {"@type": "cr:RecordSet", "@id": part, "name": part, "field": fields}

@@ -34,7 +34,7 @@ class Bounds:
 def uniform_numbers(seed: int, key: int, numbers: NDArray[np.int64], columns: int) -> Floats:
     """Return (column, row) random numbers between 0 and 1, exclusive, keyed by seed, key and row.
 
-    `numbers` (row,) are those of the rows, and `key` separates uses.
+    `numbers` (row,) are the rows' numbers, and `key` separates uses.
     """
     words = np.array(
         [
@@ -43,7 +43,7 @@ def uniform_numbers(seed: int, key: int, numbers: NDArray[np.int64], columns: in
         ],
         dtype=np.uint64,
     ).reshape(-1, columns)
-    # Contiguous by column: a function of an array is then computed alike, however long it is.
+    # Contiguous by column, so that functions of an array give the same bits for any length.
     return np.ascontiguousarray(((words >> np.uint64(64 - BITS)).T + 0.5) * 2.0**-BITS)
 
 
@@ -61,8 +61,8 @@ def sampler(name: str, given: Any, bounds: Bounds) -> Callable[[Floats], Floats]
     if values.ndim > 1 or not values.size or (isinstance(given, tuple) and values.size != 2):
         raise ValueError(f"{name} is {given!r:.60}, but must be {KINDS}")
     if not isinstance(given, tuple):
-        several = values.reshape(-1)
-        return lambda uniform: several[(uniform * len(several)).astype(np.intp)]
+        choices = values.reshape(-1)
+        return lambda uniform: choices[(uniform * len(choices)).astype(np.intp)]
     low, high = values.tolist()
     if low > high:
         raise ValueError(f"{name} is {given!r:.60}, but must be a tuple (low, high), low first")

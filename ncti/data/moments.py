@@ -1,4 +1,4 @@
-"""Exact mean and covariance of the views of a data set, for classifiers that learn no noise."""
+"""Exact mean and covariance of the views of a data set, for classifiers trained without noise."""
 
 from __future__ import annotations
 
@@ -49,25 +49,25 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
 
     Notes
     -----
-    What an endless number of draws of these views would show, and nothing of other views.
+    The moments are the limit of infinitely many draws of these views.
 
     Examples
     --------
     >>> import ncti
     >>> rows = ncti.dataset(["duncan"], 4, seed=0, rows_per_view=2)
-    >>> of_views = ncti.data.moments(rows)
-    >>> of_views.sizes["view"], of_views["mean"].dims
+    >>> table = ncti.data.moments(rows)
+    >>> table.sizes["view"], table["mean"].dims
     (2, ('view', 'place', 'down_range'))
     """
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     views, first = np.unique(rows.view.values, return_index=True)
-    of_views = [_moments(rows.isel(row=k), places) for k in first.tolist()]
-    means, bands = zip(*of_views, strict=True)
-    whole = np.zeros((len(bands), max(map(len, bands)), rows.sizes["down_range"]))
-    for of_view, band in zip(whole, bands, strict=True):
-        of_view[: len(band)] = band
+    pairs = [_moments(rows.isel(row=k), places) for k in first.tolist()]
+    means, bands = zip(*pairs, strict=True)
+    covariance = np.zeros((len(bands), max(map(len, bands)), rows.sizes["down_range"]))
+    for target, band in zip(covariance, bands, strict=True):
+        target[: len(band)] = band
     coords = {
         name: ("view", rows[name].values[first], rows[name].attrs)
         for name in OF_VIEW
@@ -81,7 +81,7 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
                 ("view", "place", "down_range"), np.array(means), "1", "mean of a frame"
             ),
             "covariance": labelled(
-                ("view", "lag", "down_range"), whole, "1", "covariance of bins a lag apart"
+                ("view", "lag", "down_range"), covariance, "1", "covariance of bins a lag apart"
             ),
         },
         coords,
@@ -90,20 +90,20 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
 
 
 def _moments(row: xr.Dataset, places: int) -> tuple[list[Floats], Floats]:
-    """Return the means (bin,) of a view at some places, and its covariance (lag, bin)."""
-    centres, about = row.down_range.values, row.attrs
+    """Return the means (bin,) of a view at `places` places, and its covariance (lag, bin)."""
+    centres, attributes = row.down_range.values, row.attrs
     bin_width = float(centres[1] - centres[0])
     aspect, depression, slant_range, pulse_width, cnr = (float(row[name]) for name in OF_VIEW[2:])
     mesh = mesh_of(row["variant" if "variant" in row.coords else "ship"].item())
-    beam = Beam(about["ifov_urad"] * 1e-6, bin_width, bin_width * len(centres))
-    signal = vars(Signal(pulse_width, power_ratio(cnr), about["target_free_ifovs"]))
+    beam = Beam(attributes["ifov_urad"] * 1e-6, bin_width, bin_width * len(centres))
+    signal = vars(Signal(pulse_width, power_ratio(cnr), attributes["target_free_ifovs"]))
     image = drawn_lines(
         mesh,
         aspect=aspect,
         depression=depression,
         slant_range=slant_range,
-        range_drawn=drawn_at(mesh, slant_range, about["far_field_error"]),
-        spacing=about["spacing_m"],
+        range_drawn=drawn_at(mesh, slant_range, attributes["far_field_error"]),
+        spacing=attributes["spacing_m"],
         ifov=beam.ifov,
     )
     extents = [

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ANYWHERE = "random"
-MOST_ROWS = 10_000_000  # of a call: 10 GB of profiles
+MOST_ROWS = 10_000_000  # per call: 10 GB of profiles
 MOST_FRAMES = 10_000
 NUMBERS = {
     "count": Bounds(1, MOST_ROWS, whole=True),
@@ -59,7 +59,7 @@ NUMBERS = {
 }
 """Numbers that are the same for all rows, and their bounds."""
 
-ROWS_AT_ONCE = 2000  # of a batch: some seconds of a process
+ROWS_AT_ONCE = 2000  # per batch: some seconds of a process
 
 ROWS = {
     "row": "number of the row",
@@ -92,10 +92,10 @@ OF_RADAR: dict[str, Any] = {
     "floor": 0.0,
     "expected": False,
 }
-"""Arguments of the laser radar alone, and their values without one."""
+"""Arguments that only a laser radar has, and their defaults."""
 
 ONLY_RADAR = (*OF_RADAR, *PLACE, "error_bound")
-"""Coordinates of rows that need a laser radar."""
+"""Coordinates that only rows of a laser radar have."""
 
 
 def dataset(
@@ -127,7 +127,7 @@ def dataset(
 ) -> xr.Dataset:
     """Return labelled rows of simulated signatures, with every parameter that was drawn.
 
-    A parameter that may be drawn is a value; a list, of which each value is drawn as often; a tuple
+    A parameter that may be drawn is a value; a list of equally probable values; a tuple
     (low, high), drawn uniformly between; or a frozen distribution of `scipy.stats`.
 
     Parameters
@@ -138,7 +138,7 @@ def dataset(
     count : int
         Number of rows.
     seed : int
-        Seed. A row depends on it and on its number alone: fewer rows are the first of more.
+        Seed. A row depends only on it and on its number: fewer rows are the first of more.
     first : int
         Number of the first row: rows of one seed can be made in parts, in any order.
     workers : int
@@ -234,10 +234,10 @@ def dataset(
     ((60, 250), 3)
     """
     names = _names(ships)
-    count, first, workers, rows_per_view = _whole(
+    count, first, workers, rows_per_view = _integers(
         count=count, first=first, workers=workers, rows_per_view=rows_per_view
     )
-    seed, free = _whole(seed=seed, target_free_ifovs=target_free_ifovs)
+    seed, free = _integers(seed=seed, target_free_ifovs=target_free_ifovs)
     _check_numbers(spacing=spacing, far_field_error=far_field_error)
     recipe = Recipe(
         ships=tuple(ships),
@@ -251,13 +251,13 @@ def dataset(
         far_field_error=far_field_error,
         expected=bool(expected),
     )
-    of_radar = {"pulse_width": pulse_width, "cnr": cnr, "gain": gain, "floor": floor}
+    radar_arguments = {"pulse_width": pulse_width, "cnr": cnr, "gain": gain, "floor": floor}
     if sensor == "infrared":
-        _check_unused(of_radar | {"expected": expected})
-    of_view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
-    given = of_view | of_radar | {"frames": frames, "bin_width": bin_width}
+        _check_unused(radar_arguments | {"expected": expected})
+    view_arguments = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
+    drawable = view_arguments | radar_arguments | {"frames": frames, "bin_width": bin_width}
     rows = np.arange(first, first + count)
-    drawn = parameters(rows, len(names), seed=seed, rows_per_view=rows_per_view, **given)
+    drawn = parameters(rows, len(names), seed=seed, rows_per_view=rows_per_view, **drawable)
     _check_views(recipe, names, drawn)
     arrays = _gathered(recipe, drawn, workers)
     drawn["ship"] = np.array(names)[drawn["ship"]]
@@ -270,15 +270,15 @@ def _check_numbers(**numbers: float) -> None:
         require(name, value, **vars(NUMBERS[name]))
 
 
-def _whole(**numbers: float) -> list[int]:
+def _integers(**numbers: float) -> list[int]:
     """Return numbers as integers, or raise `ValueError` for those out of their bounds."""
     _check_numbers(**numbers)
     return [int(value) for value in numbers.values()]
 
 
-def _check_unused(of_radar: dict[str, Any]) -> None:
+def _check_unused(arguments: dict[str, Any]) -> None:
     """Raise `ValueError` for arguments of the laser radar in a data set without it."""
-    for name, value in of_radar.items():
+    for name, value in arguments.items():
         if value is not OF_RADAR[name] and not (np.isscalar(value) and value == OF_RADAR[name]):
             raise ValueError(
                 f"{name} is {value!r:.60}, but must not be given without a laser radar"
@@ -287,7 +287,7 @@ def _check_unused(of_radar: dict[str, Any]) -> None:
 
 def _bounds(bin_width: float) -> dict[str, Bounds]:
     """Return the bounds of parameters by name, those of views before those of rows."""
-    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # or a rounding of it
+    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # a margin for rounding
     return {
         "aspect": Bounds(-360.0, 360.0),
         "depression": Bounds(0.0, 90.0),
@@ -317,7 +317,7 @@ def _names(ships: Sequence[Ship]) -> list[str]:
 
 
 def _check_views(recipe: Recipe, names: list[str], drawn: Arrays) -> None:
-    """Raise `ValueError` for a beam too narrow, or a window without room at both its edges."""
+    """Raise `ValueError` for too narrow a beam, or a window without room at both its edges."""
     check_sight(float(drawn["slant_range"].min()), recipe.beam.ifov)
     if "range" not in SENSORS[recipe.sensor]:
         return
@@ -339,26 +339,26 @@ def parameters(
 ) -> Arrays:
     """Return the parameters (row,) drawn for the rows of a data set, without simulating them.
 
-    `numbers` (row,) are those of the rows; `row` and `view` are among the parameters, and `ship` is
-    a number. Other arguments are those of `dataset`.
+    `numbers` (row,) are the rows' numbers; `row` and `view` are among the parameters, and `ship` is
+    a number. Other arguments are as of `dataset`.
     """
     if isinstance(given["aspect"], str) and given["aspect"] == ANYWHERE:
         given["aspect"] = (0.0, 360.0)
     given["cnr"] = 0.0 if cnr is None else cnr
     bounds = _bounds(bin_width)
     samplers = {name: sampler(name, given[name], bounds[name]) for name in bounds}
-    # Each ship has one view of a block, of as many views as there are ships.
+    # A block has as many views as there are ships, one of each ship.
     view = numbers // rows_per_view
     blocks, block = np.unique(view // ships, return_inverse=True)
-    views, of_row = blocks[:, None] * ships + np.arange(ships), block * ships + view % ships
-    *of_view, own = VIEW[1:], [name for name in samplers if name not in VIEW]
+    views, view_of_row = blocks[:, None] * ships + np.arange(ships), block * ships + view % ships
+    *view_names, row_names = VIEW[1:], [name for name in samplers if name not in VIEW]
     order, *uniform = uniform_numbers(seed, OF_VIEWS, views.reshape(-1), len(VIEW))
     drawn: Arrays = {"row": numbers, "view": view}
-    drawn["ship"] = order.reshape(views.shape).argsort(axis=1).reshape(-1)[of_row]
-    for name, values in zip(*of_view, uniform, strict=True):
-        drawn[name] = samplers[name](values)[of_row]
-    *uniform, right, up = uniform_numbers(seed, OF_ROWS, numbers, len(own) + len(PLACE))
-    for name, values in zip(own, uniform, strict=True):
+    drawn["ship"] = order.reshape(views.shape).argsort(axis=1).reshape(-1)[view_of_row]
+    for name, values in zip(*view_names, uniform, strict=True):
+        drawn[name] = samplers[name](values)[view_of_row]
+    *uniform, right, up = uniform_numbers(seed, OF_ROWS, numbers, len(row_names) + len(PLACE))
+    for name, values in zip(row_names, uniform, strict=True):
         drawn[name] = samplers[name](values)
     drawn |= dict(zip(PLACE, (right, up), strict=True))
     drawn["frames"] = drawn["frames"].astype(np.int64)
@@ -369,40 +369,40 @@ def parameters(
 
 
 def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
-    """Return the arrays of all rows, simulated in batches of views by some processes."""
-    # Equal views beside one another, and within a ship and aspect all ranges.
+    """Return the arrays of all rows, simulated in batches of views by `workers` processes."""
+    # Sort equal views together, and all ranges of a ship and aspect.
     order = np.lexsort([drawn["row"], *(drawn[name] for name in reversed(VIEW))])
     ordered = {name: values[order] for name, values in drawn.items()}
     ends = np.array([rows.stop for rows in equal_rows(ordered, VIEW)])
     parts = max(len(order) // ROWS_AT_ONCE, 4 * workers if workers > 1 else 1)
-    wanted = len(order) * np.arange(1, parts) // parts
-    cuts = np.unique([0, *ends[np.searchsorted(ends, wanted)], len(order)]).tolist()
+    targets = len(order) * np.arange(1, parts) // parts
+    cuts = np.unique([0, *ends[np.searchsorted(ends, targets)], len(order)]).tolist()
     batches = [
         {name: values[start:end] for name, values in ordered.items()}
         for start, end in pairwise(cuts)
     ]
     simulate = partial(simulated, recipe)
     if workers == 1:
-        found = list(map(simulate, batches))
+        results = list(map(simulate, batches))
     else:
         context = get_context("spawn")
         with ProcessPoolExecutor(workers, context, initializer=_lines_alone) as pool:
-            found = list(pool.map(simulate, batches))
+            results = list(pool.map(simulate, batches))
     arrays = {}
-    for name in list(found[0]):
-        joined = np.concatenate([part.pop(name) for part in found])
+    for name in list(results[0]):
+        joined = np.concatenate([result.pop(name) for result in results])
         arrays[name] = np.empty_like(joined)
         arrays[name][order] = joined
     return arrays
 
 
 def _lines_alone() -> None:
-    """Make this process sweep lines in one thread, since other processes use the cores."""
+    """Limit this process to one thread of lines, since other processes use the cores."""
     os.environ["OMP_NUM_THREADS"] = "1"
 
 
 def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
-    """Return rows as a data set of xarray."""
+    """Return rows as an xarray data set."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
@@ -422,7 +422,7 @@ def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
         bins = bin_centres(beam.window, beam.bin_width)
         coords["down_range"] = labelled("down_range", bins, "m", "down-range")
     else:
-        rows = {name: about for name, about in ROWS.items() if name not in ONLY_RADAR}
+        rows = {name: meaning for name, meaning in ROWS.items() if name not in ONLY_RADAR}
     if "infrared" in SENSORS[recipe.sensor]:
         attributes |= {**vars(recipe.imager), "super_resolution": recipe.super_resolution}
         angle, radius = map_cells()
@@ -430,11 +430,11 @@ def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
         coords["radius"] = labelled(
             "radius", radius, "1", "place between inner and outer log radius"
         )
-    for name, about in rows.items():
-        if isinstance(about, str):
-            coords[name] = "row", arrays[name], {"long_name": about}
+    for name, meaning in rows.items():
+        if isinstance(meaning, str):
+            coords[name] = "row", arrays[name], {"long_name": meaning}
         else:
-            coords[name] = labelled("row", arrays[name], *about)
+            coords[name] = labelled("row", arrays[name], *meaning)
     variables = {
         name: labelled(dims, arrays[name], "1", label)
         for name, (dims, label) in VARIABLES.items()

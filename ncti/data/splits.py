@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 KNOWN = ("duncan", "horne", "spruance", "texas")
-"""Ships learned. Duncan is one of two sisters, each of the others has its own class."""
+"""Ships learned. Duncan is one of two sister ships; each of the others has its own class."""
 
 SISTER, STRANGER = "roberts", "connole"
 """Ships not learned: Roberts, of Duncan's class with a longer hull, and one of another class."""
@@ -30,7 +30,7 @@ TRAIN, TEST, UNKNOWN = "train", "test", "unknown"
 TRAINING_ROWS, TEST_ROWS = 1600, 800
 LONG = 400  # rows, which take seconds
 PER_VIEW = {TRAIN: 8, TEST: 2, UNKNOWN: 2}
-"""Rows of a view. What is tested varies more between views than between draws of one."""
+"""Rows per view. Test scores vary more between views than between draws of a view."""
 
 SIDE = (0.0, 180.0)
 """Aspects [deg]: one side of a ship, since the other shows nearly the same profiles."""
@@ -39,7 +39,7 @@ SECTOR = 30.0
 """Width of the sector that `aspect-gap` leaves out [deg]."""
 
 NEAR, FAR = 25e3, 100e3
-"""Slant ranges [m] of `range-shift`; all else is at the second."""
+"""Slant ranges [m] of `range-shift`; all other rows are at the second."""
 
 FEW = 2
 """Frames averaged in the tests of `few-frames`, an eighth of those learned."""
@@ -79,14 +79,14 @@ NOMINAL: Rows = {
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Rows of training and test, which have nothing in common.
+    """Rows of training and test, which share no view, noise or variant.
 
     Attributes
     ----------
     name, question : str
         One of `SPLITS`.
     seed : int
-        Seed from which all of it follows.
+        Seed that determines all rows.
     train, test : xarray.Dataset
         Rows of `ncti.dataset`; `ship` is the right answer, and `variant` the ship drawn. Those
         of training have their expected profiles, too.
@@ -117,7 +117,7 @@ class Split:
         import pandas as pd
 
         parts = {TRAIN: self.train, TEST: self.test, UNKNOWN: self.unknown}
-        about = {
+        summary = {
             name: {
                 "rows": part.sizes["row"],
                 "views": len(np.unique(part.view)),
@@ -127,7 +127,7 @@ class Split:
             for name, part in parts.items()
             if part is not None
         }
-        return pd.DataFrame.from_dict(about, orient="index")
+        return pd.DataFrame.from_dict(summary, orient="index")
 
     def _repr_html_(self) -> str:
         return f"<p>{self.name}, seed {self.seed}: {self.question}</p>{self.to_pandas().to_html()}"
@@ -197,26 +197,26 @@ def split(
         require(part, count, **vars(NUMBERS["count"]))
     counts = {TRAIN: train, TEST: test, UNKNOWN: max(test // 2, 1)}
     if train + test > LONG:
-        said = "simulating %d rows to learn and %d to test; this takes some seconds"
-        logging.getLogger("ncti").warning(said, train, test)
-    found = {
+        message = "simulating %d rows to learn and %d to test; this takes some seconds"
+        logging.getLogger("ncti").warning(message, train, test)
+    rows = {
         part: rows_of(name, part, seed=seed, ships=ships, count=count, workers=workers)
         for part, count in counts.items()
         if part != UNKNOWN or name in OUTSIDERS
     }
-    return Split(name, SPLITS[name], seed, found[TRAIN], found[TEST], found.get(UNKNOWN))
+    return Split(name, SPLITS[name], seed, rows[TRAIN], rows[TEST], rows.get(UNKNOWN))
 
 
 def rows_of(
     name: str, part: str, *, seed: int, ships: Sequence[str], count: int, workers: int = 1
 ) -> xr.Dataset:
     """Return the rows of one part, "train", "test" or "unknown", of a split; see `Split`."""
-    names, given = recipe(name, part, seed=seed, ships=ships)
-    rows = dataset(names, count, workers=workers, expected=part == TRAIN, **given)
+    names, arguments = recipe(name, part, seed=seed, ships=ships)
+    rows = dataset(names, count, workers=workers, expected=part == TRAIN, **arguments)
     base = np.array([ship.partition("@")[0] for ship in rows.ship.values.tolist()])
-    about = {"long_name": "ship drawn, a variant of the ship to be named"}
+    attributes = {"long_name": "ship drawn, a variant of the ship to be named"}
     return rows.assign_coords(
-        variant=("row", rows.ship.values, about), ship=("row", base, rows.ship.attrs)
+        variant=("row", rows.ship.values, attributes), ship=("row", base, rows.ship.attrs)
     )
 
 
@@ -230,9 +230,9 @@ def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[li
             f"ships is {ships!r:.60}, but must be at least two ships without {SISTER} and "
             f"{STRANGER}, which are unknown"
         )
-    given = NOMINAL | _given(name, part, seed)
-    given |= {"seed": _drawn_by(name, part, seed), "rows_per_view": PER_VIEW[part]}
-    return _ships(name, part, seed, ships), given
+    arguments = NOMINAL | _changes(name, part, seed)
+    arguments |= {"seed": _drawn_by(name, part, seed), "rows_per_view": PER_VIEW[part]}
+    return _ships(name, part, seed, ships), arguments
 
 
 def trained_as(name: str) -> str:
@@ -244,25 +244,25 @@ OUTSIDERS = {"unknown-near": SISTER, "unknown-far": STRANGER}
 
 
 def gap(seed: int) -> tuple[float, float]:
-    """Return the sector [deg] that `aspect-gap` leaves out for a seed; its first end is in it."""
+    """Return the sector [deg] that `aspect-gap` leaves out for a seed, lower end inclusive."""
     low = SECTOR * (seed % round(SIDE[1] / SECTOR))
     return low, low + SECTOR
 
 
 def _drawn_by(name: str, part: str, seed: int) -> int:
-    """Return the seed of the rows of a part, unlike those of all other parts and splits of a seed.
+    """Return the seed of the rows of a part.
 
     Parts share it only if they have the same training, or the same views and noise under other
     conditions.
     """
-    of_train = [*SPLITS].index(trained_as(name))
-    key = {TRAIN: (0, of_train), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
+    training = [*SPLITS].index(trained_as(name))
+    key = {TRAIN: (0, training), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
     words = np.random.SeedSequence(seed, spawn_key=key).generate_state(1, np.uint64)
     return int(words[0] >> np.uint64(1))
 
 
 def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
-    """Return the ships that a part has, by the names of variants in `variant`."""
+    """Return the names of a part's ships, of variants in the split `variant`."""
     if part == UNKNOWN:
         return [OUTSIDERS[name]]
     if name != "variant":
@@ -273,24 +273,24 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
     return [f"{ship}@0.{number}" for ship in ships for number in sorted(half.tolist())]
 
 
-def _given(name: str, part: str, seed: int) -> Rows:
+def _changes(name: str, part: str, seed: int) -> Rows:
     """Return the parameters of a part that differ from the nominal ones."""
     # Imported where it is used: scipy.stats takes half a second.
     from scipy.stats import norm, rv_histogram
 
-    given: Rows = {}
+    changes: Rows = {}
     if name == "aspect-gap":
         low, high = gap(seed)
         edges = sorted({SIDE[0], low, high, SIDE[1]})
         weights = [0.0 if start == low else end - start for start, end in pairwise(edges)]
         outside = rv_histogram((np.array(weights), np.array(edges)), density=False)
-        given["aspect"] = outside if part == TRAIN else (low, high)
+        changes["aspect"] = outside if part == TRAIN else (low, high)
     elif name == "range-shift" and part == TRAIN:
-        given["slant_range"] = NEAR
+        changes["slant_range"] = NEAR
     elif name == "sensor-shift" and part != TRAIN:
         nominal = 10 * math.log10(carrier_to_noise(FAR))
-        given |= {"gain": norm(1, GAIN_DRIFT), "floor": norm(0, FLOOR_DRIFT)}
-        given["cnr"] = nominal - CNR_LOSS
+        changes |= {"gain": norm(1, GAIN_DRIFT), "floor": norm(0, FLOOR_DRIFT)}
+        changes["cnr"] = nominal - CNR_LOSS
     elif name == "few-frames" and part != TRAIN:
-        given["frames"] = FEW
-    return given
+        changes["frames"] = FEW
+    return changes

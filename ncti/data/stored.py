@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROWS = ("dataset", "dataset_infrared")
-"""Groups of a store of rows of `ncti.dataset`, of the laser radar and of the imager."""
+"""Groups of a store of rows of `ncti.dataset`, for the laser radar and the imager."""
 
-AT_ONCE = 20_000  # rows of a store that are read at once, so that a million need little more memory
+AT_ONCE = 20_000  # rows read from a store at once, so that a million need little more memory
 PREFIX = "row_"  # of parameters of rows in a store
-DRAWS = ("replicate", "phase")  # dimensions whose values are draws of one and the same
+DRAWS = ("replicate", "phase")  # dimensions over independent draws of one condition
 OF_ROWS = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
-"""Types of numbers, which a store may keep in others."""
+"""Types of numbers that a store may keep in another type."""
 
 SPLITS = ("train", "learned", "test", "unknown")
 CLASSIFIERS = "classification/{}"  # groups of their answers
-AS_STORED = ("likelihood", "mnn")  # they take averages themselves, floor included
+AS_STORED = ("likelihood", "mnn")  # classifiers that take averages, floor included
 
 
 class Signatures(NamedTuple):
-    """Signatures of a sensor in a store: variables of a group, and a dimension that only it has."""
+    """Signatures of a sensor in a store: variables of a group, and its distinctive dimension."""
 
     learned: str
     measured: str
@@ -93,7 +93,7 @@ def load_xy(
 
     Notes
     -----
-    What is learned is read from the coordinates `learned` of aspects and `known` of ships. A store
+    The coordinates `learned` of aspects and `known` of ships tell the learned views. A store
     of rows, of ``ncti-sweep +experiment=dataset``, has one split, `train`.
 
     Examples
@@ -111,13 +111,13 @@ def load_xy(
             )
         if classifier_group is not None:
             raise ValueError(f"classifier_group is {classifier_group!r}, but must be None of rows")
-        # A piece is read at once, all of them one part after the other.
+        # One piece is read at once, a whole store block by block.
         return _vectors(open_rows(store, chunks=None if "piece" in where else {}, **where))
     sensor = _sensor(store, classifier_group)
     group = _opened(store, sensor)
     if group is None:
         raise ValueError(f"classifier_group is {classifier_group!r}, but the store lacks {sensor}")
-    of_sensor = SENSORS[sensor]
+    layout = SENSORS[sensor]
     views = _selected(group, where)
     if views.learned.ndim > 1:
         spacing = next(str(dim) for dim in views.learned.dims if dim != "aspect")
@@ -128,9 +128,9 @@ def load_xy(
     ships = ~known if split == "unknown" else known
     if not (ships.any() and aspects.any()):
         raise ValueError(f"split is {split!r}, but {NOTHING[split]}")
-    name = of_sensor.learned if split == "train" else of_sensor.measured
+    name = layout.learned if split == "train" else layout.measured
     signatures = views[name].isel(ship=np.flatnonzero(ships), aspect=np.flatnonzero(aspects))
-    axes = of_sensor.axes
+    axes = layout.axes
     for dim in signatures.dims:
         if dim not in ("ship", "aspect", *axes, *DRAWS, *where) and signatures.sizes[dim] > 1:
             listed = ", ".join(map(str, signatures[dim].values[:20]))
@@ -141,13 +141,15 @@ def load_xy(
     rows = signatures.stack(row=[d for d in signatures.dims if d not in axes], create_index=False)
     rows = rows.transpose("row", *axes)
     values = rows.values
-    there = (values == values) if of_sensor.kind == "profile" else (values >= 0)  # NaN, or -1
-    there = there.reshape(len(values), -1).all(axis=1)
-    of_view = [group.get_index(at).get_indexer(rows[at].values[there]) for at in ("ship", "aspect")]
-    groups = np.ravel_multi_index(of_view, (group.sizes["ship"], group.sizes["aspect"]))
+    valid = (values == values) if layout.kind == "profile" else (values >= 0)  # NaN, or -1
+    valid = valid.reshape(len(values), -1).all(axis=1)
+    view_indices = [
+        group.get_index(key).get_indexer(rows[key].values[valid]) for key in ("ship", "aspect")
+    ]
+    groups = np.ravel_multi_index(view_indices, (group.sizes["ship"], group.sizes["aspect"]))
     return (
-        _seen(values[there], of_sensor.kind, classifier_group),
-        rows.ship.values[there].astype(str),
+        _as_vectors(values[valid], layout.kind, classifier_group),
+        rows.ship.values[valid].astype(str),
         groups.astype(np.int64),
     )
 
@@ -175,7 +177,7 @@ def open_rows(
     Raises
     ------
     ValueError
-        If it is no such store, or has another dimension, of which no value is given.
+        If it is no such store, or has another dimension and `where` no value on it.
 
     See Also
     --------
@@ -203,7 +205,7 @@ def open_rows(
 
 
 def has_rows(store: str | Path) -> bool:
-    """Return whether a store is one of rows; `ValueError` if it is no store of a sweep."""
+    """Return whether a store holds rows; `ValueError` if it is no store of a sweep."""
     return any(_opened(store, name) is not None for name in ROWS)
 
 
@@ -215,7 +217,7 @@ def ships_of(store: str | Path) -> list[str]:
 
 
 def pieces_of(store: str | Path) -> dict[int, int]:
-    """Return the pieces of a store of rows that are there, and the number of rows of each."""
+    """Return the completed pieces of a store of rows, and the number of rows of each."""
     group = next(group for name in ROWS if (group := _opened(store, name)) is not None)
     other = [dim for dim in group.row_view.dims if dim != "piece"]
     counts = (group.row_view >= 0).sum(other).values.tolist()
@@ -223,22 +225,22 @@ def pieces_of(store: str | Path) -> dict[int, int]:
 
 
 def _vectors(rows: xr.Dataset) -> Vectors:
-    """Return `to_numpy` of rows not read yet, a few of which are in memory at once."""
+    """Return `to_numpy` of rows that are not loaded, with one block in memory at a time."""
     coords = rows.drop_vars([*rows.data_vars]).load()
     vectors = None
     for start in range(0, rows.sizes["row"], AT_ONCE):
         block = slice(start, start + AT_ONCE)
-        of_block, *_ = to_numpy(rows.isel(row=block).load())
+        block_vectors, *_ = to_numpy(rows.isel(row=block).load())
         if vectors is None:
-            vectors = np.empty((rows.sizes["row"], of_block.shape[1]), of_block.dtype)
-        vectors[block] = of_block
+            vectors = np.empty((rows.sizes["row"], block_vectors.shape[1]), block_vectors.dtype)
+        vectors[block] = block_vectors
     if vectors is None:
         return to_numpy(rows.load())
     return vectors, coords.ship.values.astype(str), groups_of(coords)
 
 
 def _row_by_row(pieces: xr.Dataset) -> xr.Dataset:
-    """Return pieces of rows one after the other, by the names and types of `dataset`."""
+    """Return the rows of all pieces, with the names and types of `dataset`."""
     import xarray as xr
 
     other = [name for name in pieces.row_view.dims if name not in ("piece", "place")]
@@ -263,11 +265,11 @@ NOTHING = {
     "test": "must be learned where the sweep learned every aspect: see classifier.training_aspect",
     "unknown": "the sweep learned every ship: see classifier.unknown",
 }
-"""Reasons of splits without views."""
+"""Reasons why a split has no views."""
 
 
-def _seen(values: NDArray[Any], kind: str, classifier: str | None) -> NDArray[Any]:
-    """Return signatures as a classifier takes them."""
+def _as_vectors(values: NDArray[Any], kind: str, classifier: str | None) -> NDArray[Any]:
+    """Return signatures as the vectors that a classifier takes."""
     if kind == "silhouette":
         return VECTORS[kind](values.astype(np.uint8))
     as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in AS_STORED
@@ -277,7 +279,7 @@ def _seen(values: NDArray[Any], kind: str, classifier: str | None) -> NDArray[An
 def _opened(
     store: str | Path, group: str, chunks: dict[str, int] | None = None
 ) -> xr.Dataset | None:
-    """Return a group of a store, its integers as they are; None if there is no such group."""
+    """Return a group of a store with undecoded integers; None if there is no such group."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
@@ -302,8 +304,8 @@ def _sensor(store: str | Path, classifier: str | None) -> str:
     answers = _opened(store, CLASSIFIERS.format(classifier.removeprefix(CLASSIFIERS[:-2])))
     sensors = [
         name
-        for name, of_sensor in SENSORS.items()
-        if answers is not None and of_sensor.dimension in answers.coords
+        for name, layout in SENSORS.items()
+        if answers is not None and layout.dimension in answers.coords
     ]
     if len(sensors) != 1:
         raise ValueError(
@@ -314,18 +316,18 @@ def _sensor(store: str | Path, classifier: str | None) -> str:
 
 
 def _selected(views: xr.Dataset, where: dict[str, Any]) -> xr.Dataset:
-    """Return the views that have some values of dimensions, of which all stay dimensions."""
+    """Return the views with the given values of dimensions, without dropping any dimension."""
     for name, value in where.items():
         if name not in views.coords:
             raise ValueError(
                 f"{name} is no dimension, but must be among {', '.join(map(str, views.coords))}"
             )
         values = np.atleast_1d(views[name].values)
-        wanted = np.atleast_1d(value)
-        if not np.isin(wanted, values).all():
+        chosen = np.atleast_1d(value)
+        if not np.isin(chosen, values).all():
             raise ValueError(
                 f"{name} is {value!r:.60}, but must be among {', '.join(map(str, values[:20]))}"
             )
         if views[name].ndim:
-            views = views.isel({name: np.flatnonzero(np.isin(values, wanted))})
+            views = views.isel({name: np.flatnonzero(np.isin(values, chosen))})
     return views

@@ -21,29 +21,29 @@ from ncti.data.stored import has_rows, load_xy, pieces_of, ships_of
 
 try:
     from torch.utils.data import IterableDataset, get_worker_info
-except ImportError:  # classes for a loop of one's own
+except ImportError:  # the classes also serve a user's own loop
     IterableDataset = object
 
     def get_worker_info() -> None:
-        """Return None: there is one process."""
+        """Return None, as outside of a loader's worker."""
 
 
 Row = tuple[NDArray[np.float32], int]
 Batch = tuple[NDArray[np.float32], NDArray[np.int64]]
 
 ASIDE = 8
-"""Pieces of a store that a stream reads side by side."""
+"""Pieces of a store that a stream interleaves."""
 
 WHOLE = -1
-"""Number of the piece of a store that has none."""
+"""Number that stands for a whole store without pieces."""
 
 
 class StoredRows:
     """Rows of a store, a map-style data set for `torch.utils.data.DataLoader`.
 
-    Arguments are those of `ncti.load_xy`; `classes` are names of ships by label, those of the store
-    by default; `sizes` has the number of rows of each piece. A piece is read when one of its rows
-    is wanted, and the last ones are kept; rows of a batch are read piece by piece.
+    Arguments are as of `ncti.load_xy`; `classes` are names of ships by label, by default the
+    store's; `sizes` has the number of rows of each piece. It reads a piece on the first access to
+    one of its rows, caches the last ones, and reads the rows of a batch piece by piece.
     ``DataLoader(StoredRows("rows.zarr"), batch_size=256, shuffle=True, num_workers=2)`` gives
     batches of (row, feature) and (row,) tensors.
     """
@@ -57,7 +57,7 @@ class StoredRows:
         classes: Sequence[str] | None = None,
         **where: Any,
     ) -> None:
-        self.store, self._how = str(store), (classifier_group, split, tuple(where.items()))
+        self.store, self._selection = str(store), (classifier_group, split, tuple(where.items()))
         pieces = pieces_of(store) if has_rows(store) else {}
         self.classes = tuple(ships_of(store) if classes is None else classes)
         if not pieces:
@@ -72,30 +72,30 @@ class StoredRows:
         return self.__getitems__([index])[0]
 
     def __getitems__(self, indices: Sequence[int]) -> list[Row]:
-        """Return some rows, each piece of which is read once."""
+        """Return rows by their indices, reading each piece once."""
         rows: dict[int, Row] = {}
         for index in sorted(set(indices)):
             if not -len(self) <= index < len(self):
                 raise IndexError(f"row {index} of {len(self)}")
-            at = index % len(self)
-            k = bisect_right(self._ends, at)
+            position = index % len(self)
+            k = bisect_right(self._ends, position)
             X, y = self.piece([*self.sizes][k])
-            place = at - (self._ends[k - 1] if k else 0)
+            place = position - (self._ends[k - 1] if k else 0)
             rows[index] = X[place], int(y[place])
         return [rows[index] for index in indices]
 
     def piece(self, number: int) -> Batch:
         """Return the vectors and labels of one piece."""
-        return _read(self.store, self._how, self.classes, number)
+        return _read(self.store, self._selection, self.classes, number)
 
 
 class RowStream(IterableDataset):
-    """Batches of a store's rows in an order by a seed, an iterable data set for `DataLoader`.
+    """Batches of a store's rows in a seeded order, an iterable data set for `DataLoader`.
 
-    Each epoch, `set_epoch`, shuffles pieces, and the rows of a piece. A batch is of one piece, of
-    eight in turn, and the last one of a piece may have fewer than `batch_size` rows. The workers of
-    a loader get and return batches in turn, so that their number does not change the order; 2, 4 or
-    8 workers each read their own pieces, if these have equally many rows.
+    Each epoch, `set_epoch`, shuffles pieces, and the rows of a piece. A batch has rows of one
+    piece; batches of eight pieces alternate, and the last batch of a piece may have fewer than
+    `batch_size` rows. The workers of a loader yield batches in turn, so that their number does not
+    change the order; 2, 4 or 8 workers each read their own pieces, if these have equally many rows.
     ``DataLoader(RowStream(rows, batch_size=256, seed=0), batch_size=None, num_workers=2)`` gives
     batches of (row, feature) and (row,) tensors.
     """
@@ -106,13 +106,13 @@ class RowStream(IterableDataset):
         self.rows, self.batch_size, self.seed, self.epoch = rows, int(batch_size), int(seed), 0
 
     def set_epoch(self, epoch: int) -> None:
-        """Have the next iteration in the order of an epoch."""
+        """Set the epoch, which determines the order of the next iteration."""
         require("epoch", epoch, whole=True, minimum=0)
         self.epoch = int(epoch)
 
     def __iter__(self) -> Iterator[Batch]:
         worker = get_worker_info()
-        part, parts = (worker.id, worker.num_workers) if worker is not None else (0, 1)
+        worker_id, workers = (worker.id, worker.num_workers) if worker is not None else (0, 1)
         number = 0
         shuffled = self._rng().permutation([*self.rows.sizes]).tolist()
         for first in range(0, len(shuffled), ASIDE):
@@ -122,24 +122,24 @@ class RowStream(IterableDataset):
             }
             for start in range(0, max(map(len, orders.values())), self.batch_size):
                 for piece, order in orders.items():
-                    of_batch = order[start : start + self.batch_size]
-                    if not of_batch.size:
+                    batch = order[start : start + self.batch_size]
+                    if not batch.size:
                         continue
-                    if number % parts == part:
+                    if number % workers == worker_id:
                         X, y = self.rows.piece(piece)
-                        yield X[of_batch], y[of_batch]
+                        yield X[batch], y[batch]
                     number += 1
 
     def _rng(self, *piece: int) -> np.random.Generator:
-        """Return the source of the order of pieces, or of the rows of one."""
+        """Return the generator of the order of pieces, or of the rows of one piece."""
         key = (self.epoch, *(k + 1 for k in piece))
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
 @lru_cache(maxsize=ASIDE)
-def _read(store: str, how: tuple[Any, ...], classes: tuple[str, ...], number: int) -> Batch:
+def _read(store: str, selection: tuple[Any, ...], classes: tuple[str, ...], number: int) -> Batch:
     """Return vectors and labels of a piece of a store, or of a store without pieces."""
-    classifier, split, where = how
+    classifier, split, where = selection
     piece = {} if number == WHOLE else {"piece": number}
     X, y, _ = load_xy(store, classifier, split, **{**dict(where), **piece})
     if unknown := sorted(set(y.tolist()) - set(classes)):

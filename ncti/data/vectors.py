@@ -70,8 +70,8 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
     import xarray as xr
 
     if not isinstance(rows, xr.Dataset):
-        said = " ".join(repr(rows).split())
-        raise ValueError(f"rows is {said:.60}, but must be a data set of rows")
+        text = " ".join(repr(rows).split())
+        raise ValueError(f"rows is {text:.60}, but must be a data set of rows")
     if lacking := [name for name in (*GROUP, "view") if name not in rows.coords]:
         raise ValueError(f"rows has no {lacking[0]}, but must be rows of a data set")
     parts = [see(rows[name].values) for name, see in VECTORS.items() if name in rows]
@@ -85,10 +85,10 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
 
 
 def groups_of(rows: xr.Dataset) -> NDArray[np.int64]:
-    """Return the least view number of rows that are of the same ship, aspect and depression."""
+    """Return for each row the least view number of rows of its ship, aspect and depression."""
     codes = np.stack([np.unique(rows[name], return_inverse=True)[1] for name in GROUP])
-    _, which = np.unique(codes, axis=1, return_inverse=True)
-    which = which.reshape(-1)
-    least = np.full(which.max(initial=-1) + 1, np.iinfo(np.int64).max)
-    np.minimum.at(least, which, rows.view.values)
-    return least[which]
+    _, group = np.unique(codes, axis=1, return_inverse=True)
+    group = group.reshape(-1)
+    least = np.full(group.max(initial=-1) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(least, group, rows.view.values)
+    return least[group]

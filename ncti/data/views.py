@@ -1,4 +1,4 @@
-"""Simulated signatures of the rows of one view, by row streams that no other row touches."""
+"""Simulated signatures of the rows of one view, each row from its own random streams."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ VIEW = ("ship", "aspect", "depression", "slant_range")
 """Parameters of a view."""
 
 SIGNAL = ("pulse_width", "cnr", "frames", "gain", "floor")
-"""Parameters of a row besides, of the laser radar."""
+"""Parameters of a row of the laser radar, besides those of its view."""
 
 PLACE = ("right", "up")
 """Place of the ship on the grid of IFOVs in a row of the laser radar."""
@@ -48,7 +48,7 @@ SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "in
 
 @dataclass(frozen=True)
 class Recipe:
-    """Settings that all rows of a data set share, wherever they are simulated.
+    """Settings that all rows of a data set share, in any process.
 
     `ships` are names, paths or meshes, and `sensor` is a word of `SENSORS`. Each frame accumulates
     `target_free_ifovs` besides the ship's. The imager's pixels are as wide as the IFOVs. Lines are
@@ -74,35 +74,35 @@ class Recipe:
         bins_of(self.beam.window, self.beam.bin_width)
 
     def rng(self, key: int, row: int) -> np.random.Generator:
-        """Return the source of randomness of one row."""
+        """Return the random generator of one row."""
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(key, row)))
 
 
 def simulated(recipe: Recipe, drawn: Arrays) -> Arrays:
-    """Return the signatures (row, ...) of rows, in which equal views are beside one another.
+    """Return the signatures (row, ...) of rows, in which equal views are consecutive.
 
-    `drawn` has number and parameters (row,) of each, its ship as an index. Of the laser radar they
-    are `profile`, `expected` if asked for, noise floor included, and `error_bound`; of the imager
+    `drawn` has number and parameters (row,) of each row, its ship as an index. The laser radar has
+    `profile`, optionally `expected`, both with noise floor, and `error_bound`; the imager has
     `silhouette`, log-polar maps in bytes. BLAS has one thread, as the last bit of a product depends
-    on their number.
+    on the number of threads.
     """
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     with threadpool_limits(1):
-        parts = list(_views(recipe, drawn))
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        views = list(_views(recipe, drawn))
+    return {name: np.concatenate([view[name] for view in views]) for name in views[0]}
 
 
 def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
-    """Yield the signatures of one view after the other."""
-    image, seen = None, None
+    """Yield the signatures of each view."""
+    image, last_sight = None, None
     for rows in equal_rows(drawn, VIEW):
         ship, aspect, depression, slant_range = (drawn[name][rows.start].item() for name in VIEW)
         mesh = mesh_of(recipe.ships[ship])
         sight = (ship, aspect, depression, drawn_at(mesh, slant_range, recipe.far_field_error))
         # Ranges of a far field share its image.
-        if image is None or sight != seen:
-            seen = sight
+        if image is None or sight != last_sight:
+            last_sight = sight
             image = drawn_lines(
                 mesh,
                 aspect=aspect,
@@ -112,17 +112,17 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
                 spacing=recipe.spacing,
                 ifov=recipe.beam.ifov,
             )
-        of_rows = {name: values[rows] for name, values in drawn.items()}
-        found: Arrays = {}
+        parameters = {name: values[rows] for name, values in drawn.items()}
+        signatures: Arrays = {}
         if "range" in SENSORS[recipe.sensor]:
-            found |= profiles(recipe, image, slant_range, of_rows)
+            signatures |= profiles(recipe, image, slant_range, parameters)
         if "infrared" in SENSORS[recipe.sensor]:
-            found["silhouette"] = silhouettes(recipe, image, slant_range, of_rows)
-        yield found
+            signatures["silhouette"] = silhouettes(recipe, image, slant_range, parameters)
+        yield signatures
 
 
 def drawn_at(mesh: Mesh, slant_range: float, error: float) -> float | None:
-    """Return the slant range [m] to draw a ship at; None for the far field, if that errs less."""
+    """Return the slant range [m] to draw a ship at; None if the far field is accurate enough."""
     return drawn_range(reach_of(mesh.vertices), slant_range, tolerance=error / SHARE)
 
 
@@ -136,7 +136,7 @@ def drawn_lines(
     spacing: float,
     ifov: float,
 ) -> LineImage:
-    """Return a view by lines that are no farther apart than an IFOV is wide."""
+    """Return a view by lines that are at most an IFOV apart."""
     return line_image(
         mesh,
         aspect=aspect,
@@ -148,22 +148,22 @@ def drawn_lines(
 
 
 def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:
-    """Return the runs of rows that have some parameters in common."""
+    """Return the runs of rows with equal values of the parameters `names`."""
     differ = [drawn[name][1:] != drawn[name][:-1] for name in names]
     starts = np.flatnonzero(np.any(differ, axis=0)) + 1
     ends = [0, *starts.tolist(), len(drawn[names[0]])]
-    return [slice(*ends_of) for ends_of in pairwise(ends)]
+    return [slice(*bounds) for bounds in pairwise(ends)]
 
 
 def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays) -> Arrays:
-    """Return the profiles of the rows of one view, with the expected ones if they are wanted."""
+    """Return the profiles of the rows of one view, and optionally the expected ones."""
     beam, free = recipe.beam, recipe.target_free_ifovs
     count, bins = len(drawn["row"]), bins_of(beam.window, beam.bin_width)[1]
-    found: Arrays = {
+    arrays: Arrays = {
         name: np.empty((count, bins), dtype=np.float32)
         for name in ("profile", *(["expected"] if recipe.expected else []))
     }
-    found["error_bound"] = np.empty(count)
+    arrays["error_bound"] = np.empty(count)
     for k, row in enumerate(drawn["row"].tolist()):
         right, up = (drawn[name][k].item() for name in PLACE)
         extent = range_extent(image, slant_range=slant_range, shift=(right, up), **vars(beam))
@@ -177,11 +177,11 @@ def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
             change += (gain - 1.0) * (mean - floor)
         if shift:
             change += shift * math.sqrt(frame_variance(extent, **signal).mean())
-        found["profile"][k] = profile + change
+        arrays["profile"][k] = profile + change
         if recipe.expected:
-            found["expected"][k] = mean + change
-        found["error_bound"][k] = extent.error_after(pulse_width)
-    return found
+            arrays["expected"][k] = mean + change
+        arrays["error_bound"][k] = extent.error_after(pulse_width)
+    return arrays
 
 
 def silhouettes(
@@ -189,7 +189,7 @@ def silhouettes(
 ) -> NDArray[np.uint8]:
     """Return the log-polar maps of the rows of one view, each at its own place on the pixels.
 
-    They are of the silhouettes that the matched segmentation returns.
+    They map the silhouettes of the matched segmentation.
     """
     imager, method = recipe.imager, recipe.super_resolution
     patches = Hits.of(image).patches()

@@ -19,7 +19,7 @@ DRAWS = ("replicate", "phase", "order", "draw")
 
 
 def formed(classified: xr.Dataset, shown: str) -> xr.Dataset:
-    """Return the numbers of categories and of views of every training."""
+    """Return the number of categories and of views of every training."""
     category = classified.training_category
     columns = {
         "category_count": ((category.max(VIEW) + 1).astype("i4"), "categories formed"),
@@ -61,10 +61,10 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
     """
     arrays = formed(classified, "")
     draws = [name for name in DRAWS if name in arrays["category_count"].dims]
-    done = arrays["view_count"] > 0
-    counts = arrays["category_count"].where(done)
+    trained = arrays["view_count"] > 0
+    counts = arrays["category_count"].where(trained)
     views, mean = arrays["view_count"].max(draws), counts.mean(draws)
-    settled = done.any(draws) & (arrays["settled"].where(done, 1) == 1).all(draws)
+    settled = trained.any(draws) & (arrays["settled"].where(trained, 1) == 1).all(draws)
     return data_set(
         {
             "categories": (mean, "categories formed, mean over draws"),
@@ -72,7 +72,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
             "least": (counts.min(draws), "least number of categories"),
             "most": (counts.max(draws), "largest number of categories"),
             "first": (counts.isel(dict.fromkeys(draws, 0), drop=True), "categories, first draw"),
-            "trainings": (done.astype("i4").sum(draws), "number of trainings"),
+            "trainings": (trained.astype("i4").sum(draws), "number of trainings"),
             "views": (views, "training views"),
             "compression": (views / mean.where(mean > 0), "training views per category"),
             "settled": (settled, "whether no category changed in the last pass"),
@@ -85,9 +85,9 @@ def scored(
 ) -> xr.Dataset:
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
-    Answers (..., ship, aspect) are 1 if right, 0 if not, and negative if nothing was asked.
+    Answers (..., ship, aspect) are 1 if right, 0 if wrong, and negative if there is none.
     Intervals of means over draws include views and draws (`replicated_accuracy`), with a `spread`.
-    Answers at several kinds of `aspects` are scored separately, along a dimension of kinds.
+    Several kinds of `aspects` are scored separately, along a dimension of kinds.
     """
     import xarray as xr
 
@@ -97,8 +97,8 @@ def scored(
         return xr.concat(parts, kinds)
     draws = tuple(name for name in DRAWS if name in correct.dims)
     answers = correct.transpose(..., *draws, *VIEW)
-    right, asked, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
-    score = replicated_accuracy(right, aspect, draws=len(draws), answered=asked)
+    right, answered, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
+    score = replicated_accuracy(right, aspect, draws=len(draws), answered=answered)
     figures = {
         "accuracy": (score.fraction, f"fraction of {what} classified correctly"),
         "ci_low": (score.ci_low, "lower end of its 95 % Wilson interval"),
@@ -106,18 +106,18 @@ def scored(
         "n": (score.n, f"number of {what}"),
     }
     if draws:
-        of_draws = accuracy_by_aspect(right, aspect, answered=asked).fraction
-        spread = xr.DataArray(of_draws, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
-        said = f"standard deviation of that fraction over {' and '.join(draws)}"
-        figures["spread"] = spread.values, said
-    named = {prefix + name: figure for name, figure in figures.items()}
-    return by_bin(answers, score.labels, named)
+        by_draw = accuracy_by_aspect(right, aspect, answered=answered).fraction
+        spread = xr.DataArray(by_draw, dims=(*answers.dims[:-2], "aspect_bin")).std(draws)
+        label = f"standard deviation of that fraction over {' and '.join(draws)}"
+        figures["spread"] = spread.values, label
+    prefixed = {prefix + name: figure for name, figure in figures.items()}
+    return by_bin(answers, score.labels, prefixed)
 
 
 def by_bin(
     answers: xr.DataArray, labels: Sequence[str], figures: Mapping[str, tuple[Any, str]]
 ) -> xr.Dataset:
-    """Return (..., aspect_bin) figures of (..., draw, ship, aspect) answers, with their labels."""
+    """Return (..., aspect_bin) figures with labels, on the axes of (..., draw, ship, aspect)."""
     import xarray as xr
 
     pooled = {name: 0 for name in (*DRAWS, *VIEW) if name in answers.dims}
@@ -185,7 +185,7 @@ def tabulate_scores(
 
 
 def with_bins(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
-    """Return a table whose bins have the lowest aspect [deg] of each as an attribute."""
+    """Return a table with the lowest aspect [deg] of each bin as an attribute."""
     _, index = aspect_bins(aspect.values)
     lowest = [float(aspect.values[index == k].min()) for k in range(index.max() + 1)]
     table.aspect_bin.attrs = {"long_name": "aspects pooled [deg]", "aspect_low": lowest}

@@ -110,9 +110,9 @@ def category_formation(
     views = np.zeros((len(ship_names), len(aspect_values)), dtype=np.intp)
     np.add.at(views, (row, column), 1)
     if views.max(initial=0) > 1:
-        twice, where = np.unravel_index(views.argmax(), views.shape)
+        i, j = np.unravel_index(views.argmax(), views.shape)
         raise ValueError(
-            f"ships has {ship_names[twice]} {views.max()} times at {aspect_values[where]:g} deg, "
+            f"ships has {ship_names[i]} {views.max()} times at {aspect_values[j]:g} deg, "
             "but must have each ship at most once per aspect"
         )
     category = np.full(views.shape, -1, dtype=np.intp)

@@ -1,4 +1,4 @@
-"""Comparison of two classifiers on the same rows, some of which are of the same view."""
+"""Comparison of two classifiers on the same rows, several of which may share a view."""
 
 from __future__ import annotations
 
@@ -116,23 +116,23 @@ def compare(
     >>> 0.05 < more.ci_low < 0.1, 0.3 < more.ci_high < 0.35
     (True, True)
     """
-    one, other = require_flags("first", first), require_flags("second", second)
+    first_right, second_right = require_flags("first", first), require_flags("second", second)
     view = require_labels("groups", groups)
-    if not one.size:
-        raise ValueError(f"first has shape {one.shape}, but must have rows")
-    for name, array in (("first", one), ("second", other), ("groups", view)):
-        require_shape(name, array, (one.size,))
+    if not first_right.size:
+        raise ValueError(f"first has shape {first_right.shape}, but must have rows")
+    for name, array in (("first", first_right), ("second", second_right), ("groups", view)):
+        require_shape(name, array, (first_right.size,))
     require_generator("rng", rng)
     require("confidence", confidence, positive=True, below=1.0)
     require("resamples", resamples, whole=True, minimum=100)
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import chdtrc
 
-    _, of_view = np.unique(view, return_inverse=True)
-    gains = np.bincount(of_view, weights=other.astype(float) - one)
-    rows = np.bincount(of_view).astype(float)
-    several = np.ones(len(rows)) / len(rows)
-    times = rng.multinomial(len(rows), several, size=resamples)  # that each view is drawn
+    _, view_index = np.unique(view, return_inverse=True)
+    gains = np.bincount(view_index, weights=second_right.astype(float) - first_right)
+    rows = np.bincount(view_index).astype(float)
+    equal = np.ones(len(rows)) / len(rows)
+    times = rng.multinomial(len(rows), equal, size=resamples)  # draws of each view
     tails = 0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence
     low, high = np.quantile((times @ gains) / (times @ rows), tails)
     squares = float((gains**2).sum())
@@ -141,7 +141,7 @@ def compare(
         difference=float(gains.sum() / rows.sum()),
         ci_low=float(low),
         ci_high=float(high),
-        first_only=int((one & ~other).sum()),
-        second_only=int((other & ~one).sum()),
+        first_only=int((first_right & ~second_right).sum()),
+        second_only=int((second_right & ~first_right).sum()),
         p_value=float(chdtrc(1, statistic)),
     )

@@ -1,4 +1,4 @@
-"""Learning curves: accuracy over the number of training views, and of draws of each."""
+"""Learning curves: accuracy over the number of training views, and of draws per view."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class LearningCurve:
     --------
     >>> import numpy as np
     >>> from ncti.evaluate import LearningCurve
-    >>> one = np.array([[0.5]])
-    >>> LearningCurve((4,), (1,), one, one - 0.1, one + 0.1, np.array([[8]])).fraction.item()
+    >>> half = np.array([[0.5]])
+    >>> LearningCurve((4,), (1,), half, half - 0.1, half + 0.1, np.array([[8]])).fraction.item()
     0.5
     """
 
@@ -98,8 +98,8 @@ def learning_curve(
     >>> from ncti.evaluate import learning_curve
     >>> X = np.repeat([[1.0, 0.1], [1.0, 0.4], [0.1, 1.0], [0.5, 1.0]], 2, axis=0)
     >>> y, view = np.repeat(["duncan", "texas"], 4), np.repeat(np.arange(4), 2)
-    >>> of = {"views": [1, 2], "draws": [1, 2], "rng": np.random.default_rng(0)}
-    >>> curve = learning_curve(CorrelationNeighbour(), (X, y, view), (X, y, view), **of)
+    >>> sizes = {"views": [1, 2], "draws": [1, 2], "rng": np.random.default_rng(0)}
+    >>> curve = learning_curve(CorrelationNeighbour(), (X, y, view), (X, y, view), **sizes)
     >>> curve.rows.tolist(), curve.fraction.min()
     ([[2, 4], [4, 8]], np.float64(1.0))
     """
@@ -107,31 +107,34 @@ def learning_curve(
     from sklearn.base import clone
 
     require_generator("rng", rng)
-    for name, rows_of in (("train", train), ("test", test)):
-        if not isinstance(rows_of, Sequence) or len(rows_of) != 3:
-            said = " ".join(repr(rows_of).split())
-            raise ValueError(f"{name} is {said:.60}, but must be vectors, classes and views")
-    (vectors, labels, groups), (seen, truth, of) = (
+    for name, part in (("train", train), ("test", test)):
+        if not isinstance(part, Sequence) or len(part) != 3:
+            text = " ".join(repr(part).split())
+            raise ValueError(f"{name} is {text:.60}, but must be vectors, classes and views")
+    (vectors, labels, groups), (test_vectors, truth, test_groups) = (
         (require_all("X", X), require_labels("y", y), require_labels("groups", view))
         for X, y, view in (train, test)
     )
-    for name, X, of_rows in (("train", vectors, (labels, groups)), ("test", seen, (truth, of))):
-        for array in of_rows:
+    for name, X, arrays in (
+        ("train", vectors, (labels, groups)),
+        ("test", test_vectors, (truth, test_groups)),
+    ):
+        for array in arrays:
             require_shape(name, array, X.shape[:1])
-    for name, given in (("views", views), ("draws", draws)):
-        wanted = require_all(name, given, whole=True, minimum=1)
-        require_shape(name, wanted, (wanted.size,))
-    _, of_class = np.unique(labels, return_inverse=True)
-    several, first, of_view = np.unique(groups, return_index=True, return_inverse=True)
-    if not np.array_equal(of_class, of_class[first][of_view]):
+    for name, counts in (("views", views), ("draws", draws)):
+        checked = require_all(name, counts, whole=True, minimum=1)
+        require_shape(name, checked, (checked.size,))
+    _, class_index = np.unique(labels, return_inverse=True)
+    distinct, first, view_index = np.unique(groups, return_index=True, return_inverse=True)
+    if not np.array_equal(class_index, class_index[first][view_index]):
         raise ValueError("groups has a view of several classes, but a view must be of one")
-    shuffled = rng.permutation(len(several))
-    turn = np.empty(len(several), dtype=np.intp)
-    turn[shuffled] = _places(of_class[first][shuffled])
-    rank = turn[of_view]
-    order = _places(of_view)
-    of_classes, of_views = np.bincount(of_class[first]), np.bincount(of_view)
-    for name, values, most in (("views", views, of_classes), ("draws", draws, of_views)):
+    shuffled = rng.permutation(len(distinct))
+    turn = np.empty(len(distinct), dtype=np.intp)
+    turn[shuffled] = _places(class_index[first][shuffled])
+    rank = turn[view_index]
+    order = _places(view_index)
+    class_sizes, view_sizes = np.bincount(class_index[first]), np.bincount(view_index)
+    for name, values, most in (("views", views, class_sizes), ("draws", draws, view_sizes)):
         for value in values:
             require(f"each of {name}", value, maximum=most.min())
     fraction, low, high = np.empty((3, len(views), len(draws)))
@@ -139,8 +142,8 @@ def learning_curve(
     everywhere = np.zeros(len(truth))
     for place in np.ndindex(fraction.shape):
         inside = (rank < views[place[0]]) & (order < draws[place[1]])
-        named = clone(classifier).fit(vectors[inside], labels[inside]).predict(seen)
-        accuracy = grouped_accuracy(named == truth, everywhere, of)
+        predicted = clone(classifier).fit(vectors[inside], labels[inside]).predict(test_vectors)
+        accuracy = grouped_accuracy(predicted == truth, everywhere, test_groups)
         fraction[place], low[place], high[place] = (
             ends[-1] for ends in (accuracy.fraction, accuracy.ci_low, accuracy.ci_high)
         )
@@ -149,7 +152,7 @@ def learning_curve(
 
 
 def _places(kinds: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the number of equal elements before each."""
+    """Return for each element the number of equal elements before it."""
     by_kind = np.argsort(kinds, kind="stable")
     counts = np.bincount(kinds)
     before = np.repeat(np.cumsum(counts) - counts, counts)

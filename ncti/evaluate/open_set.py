@@ -97,7 +97,7 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     pairs = np.count_nonzero(learned) * ranked.size
     if not pairs:
         return OpenSetScores(auroc=np.nan, oscr=np.nan)
-    # Unknown answers less similar than each known one, ties counting half.
+    # Unknown answers less similar than each known answer, ties counting half.
     below, upto = (np.searchsorted(ranked, values[learned], side) for side in ("left", "right"))
     beaten = (below + upto) / 2
     return OpenSetScores(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it i
     import xarray as xr
 
 ENDS = ("_ci_low", "_ci_high")
-AT_ONCE = 2**20  # answers, each at every level of a vigilance, that are held at one time
+AT_ONCE = 2**20  # answers times levels of a vigilance in memory at a time
 LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
 MEANINGS = {
     "rejected_unknown": "fraction of answers to unknown ships that are rejected",
@@ -88,39 +88,39 @@ def tabulate_rejection(
     levels = np.array(test_vigilances)
     vigilance = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
     similarity, right = classified.similarity.compute(), classified.correct == 1
-    asked = classified.correct >= 0
+    answered = classified.correct >= 0
     pooled = [*(name for name in DRAWS if name in right.dims), *VIEW]
     parts = []
-    for kind, of_kind in aspects.items():
-        of_known = asked & known & of_kind
-        of_unknown = similarity.notnull() & ~known & of_kind  # right or wrong
-        of_all = similarity.where(of_known | of_unknown)
-        over = partial(xr.apply_ufunc, vectorize=True)
-        up_to = over(
+    for kind, mask in aspects.items():
+        knowns = answered & known & mask
+        unknowns = similarity.notnull() & ~known & mask  # right or wrong
+        all_similarity = similarity.where(knowns | unknowns)
+        apply = partial(xr.apply_ufunc, vectorize=True)
+        up_to = apply(
             lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST),
-            similarity.where(of_unknown),
+            similarity.where(unknowns),
             input_core_dims=[pooled],
             output_core_dims=[["least_rejected"]],
         ).assign_coords(least_rejected=LEAST)
         pools: Any = {"input_core_dims": [pooled] * 3, "output_core_dims": [[], []]}
-        auroc, oscr = over(_areas, of_all, right, of_known, **pools)
-        part = {
-            "n_unknown": of_unknown.sum(pooled),
-            "n_known": of_known.sum(pooled),
+        auroc, oscr = apply(_areas, all_similarity, right, knowns, **pools)
+        columns = {
+            "n_unknown": unknowns.sum(pooled),
+            "n_known": knowns.sum(pooled),
             "rejected_up_to": up_to.where(up_to > -np.inf).astype(similarity.dtype),
             "auroc": auroc,
             "oscr": oscr,
         }
         for name, level, hits, counted in (
-            ("rejected_unknown", vigilance, lambda least: ~(similarity >= least), of_unknown),
-            ("rejected_known", vigilance, lambda least: ~(similarity >= least), of_known),
-            ("correct_known", vigilance, lambda least: (similarity >= least) & right, of_known),
-            ("correct_where_rejected", up_to, lambda most: (similarity > most) & right, of_known),
+            ("rejected_unknown", vigilance, lambda least: ~(similarity >= least), unknowns),
+            ("rejected_known", vigilance, lambda least: ~(similarity >= least), knowns),
+            ("correct_known", vigilance, lambda least: (similarity >= least) & right, knowns),
+            ("correct_where_rejected", up_to, lambda most: (similarity > most) & right, knowns),
         ):
             share = _shares(level, hits, counted, name)
-            part[name] = share[f"{name}_accuracy"]
-            part |= {name + end: share[name + end] for end in ENDS}
-        parts.append(xr.Dataset(part).expand_dims(aspects=[kind]))
+            columns[name] = share[f"{name}_accuracy"]
+            columns |= {name + end: share[name + end] for end in ENDS}
+        parts.append(xr.Dataset(columns).expand_dims(aspects=[kind]))
     table = xr.concat(parts, "aspects")
     for name, meaning in MEANINGS.items():
         table[name].attrs = {"units": "1", "long_name": meaning}
@@ -135,22 +135,22 @@ def tabulate_rejection(
 def _shares(
     levels: xr.DataArray,
     hits: Callable[[xr.DataArray], xr.DataArray],
-    asked: xr.DataArray,
+    answered: xr.DataArray,
     name: str,
 ) -> xr.Dataset:
-    """Return `scored` of all aspects together at levels, NaN without one.
+    """Return `scored` of all aspects together at each level, NaN without a level.
 
-    `hits` gives the hits at levels among the answers that are `asked`. Levels lie on the last axis
-    of theirs, and are scored a few at a time.
+    `hits` gives the hits at levels, and `answered` masks the answers. It scores levels, on the last
+    axis of `levels`, in blocks.
     """
     import xarray as xr
 
     dim = str(levels.dims[-1])
-    some, parts = max(1, AT_ONCE // max(asked.size, 1)), []
-    for first in range(0, levels.sizes[dim], some):
-        level = levels.isel({dim: slice(first, first + some)})
-        hit, counted = xr.broadcast(hits(level), asked & level.notnull())
-        # All aspects together, as if they were the same.
+    step, parts = max(1, AT_ONCE // max(answered.size, 1)), []
+    for first in range(0, levels.sizes[dim], step):
+        level = levels.isel({dim: slice(first, first + step)})
+        hit, counted = xr.broadcast(hits(level), answered & level.notnull())
+        # One common aspect pools them all.
         answers = hit.astype("i1").where(counted, np.int8(-1))
         answers = answers.assign_coords(aspect=np.zeros(hit.sizes["aspect"]))
         parts.append(scored(answers, f"{name}_", name).sel(aspect_bin="overall", drop=True))
@@ -158,7 +158,7 @@ def _shares(
 
 
 def _areas(similarity: Any, right: Any, known: Any) -> tuple[float, float]:
-    """Return AUROC and OSCR of answers, NaN without any; a similarity of NaN is none."""
-    asked = ~np.isnan(similarity)
-    scores = open_set_scores(similarity[asked], right[asked], known[asked])
+    """Return AUROC and OSCR of answers, NaN without any; a NaN similarity is no answer."""
+    answered = ~np.isnan(similarity)
+    scores = open_set_scores(similarity[answered], right[answered], known[answered])
     return scores.auroc, scores.oscr

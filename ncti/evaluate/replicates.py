@@ -17,7 +17,7 @@ from ncti.evaluate.scores import (
 )
 
 CONFIDENCE = 0.95
-AT_ONCE = 2**18  # answers whose counts by view and bin are held at one time
+AT_ONCE = 2**18  # answers per block, to bound the memory of counts by view and bin
 
 Floats = NDArray[np.float64]
 
@@ -114,38 +114,38 @@ def replicated_accuracy(
 
     member = np.ones((len(index), len(labels) + 1))
     member[:, :-1] = index[:, None] == np.arange(len(labels))
-    asked = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
+    flags = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
 
-    # Cells on the leading axes are independent of one another: some at a time, so that the counts
-    # by view and bin of all of them are never held.
+    # Cells on the leading axes are independent: process them in blocks, to bound the memory of
+    # counts by view and bin.
     lead, inner = right.shape[: right.ndim - 2 - draws], right.shape[right.ndim - 2 - draws :]
-    some = max(1, AT_ONCE // max(math.prod(inner), 1))
+    step = max(1, AT_ONCE // max(math.prod(inner), 1))
     number = math.prod(lead)
-    whole = tuple(np.empty((number, len(labels) + 1)) for _ in range(4))
-    of_cells, asked_of_cells = right.reshape(number, *inner), asked.reshape(number, *inner)
-    for first in range(0, len(whole[0]), some):
-        cells = slice(first, first + some)
-        accuracy = _accuracy(of_cells[cells], asked_of_cells[cells], member, draws, confidence)
-        for values, of_some in zip(whole, accuracy, strict=True):
-            values[cells] = of_some
-    fraction, low, high, n = (values.reshape(*lead, len(labels) + 1) for values in whole)
+    results = tuple(np.empty((number, len(labels) + 1)) for _ in range(4))
+    right_cells, flag_cells = right.reshape(number, *inner), flags.reshape(number, *inner)
+    for first in range(0, len(results[0]), step):
+        cells = slice(first, first + step)
+        accuracy = _accuracy(right_cells[cells], flag_cells[cells], member, draws, confidence)
+        for values, block in zip(results, accuracy, strict=True):
+            values[cells] = block
+    fraction, low, high, n = (values.reshape(*lead, len(labels) + 1) for values in results)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
 
 
 def _accuracy(
     right: NDArray[np.bool_],
-    asked: NDArray[np.bool_],
+    answered: NDArray[np.bool_],
     member: Floats,
     draws: int,
     confidence: float,
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return (cell, bin) fractions of right answers, the ends of their intervals, and answers.
 
-    `right` and `asked` are (cell, draw, ..., ship, aspect), with `draws` axes that are draws;
-    `member` (aspect, bin) is 1 where an aspect lies in a bin, of which the last holds all.
+    `right` and `answered` are (cell, draw, ..., ship, aspect), with `draws` axes of draws; `member`
+    (aspect, bin) is 1 where an aspect lies in a bin, and the last bin holds all.
     """
     # Counts of answers, and of right ones, by bin at every level of every factor.
-    count = asked.astype(float)
+    count = answered.astype(float)
     hits = right * count
     kinds = tuple(range(-2 - draws, -2))
 
@@ -153,8 +153,8 @@ def _accuracy(
         """Return (..., level, bin) counts of answers and of right ones by view or by draw."""
         if kind is None:
             return _views(count.sum(axis=kinds), member), _views(hits.sum(axis=kinds), member)
-        gone = (*(other for other in kinds if other != kind), -2)
-        return count.sum(axis=gone) @ member, hits.sum(axis=gone) @ member
+        axes = (*(other for other in kinds if other != kind), -2)
+        return count.sum(axis=axes) @ member, hits.sum(axis=axes) @ member
 
     return _of_levels([by_level(kind) for kind in (None, *kinds)], confidence)
 
@@ -164,15 +164,15 @@ def _of_levels(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return (..., bin) fractions of right answers, the ends of their intervals, and answers.
 
-    `levels` are those of `_equivalent_answers`; the last bin holds all.
+    `levels` are as of `_equivalent_answers`; the last bin holds all.
     """
     n, k = (array.sum(axis=-2) for array in levels[0])
     fraction = k / np.maximum(n, 1.0)
-    # Equivalent number of independent answers, for the bins together and for the whole.
+    # Equivalent number of independent answers, for the bins together and for the last bin.
     equivalent = np.empty(n.shape)
     for bins in (slice(0, -1), slice(-1, None)):
-        those = [(answers[..., bins], rights[..., bins]) for answers, rights in levels]
-        equivalent[..., bins] = _equivalent_answers(those, fraction[..., -1], confidence)
+        subset = [(answers[..., bins], rights[..., bins]) for answers, rights in levels]
+        equivalent[..., bins] = _equivalent_answers(subset, fraction[..., -1], confidence)
     low, high = wilson_interval(
         np.minimum(fraction * equivalent, equivalent), equivalent, confidence=confidence
     )
@@ -180,7 +180,7 @@ def _of_levels(
 
 
 def grouped_accuracy(correct: ArrayLike, aspects: ArrayLike, groups: ArrayLike) -> AspectAccuracy:
-    """Return the fraction of correct answers by aspect bin over rows, some of the same view.
+    """Return the fraction of correct answers by aspect bin over rows that may share views.
 
     Parameters
     ----------
@@ -296,28 +296,28 @@ def paired_difference(
     >>> first = np.arange(40).reshape(1, 1, 40) < 30
     >>> second = np.arange(40).reshape(1, 1, 40) < 34
     >>> more = paired_difference(first, second, np.full(40, 45.0))
-    >>> [float(one[-1].round(2)) for one in (more.fraction, more.ci_low, more.ci_high)]
+    >>> [float(figure[-1].round(2)) for figure in (more.fraction, more.ci_low, more.ci_high)]
     [0.1, -0.01, 0.22]
     """
     labels, index = aspect_bins(aspects)
     require("draws", draws, whole=True, minimum=0)
-    both = [checked_answers(right, len(index), draws) for right in (first, second)]
-    require_shape("second", both[1], both[0].shape)
+    pair = [checked_answers(right, len(index), draws) for right in (first, second)]
+    require_shape("second", pair[1], pair[0].shape)
     former, other = (
         replicated_accuracy(right, aspects, draws=draws, answered=answered, confidence=confidence)
-        for right in both
+        for right in pair
     )
-    count = np.broadcast_to(np.asarray(answered), both[0].shape).astype(float)
+    count = np.broadcast_to(np.asarray(answered), pair[0].shape).astype(float)
     kinds = tuple(range(-2 - draws, -2))
-    answers = max(np.prod([count.shape[kind] for kind in kinds]), 1)  # to a view
-    seen = count.sum(axis=kinds)
-    means = [(right * count).sum(axis=kinds) / np.maximum(seen, 1.0) for right in both]
+    answers = max(np.prod([count.shape[kind] for kind in kinds]), 1)  # per view
+    per_view = count.sum(axis=kinds)
+    means = [(right * count).sum(axis=kinds) / np.maximum(per_view, 1.0) for right in pair]
     phi = np.zeros(former.fraction.shape)
     for k in range(len(labels) + 1):
-        inside = (seen > 0) & ((index == k) | (k == len(labels)))
-        some = np.maximum(inside.sum(axis=(-2, -1), keepdims=True), 1)
+        inside = (per_view > 0) & ((index == k) | (k == len(labels)))
+        size = np.maximum(inside.sum(axis=(-2, -1), keepdims=True), 1)
         a, b = (
-            np.where(inside, mean - (mean * inside).sum(axis=(-2, -1), keepdims=True) / some, 0.0)
+            np.where(inside, mean - (mean * inside).sum(axis=(-2, -1), keepdims=True) / size, 0.0)
             for mean in means
         )
         squares = (a**2).sum(axis=(-2, -1)) * (b**2).sum(axis=(-2, -1))
@@ -346,39 +346,39 @@ def _equivalent_answers(
     """Return the (..., bin) equivalent number of independent answers; see `replicated_accuracy`.
 
     `levels` has (..., level, bin) answers and right answers of each factor, the views, then each
-    kind of draw; `share` (...) is that of right answers in all bins.
+    kind of draw; `share` (...) is the share of right answers in all bins.
     """
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import ndtri, stdtrit
 
     n, k = (array.sum(axis=-2) for array in levels[0])
-    some = np.maximum(n, 1.0)
+    divisor = np.maximum(n, 1.0)
     # Main effects: m_k of every bin; squares, degrees of freedom and m'_k over the bins.
     sizes, squares, freedoms, spreads = [], [], [], []
     for answers, rights in levels:
-        size = (answers**2).sum(axis=-2) / some
-        within = (rights**2 / np.maximum(answers, 1.0)).sum(axis=-2) - k**2 / some
+        size = (answers**2).sum(axis=-2) / divisor
+        within = (rights**2 / np.maximum(answers, 1.0)).sum(axis=-2) - k**2 / divisor
         sizes.append(size)
         squares.append(np.maximum(within, 0.0).sum(axis=-1))
         freedoms.append(np.maximum((answers > 0).sum(axis=-2) - 1, 0).sum(axis=-1))
         spreads.append((n - size).sum(axis=-1))
-    # Residual, and the imaginary view, which has as many answers as an average one.
-    left = np.maximum((k - k**2 / some).sum(axis=-1) - sum(squares), 0.0)
+    # Residual, and the imaginary view with an average number of answers.
+    remainder = np.maximum((k - k**2 / divisor).sum(axis=-1) - sum(squares), 0.0)
     freedom = np.maximum(n - 1.0, 0.0).sum(axis=-1) - sum(freedoms)
-    error = left / np.maximum(freedom, 1.0)
+    error = remainder / np.maximum(freedom, 1.0)
     views = (levels[0][0] > 0).sum(axis=(-2, -1))
     squares[0] += n.sum(axis=-1) / np.maximum(views, 1) * np.maximum(share, 1.0 - share) ** 2
     # Variance components, the design effect, and the part of the variance that draws contribute.
-    whole, mean, uncertain = error, error[..., None], np.zeros(n.shape)
+    total, mean, uncertain = error, error[..., None], np.zeros(n.shape)
     for kind, (size, square, free) in enumerate(zip(sizes, squares, freedoms, strict=True)):
         between = np.maximum(square / np.maximum(free, 1) - error, 0.0)
         variance = np.where(free > 0, between * free / np.maximum(spreads[kind], 1e-9), 0.0)
-        part = size * variance[..., None]
-        whole, mean = whole + variance, mean + part
+        component = size * variance[..., None]
+        total, mean = total + variance, mean + component
         if kind > 0:
-            uncertain = uncertain + part**2 / np.maximum(free, 1)[..., None]
-    effect = np.where(whole[..., None] > 0, mean / np.where(whole > 0, whole, 1.0)[..., None], 1.0)
-    # The Wilson interval depends on z^2 / n alone, so a wider quantile is a smaller number.
+            uncertain = uncertain + component**2 / np.maximum(free, 1)[..., None]
+    effect = np.where(total[..., None] > 0, mean / np.where(total > 0, total, 1.0)[..., None], 1.0)
+    # The Wilson interval depends only on z^2 / n, so a wider quantile is a smaller number.
     with np.errstate(divide="ignore", invalid="ignore"):
         free = np.where(uncertain > 0, np.maximum(mean**2 / uncertain, 1.0), np.inf)
     tail = 0.5 + 0.5 * confidence

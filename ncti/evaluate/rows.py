@@ -1,4 +1,4 @@
-"""Every score of a classifier's answers, from arrays by row."""
+"""All scores of a classifier's answers, from arrays by row."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BINS = 10  # of confidence, of equal width
 REJECTED = 0.9  # share of answers to unknown classes
-ROUNDING = 1e-5  # of the sum of the probabilities of a row, which may be in single precision
+ROUNDING = 1e-5  # of a row's sum of probabilities, which may be in single precision
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -47,8 +47,8 @@ class Reliability:
     --------
     >>> from ncti.evaluate import score
     >>> likely = [[0.9, 0.1], [0.9, 0.1], [0.8, 0.2]]
-    >>> of = {"classes": ["duncan", "texas"], "aspect": [0, 0, 0], "groups": [0, 1, 2]}
-    >>> scores = score(["duncan", "texas", "duncan"], likely, **of)
+    >>> rows = {"classes": ["duncan", "texas"], "aspect": [0, 0, 0], "groups": [0, 1, 2]}
+    >>> scores = score(["duncan", "texas", "duncan"], likely, **rows)
     >>> scores.reliability.n[7:9], scores.reliability.fraction[7:9]
     (array([1, 2]), array([1. , 0.5]))
     """
@@ -92,8 +92,8 @@ class Scores:
     Examples
     --------
     >>> from ncti.evaluate import score
-    >>> named = ["duncan", "duncan", "texas"]
-    >>> scores = score(["duncan", "texas", "texas"], named, aspect=[0, 40, 80], groups=[0, 1, 2])
+    >>> y, predicted = ["duncan", "texas", "texas"], ["duncan", "duncan", "texas"]
+    >>> scores = score(y, predicted, aspect=[0, 40, 80], groups=[0, 1, 2])
     >>> scores.confusion.tolist(), scores.log_loss
     ([[1, 0], [1, 1]], nan)
     """
@@ -119,8 +119,8 @@ class Scores:
     def _repr_html_(self) -> str:
         names = ("log_loss", "ece", "auroc", "oscr", "kept")
         known = {name: value for name in names if (value := getattr(self, name)) == value}
-        others = ", ".join(f"{name} {value:.2f}" for name, value in known.items())
-        return f"{self.accuracy._repr_html_()}{self.to_pandas().to_html()}<p>{others}</p>"
+        summary = ", ".join(f"{name} {value:.2f}" for name, value in known.items())
+        return f"{self.accuracy._repr_html_()}{self.to_pandas().to_html()}<p>{summary}</p>"
 
 
 def score(
@@ -185,8 +185,8 @@ def score(
     >>> from ncti.evaluate import score
     >>> y = ["duncan", "texas", "texas", "roberts"]
     >>> likely = [[0.9, 0.1], [0.2, 0.8], [0.7, 0.3], [0.5, 0.5]]
-    >>> of = {"aspect": [0, 40, 80, 10], "groups": [0, 1, 2, 3]}
-    >>> scores = score(y, likely, classes=["duncan", "texas"], **of)
+    >>> rows = {"aspect": [0, 40, 80, 10], "groups": [0, 1, 2, 3]}
+    >>> scores = score(y, likely, classes=["duncan", "texas"], **rows)
     >>> scores.accuracy.fraction.round(2).tolist(), scores.accuracy.labels
     ([1.0, 1.0, 0.0, 0.67], ('0', '40', '80', 'overall'))
     >>> round(scores.log_loss, 3), scores.auroc, round(scores.kept, 3)
@@ -195,47 +195,47 @@ def score(
     truth = require_labels("y", y)
     if truth.ndim != 1 or not truth.size:
         raise ValueError(f"y has shape {truth.shape}, but must be a non-empty sequence")
-    learned, named, values = _answers(truth, predicted, classes)
+    learned, chosen, values = _answers(truth, predicted, classes)
     if values is not None and similarity is None:
         similarity = values.max(axis=1)
     known = np.isin(truth, learned)
     if not known.any():
         raise ValueError(f"y has {truth[:1]}, but must have a row of the classes, {learned}")
-    of_view = require_labels("groups", groups)
-    at = require_all("aspect", aspect, minimum=0.0, maximum=360.0)
-    for name, array in (("groups", of_view), ("aspect", at)):
+    views = require_labels("groups", groups)
+    angles = require_all("aspect", aspect, minimum=0.0, maximum=360.0)
+    for name, array in (("groups", views), ("aspect", angles)):
         require_shape(name, array, truth.shape)
-    correct = named == truth
+    correct = chosen == truth
     loss, ece, curve = np.nan, np.nan, None
     if values is not None and _are_probabilities(values):
         loss, ece, curve = _calibration(values[known], truth[known], learned, correct[known])
-    auroc = oscr = kept = np.nan
+    auroc = oscr = accepted = np.nan
     if not known.all():
         if similarity is None:
             raise ValueError("similarity is None, but must tell unknown classes from known ones")
-        alike = require_all("similarity", similarity)
-        require_shape("similarity", alike, truth.shape)
-        auroc, oscr, kept = _rejection(alike, correct, known)
+        similarities = require_all("similarity", similarity)
+        require_shape("similarity", similarities, truth.shape)
+        auroc, oscr, accepted = _rejection(similarities, correct, known)
     # Imported here because scikit-learn takes a second.
     from sklearn.metrics import confusion_matrix
 
     return Scores(
-        accuracy=grouped_accuracy(correct[known], at[known], of_view[known]),
+        accuracy=grouped_accuracy(correct[known], angles[known], views[known]),
         classes=learned,
-        confusion=confusion_matrix(truth[known], named[known], labels=learned).astype(np.intp),
+        confusion=confusion_matrix(truth[known], chosen[known], labels=learned).astype(np.intp),
         log_loss=loss,
         ece=ece,
         reliability=curve,
         auroc=auroc,
         oscr=oscr,
-        kept=kept,
+        kept=accepted,
     )
 
 
 def _answers(
     truth: NDArray, predicted: ArrayLike, classes: ArrayLike | None
 ) -> tuple[NDArray, NDArray, Floats | None]:
-    """Return the classes, sorted, those named (row,), and the values (row, class), if any."""
+    """Return the sorted classes, the predicted ones (row,), and values (row, class) if any."""
     learned = np.unique(truth) if classes is None else require_labels("classes", classes)
     values = None
     if np.ndim(predicted) == 2:
@@ -243,21 +243,21 @@ def _answers(
             raise ValueError("classes is None, but must name the columns of predicted")
         values = require_all("predicted", predicted)
         require_shape("predicted", values, (truth.size, learned.size))
-        # Columns in the order of the classes, as those of scikit-learn are.
+        # Columns in the order of the sorted classes, as in scikit-learn.
         order = np.argsort(learned)
         learned, values = learned[order], values[:, order]
-        named = learned[values.argmax(axis=1)]
+        chosen = learned[values.argmax(axis=1)]
     else:
-        learned, named = np.unique(learned), require_labels("predicted", predicted)
-        require_shape("predicted", named, truth.shape)
-    if not np.isin(named, learned).all():
-        stray = named[~np.isin(named, learned)][0]
+        learned, chosen = np.unique(learned), require_labels("predicted", predicted)
+        require_shape("predicted", chosen, truth.shape)
+    if not np.isin(chosen, learned).all():
+        stray = chosen[~np.isin(chosen, learned)][0]
         raise ValueError(f"predicted has {stray!r}, but must be among the classes, {learned}")
-    return learned, named, values
+    return learned, chosen, values
 
 
 def _are_probabilities(values: Floats) -> bool:
-    """Return whether (row, class) values are nowhere negative and sum to 1."""
+    """Return whether (row, class) values are nonnegative and sum to 1."""
     return bool((values >= 0).all() and np.allclose(values.sum(axis=1), 1.0, rtol=0, atol=ROUNDING))
 
 
@@ -277,17 +277,17 @@ def _calibration(
 def _rejection(
     similarity: Floats, correct: NDArray[np.bool_], known: NDArray[np.bool_]
 ) -> tuple[float, float, float]:
-    """Return AUROC, OSCR and the share of known classes kept where `REJECTED` are rejected."""
+    """Return AUROC, OSCR and the share of known classes kept when `REJECTED` are rejected."""
     areas = open_set_scores(similarity, correct, known)
     [most] = rejection_thresholds(similarity[~known], [REJECTED])
     return areas.auroc, areas.oscr, float((correct & (similarity > most))[known].mean())
 
 
 def _reliability(confidence: Floats, correct: NDArray[np.bool_]) -> Reliability:
-    """Return the reliability of answers of a confidence in (0, 1]."""
-    of_bin = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)
-    n = np.bincount(of_bin, minlength=BINS)
-    some = np.where(n > 0, n, np.nan)
-    sums = (np.bincount(of_bin, weights=w, minlength=BINS) for w in (confidence, correct))
-    mean, fraction = (one / some for one in sums)
+    """Return the reliability of answers with confidences in (0, 1]."""
+    bin_index = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)
+    n = np.bincount(bin_index, minlength=BINS)
+    divisor = np.where(n > 0, n, np.nan)
+    sums = (np.bincount(bin_index, weights=w, minlength=BINS) for w in (confidence, correct))
+    mean, fraction = (total / divisor for total in sums)
     return Reliability(mean, fraction, n.astype(np.intp))

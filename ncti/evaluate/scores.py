@@ -270,11 +270,11 @@ def accuracy_by_aspect(
     labels, index = aspect_bins(aspects)
     right = checked_answers(correct, len(index))
     # Counts by bin are products with the membership of aspects in bins; the last bin holds all.
-    counted = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
+    flags = np.broadcast_to(require_flags("answered", answered, right.shape), right.shape)
     member = np.ones((len(index), len(labels) + 1), dtype=np.intp)
     member[:, :-1] = index[:, None] == np.arange(len(labels))
-    hits = (right & counted).sum(axis=-2) @ member
-    n = counted.sum(axis=-2) @ member
+    hits = (right & flags).sum(axis=-2) @ member
+    n = flags.sum(axis=-2) @ member
     low, high = wilson_interval(hits, n)
     fraction = np.divide(hits, n, out=np.full(hits.shape, np.nan), where=n > 0)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, n)
@@ -283,7 +283,7 @@ def accuracy_by_aspect(
 def checked_answers(correct: ArrayLike, aspects: int, draws: int = 0) -> NDArray[np.bool_]:
     """Return answers as an array, or raise `ValueError` unless they are boolean.
 
-    Their axes are (..., ship, aspect), with some kinds of draws before the ships.
+    Their axes are (..., ship, aspect), with `draws` axes of draws before the ships.
     """
     try:
         right = np.asarray(correct)

@@ -38,13 +38,13 @@ def accuracy_dataset(accuracy: AspectAccuracy) -> xr.Dataset:
 
 
 def percent_table(accuracy: AspectAccuracy) -> pd.DataFrame:
-    """Return percent correct with its interval as text, one row a bin."""
+    """Return percent correct with its interval as text, one row per bin."""
     frame = accuracy.to_pandas()
     percent = [
-        f"{100 * one.fraction:.0f} [{100 * one.ci_low:.0f}-{100 * one.ci_high:.0f}]"
-        if one.n
+        f"{100 * row.fraction:.0f} [{100 * row.ci_low:.0f}-{100 * row.ci_high:.0f}]"
+        if row.n
         else ""
-        for one in frame.itertuples()
+        for row in frame.itertuples()
     ]
     return frame.assign(**{"percent correct": percent})[["percent correct", "n"]]
 
@@ -56,7 +56,7 @@ def plot_accuracy(accuracy: AspectAccuracy, ax: Axes | None) -> Axes:
         raise ValueError(f"fraction has shape {shape}, but must have bins alone to be drawn")
     ax = _axes(ax)
     percent, low, high = (
-        100 * each for each in (accuracy.fraction, accuracy.ci_low, accuracy.ci_high)
+        100 * values for values in (accuracy.fraction, accuracy.ci_low, accuracy.ci_high)
     )
     ax.errorbar(accuracy.labels, percent, (percent - low, high - percent), fmt="o", capsize=3)
     ax.set(xlabel="aspect [deg]", ylabel="correct answers [%]", ylim=(0, 105))

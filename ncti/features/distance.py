@@ -73,11 +73,11 @@ def ship_distance(
     >>> ship_distance(duncan, duncan, aspects=[30]) < 1e-12
     True
     """
-    at = require_all("aspects", np.atleast_1d(aspects), minimum=-360.0, maximum=360.0)
-    if at.size == 0:
+    angles = require_all("aspects", np.atleast_1d(aspects), minimum=-360.0, maximum=360.0)
+    if angles.size == 0:
         raise ValueError("aspects has no values, but must have one or more")
-    seen = {"depression": depression, "slant_range": slant_range, "pulse_width": pulse_width}
-    vectors = [_vectors(mesh, at, **seen) for mesh in (first, second)]
+    view = {"depression": depression, "slant_range": slant_range, "pulse_width": pulse_width}
+    vectors = [_vectors(mesh, angles, **view) for mesh in (first, second)]
     return float(1 - np.einsum("ij,ij->i", *vectors).mean())
 
 
@@ -112,15 +112,15 @@ def sister(
     distance : float
         Distance by `ship_distance`, between 0.0001 and 0.5.
     seed, number : int
-        Variant of `ncti.ships.variants` whose scale is sought.
+        Variant of `ncti.ships.variants` whose scale is adjusted.
     **view
         `aspects`, `depression`, `slant_range` and `pulse_width` of `ship_distance`.
 
     Returns
     -------
     trimesh.Trimesh
-        The variant, whose name in its metadata says its scale. Its distance is within 5 % of the
-        one stated.
+        The variant, whose name in its metadata includes its scale. Its distance is within 5 % of
+        the stated one.
 
     Raises
     ------

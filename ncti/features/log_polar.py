@@ -215,12 +215,12 @@ def _checked(mask: ArrayLike) -> Images:
     """Return the mask as a bool or float64 array in [0, 1], or raise `ValueError`."""
     # In C order, so that area and centroid are always summed in the same order.
     flags = isinstance(mask, np.ndarray) and mask.dtype == np.bool_
-    given = np.asarray(
+    array = np.asarray(
         mask if flags else require_all("mask", mask, minimum=0, maximum=1), order="C"
     )
-    if given.ndim < 2 or given.size == 0:
-        raise ValueError(f"mask has shape {given.shape}, but must have rows and columns")
-    return given
+    if array.ndim < 2 or array.size == 0:
+        raise ValueError(f"mask has shape {array.shape}, but must have rows and columns")
+    return array
 
 
 def _disc(image: Images) -> tuple[float, ...]:
@@ -252,9 +252,9 @@ def _unit_grid(
     inner: float, outer: float, radii: int, angles: int, oversample: int
 ) -> tuple[Floats, Floats]:
     """Return columns and rows of all samples for unit radius, each (sample, angle * radius)."""
-    part = (np.arange(oversample) + 0.5) / oversample
-    turn = 2 * np.pi * (np.arange(angles) + part[:, None]) / angles
-    rise = (np.arange(radii) + part[:, None]) / radii
+    offset = (np.arange(oversample) + 0.5) / oversample
+    turn = 2 * np.pi * (np.arange(angles) + offset[:, None]) / angles
+    rise = (np.arange(radii) + offset[:, None]) / radii
     radius = inner * (outer / inner) ** rise
     shape = (oversample * oversample, angles * radii)
     grids = tuple(

@@ -1,4 +1,4 @@
-"""Log-polar maps of segmented silhouettes as classifiers take them: in bytes, and as vectors."""
+"""Log-polar maps of segmented silhouettes, in bytes and as vectors for classifiers."""
 
 from __future__ import annotations
 
@@ -99,11 +99,11 @@ def map_vector(maps: ArrayLike) -> NDArray[np.float32]:
     >>> map_vector(np.array([[255, 0], [51, 0]], dtype=np.uint8))
     array([1. , 0. , 0.2, 0. ], dtype=float32)
     """
-    given = np.asarray(maps)
-    if given.dtype != np.uint8 or given.ndim < 2:
+    array = np.asarray(maps)
+    if array.dtype != np.uint8 or array.ndim < 2:
         raise ValueError(
-            f"maps has shape {given.shape} and type {given.dtype}, but must be (..., angle, radius)"
+            f"maps has shape {array.shape} and type {array.dtype}, but must be (..., angle, radius)"
             " of uint8"
         )
-    flat = given.reshape(*given.shape[:-2], given.shape[-2] * given.shape[-1])
+    flat = array.reshape(*array.shape[:-2], array.shape[-2] * array.shape[-1])
     return np.asarray(flat * np.float32(1 / STEPS), dtype=np.float32)

@@ -118,8 +118,8 @@ def segment(
     >>> image = 0.3 * target + noise
     >>> int(((image > 0.15) != target).sum())
     153
-    >>> found = segment(image, contrast=0.3, target_sigma=0.1, sea_sigma=0.1)
-    >>> int((found != target).sum())
+    >>> mask = segment(image, contrast=0.3, target_sigma=0.1, sea_sigma=0.1)
+    >>> int((mask != target).sum())
     10
     """
     # In C order, so that the sums behind a threshold are always taken in the same order.
@@ -130,8 +130,8 @@ def segment(
     stack = values.reshape(-1, *values.shape[-2:])
     if method == "matched":
         known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
-        each = {name: _each(name, value, values.shape[:-2]) for name, value in known.items()}
-        return _matched(stack, **each).reshape(values.shape)
+        parameters = {name: _each(name, value, values.shape[:-2]) for name, value in known.items()}
+        return _matched(stack, **parameters).reshape(values.shape)
     threshold = _threshold(method)
     target = np.array([_above(threshold, image) for image in stack])
     return _whole(target, weights=None).reshape(values.shape)
@@ -165,15 +165,15 @@ def _each(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
     if value is None:
         raise ValueError(f"{name} is None, but must be given in K for the method matched")
     least = 0.0 if name == "contrast" else _LEAST
-    given = require_all(name, value, minimum=least, maximum=_MOST)
+    values = require_all(name, value, minimum=least, maximum=_MOST)
     try:
-        every = np.broadcast_to(given, shape)
+        full = np.broadcast_to(values, shape)
     except ValueError:
         raise ValueError(
             f"{name} has shape {np.shape(value)}, but must be a number or have the leading axes "
             f"of the image, {shape}"
         ) from None
-    return every.reshape(-1, 1, 1)
+    return full.reshape(-1, 1, 1)
 
 
 def _matched(stack: Floats, *, contrast: Floats, target_sigma: Floats, sea_sigma: Floats) -> Mask:
@@ -182,13 +182,13 @@ def _matched(stack: Floats, *, contrast: Floats, target_sigma: Floats, sea_sigma
         stack, contrast=contrast, target_sigma=target_sigma, sea_sigma=sea_sigma
     )
     target = ratio > 0
-    # Without contrast there is no ship, whatever the sigmas, and none in a constant image.
+    # Without contrast there is no ship for any sigmas, and none in a constant image.
     span = np.ptp(stack, axis=(1, 2), keepdims=True)
     target &= (contrast > 0) & (span > 0)
     if not target.any():
         return target
-    seen = target.any(axis=(1, 2), keepdims=True)
-    return _whole(_conditional_modes(target, np.where(seen, ratio, -np.inf)), weights=ratio)
+    has_ship = target.any(axis=(1, 2), keepdims=True)
+    return _whole(_conditional_modes(target, np.where(has_ship, ratio, -np.inf)), weights=ratio)
 
 
 def _log_likelihood_ratio(
@@ -239,12 +239,12 @@ def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
         if chosen.size:
             sets.append((place[chosen], place[chosen] + around[:, None], bar[chosen]))
     unchanged = 0
-    for here, neighbours, least in sets * _PASSES:
-        now = np.add.reduce(flat.take(neighbours), axis=0, dtype=np.uint8) > least
-        unchanged = unchanged + 1 if (now == flat.take(here)).all() else 0
+    for pixels, neighbours, least in sets * _PASSES:
+        on_ship = np.add.reduce(flat.take(neighbours), axis=0, dtype=np.uint8) > least
+        unchanged = unchanged + 1 if (on_ship == flat.take(pixels)).all() else 0
         if unchanged == len(sets):
             break
-        flat[here] = now
+        flat[pixels] = on_ship
     return labels[:, 1:-1, 1:-1].astype(bool)
 
 
@@ -262,9 +262,9 @@ def _whole(target: Mask, *, weights: Floats | None) -> Mask:
     image[flat[ships] - 1] = ships // target[0].size
     # The heaviest region of each image; of equals the one with the lowest number, first in rows.
     order = np.lexsort((-weight, image))
-    shown, first = np.unique(image[order], return_index=True)
+    numbers, first = np.unique(image[order], return_index=True)
     chosen = np.full((len(target), 1, 1), -1)
-    chosen[shown, 0, 0] = order[first] + 1
+    chosen[numbers, 0, 0] = order[first] + 1
     region: Mask = regions == chosen
     # Sea that is not 4-connected to the outside is a hole.
     sea = np.ones((len(target), target.shape[1] + 2, target.shape[2] + 2), dtype=bool)

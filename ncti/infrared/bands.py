@@ -35,8 +35,8 @@ LONG_WAVE_EXTINCTION = 0.5e-3
 # 2 k^4 / (h^3 c^2): a black body's radiance is this times T^4 times an integral over
 # h c / (lambda k T).
 _RADIANCE = 2 * BOLTZMANN**4 / (PLANCK**3 * SPEED_OF_LIGHT**2)
-_TERMS = 45  # exp(-45) is below the rounding of the first
-_NEAR_ZERO = 1.0  # below it the power series is summed
+_TERMS = 45  # exp(-45) is below the rounding of the first term
+_NEAR_ZERO = 1.0  # below it, the power series
 # Power series of the integral of t^3 / (exp(t) - 1) from 0 to x: powers of x and coefficients from
 # Bernoulli's numbers. The next coefficient, of x^17, is 8e-13.
 _POWERS = (
@@ -51,24 +51,24 @@ def band_radiance(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
     """Return the radiance of a black body between two wavelengths [W m-2 sr-1].
 
     `temperature` (...) [K], `band` [m]. The integral of 2 h c^2 / lambda^5 / (exp(h c / (lambda k
-    T)) - 1) is, with x = h c / (lambda k T), 2 k^4 T^4 / (h^3 c^2) times that of x^3 / (exp(x) -
-    1), summed as a series of exp(-n x), or of powers of x below 1 (Widger and Woodall, Bull. Amer.
-    Meteor. Soc. 57, 1217 (1976)). Over all wavelengths it is the Stefan-Boltzmann law, sigma T^4 /
-    pi.
+    T)) - 1) is, with x = h c / (lambda k T), 2 k^4 T^4 / (h^3 c^2) times the integral of x^3 /
+    (exp(x) - 1), summed as a series of exp(-n x), or of powers of x below 1 (Widger and Woodall,
+    Bull. Amer. Meteor. Soc. 57, 1217 (1976)). Over all wavelengths it is the Stefan-Boltzmann law,
+    sigma T^4 / pi.
     """
-    warm, near, far = _reduced(temperature, band)
-    return _RADIANCE * warm**4 * (_tail(far) - _tail(near))
+    kelvin, near, far = _reduced(temperature, band)
+    return _RADIANCE * kelvin**4 * (_tail(far) - _tail(near))
 
 
 def radiance_slope(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
     """Return the derivative of `band_radiance` by temperature [W m-2 sr-1 K-1].
 
-    With F(x) the integral of t^3 / (exp(t) - 1) from x on, that of T^4 F(a / T) is T^3 (4 F(x) +
-    x^4 / (exp(x) - 1)).
+    With F(x) the integral of t^3 / (exp(t) - 1) from x on, the derivative of T^4 F(a / T) is T^3 (4
+    F(x) + x^4 / (exp(x) - 1)).
     """
-    warm, near, far = _reduced(temperature, band)
+    kelvin, near, far = _reduced(temperature, band)
     parts = [4 * _tail(x) + x**4 * np.exp(-x) / -np.expm1(-x) for x in (near, far)]
-    return _RADIANCE * warm**3 * (parts[1] - parts[0])
+    return _RADIANCE * kelvin**3 * (parts[1] - parts[0])
 
 
 def band_contrast(
@@ -142,23 +142,23 @@ def band_contrast(
             f"contrast_at_zero is {contrast_at_zero:g}, but must be above {-sea_temperature:g}, "
             "so that the ship is above 0 K"
         )
-    at_ship = band_radiance(ship, band=band) - band_radiance(sea_temperature, band=band)
-    through = 10.0 ** (-extinction * distance / 10)
-    apparent: Values = through * at_ship / radiance_slope(sea_temperature, band=band)
+    difference = band_radiance(ship, band=band) - band_radiance(sea_temperature, band=band)
+    transmission = 10.0 ** (-extinction * distance / 10)
+    apparent: Values = transmission * difference / radiance_slope(sea_temperature, band=band)
     return apparent
 
 
 def _reduced(temperature: ArrayLike, band: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
     """Return temperatures, and h c / (lambda k T) at the shortest and the longest wavelength."""
-    warm = require_all("temperature", temperature, positive=True)
+    kelvin = require_all("temperature", temperature, positive=True)
     shortest, longest = require_all("band", band, positive=True)
     if not shortest < longest:
         raise ValueError(
             f"band is {shortest:g} to {longest:g} m, but must go from a shorter to a longer "
             "wavelength"
         )
-    scale = PLANCK * SPEED_OF_LIGHT / (BOLTZMANN * warm)
-    return warm, scale / shortest, scale / longest
+    scale = PLANCK * SPEED_OF_LIGHT / (BOLTZMANN * kelvin)
+    return kelvin, scale / shortest, scale / longest
 
 
 def _tail(x: Floats) -> Floats:
@@ -169,5 +169,7 @@ def _tail(x: Floats) -> Floats:
         series += np.exp(-n * far) * (((far / n + 3 / n**2) * far + 6 / n**3) * far + 6 / n**4)
     near = np.minimum(x, _NEAR_ZERO)
     return np.where(
-        x < _NEAR_ZERO, math.pi**4 / 15 - sum(part * near**power for power, part in _POWERS), series
+        x < _NEAR_ZERO,
+        math.pi**4 / 15 - sum(coefficient * near**power for power, coefficient in _POWERS),
+        series,
     )

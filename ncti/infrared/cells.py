@@ -61,12 +61,12 @@ def places_of_bits(
     roll.
     """
     # Count the set bits, to allocate the result.
-    many = 0
+    count = 0
     for byte in bits:
         while byte:
             byte &= byte - 1
-            many += 1
-    horizontal, vertical = np.empty(many), np.empty(many)
+            count += 1
+    horizontal, vertical = np.empty(count), np.empty(count)
     cos, sin = turn
     # Place of each set bit: row and column, then the lattice's roll.
     number, row, ended = 0, 0, columns
@@ -105,13 +105,13 @@ def lay_out(
     """Arrange normals of the ship's box, the window and its rim into images `out` (draw, row, col).
 
     `box` (draw, row, col) has its first pixel at row and column `corner` of `out`, and may reach
-    beyond it; `window` and `rim` (draw, place) are outside the box, row by row; the rim is `width`
-    pixels wide.
+    beyond it; `window` and `rim` (draw, place) are for pixels outside the box, row by row; the rim
+    is `width` pixels wide.
     """
     draws, rows, columns = out.shape
     # Each pixel takes the next normal of the region it is in: ship's box, window or rim.
     for draw in range(draws):
-        of_window, of_rim = 0, 0
+        window_number, rim_number = 0, 0
         for row in range(rows):
             up = row - corner[0]
             for column in range(columns):
@@ -119,8 +119,8 @@ def lay_out(
                 if 0 <= up < box.shape[1] and 0 <= along < box.shape[2]:
                     out[draw, row, column] = box[draw, up, along]
                 elif width <= row < rows - width and width <= column < columns - width:
-                    out[draw, row, column] = window[draw, of_window]
-                    of_window += 1
+                    out[draw, row, column] = window[draw, window_number]
+                    window_number += 1
                 else:
-                    out[draw, row, column] = rim[draw, of_rim]
-                    of_rim += 1
+                    out[draw, row, column] = rim[draw, rim_number]
+                    rim_number += 1

@@ -1,4 +1,4 @@
-"""A ship before the imager: its images, their errors and its detection, at places on the pixels."""
+"""Images of a ship by the imager, their errors and its detection, at places on the pixels."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Floats = NDArray[np.float64]
 SubpixelOffset = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
 
 HALVES = {"none": 2, "perfect": 1, "shifted": 1}
-"""Half pixels of the detector that a pixel is wide, by super-resolution method."""
+"""Width of a pixel in half pixels of the detector, by super-resolution method."""
 
-WHOLE = HALVES["none"]  # of a pixel of the detector
+WHOLE = HALVES["none"]  # width of a detector pixel
 
 MOST_OFFSETS = 1000
 """Largest number of places of a ship on the pixels."""
@@ -65,15 +65,15 @@ class LargestWindow:
 
     def half_pixels(self, place: SubpixelOffset = (0.0, 0.0)) -> Silhouette:
         """Return its half pixels, all of them sea, for a ship origin at a place in its pixel."""
-        return _half_pixels(self, place)  # kept: every super-resolution method at a place has it
+        return _half_pixels(self, place)  # cached, as all super-resolution methods share it
 
     def axes(self, super_resolution: str) -> dict[str, Floats]:
         """Return `vertical` (row,) and `horizontal` (col,), places of its pixels [m]."""
-        whole = self.half_pixels()
+        pixels = self.half_pixels()
         places = {}
         for axis, name in enumerate(("vertical", "horizontal")):
-            halves = whole.origin[1 - axis] + whole.footprint * np.arange(
-                whole.coverage.shape[axis]
+            halves = pixels.origin[1 - axis] + pixels.footprint * np.arange(
+                pixels.coverage.shape[axis]
             )
             places[name] = halves.reshape(-1, HALVES[super_resolution]).mean(axis=1)
         return places
@@ -89,8 +89,8 @@ def _half_pixels(window: LargestWindow, place: SubpixelOffset) -> Silhouette:
     larger = 1.0 / (1.0 - min(nearest / window.slant_range, 0.5))
     sides = (-half * larger, half * larger, bottom * larger, top * larger)
     sea, pixel = np.zeros(0), footprint(window.slant_range, window.ifov)
-    where = {"footprint": pixel, "phase": place, "margin": MARGIN, "extent": sides}
-    return coverage_of(sea, sea, area=1.0, **where, subdivision=2)  # type: ignore[arg-type]
+    options = {"footprint": pixel, "phase": place, "margin": MARGIN, "extent": sides}
+    return coverage_of(sea, sea, area=1.0, **options, subdivision=2)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ class DetectorView:
 
     @cached_property
     def _places(self) -> list[list[float]]:
-        # One stream for all, so that a place does not depend on their number.
+        # One stream for all places, so that a place does not depend on their number.
         return self.stream(stage="infrared_place").random((MOST_OFFSETS, 2)).tolist()
 
     def place(self, offset: int) -> SubpixelOffset:
@@ -165,7 +165,7 @@ class DetectorView:
         return cache(lambda offset: covering(self.place(offset)))
 
     def shown(self, offset: int, halves: int) -> NDArray[np.bool_]:
-        """Return (row, col) pixels of 1 or 2 half pixels' width that show the ship."""
+        """Return the (row, col) mask of the ship, in pixels 1 or 2 half pixels wide."""
         pixels = self.covered(offset).coverage
         if halves > 1:
             rows, cols = (size // halves for size in pixels.shape)
@@ -177,13 +177,13 @@ class DetectorView:
     ) -> Floats:
         """Return (offset, frame_count, row, col) images [K] of one super-resolution method.
 
-        All places are drawn from one stream in turn, so those before the last one wanted, too.
+        One stream draws all places in turn, so earlier places than the last of these, too.
         """
-        kept = super_resolution, frame_count
-        if kept not in self._drawn:
+        key = super_resolution, frame_count
+        if key not in self._drawn:
             rng = self.stream(stage="infrared", super_resolution=super_resolution)
-            self._drawn[kept] = rng, []
-        rng, drawn = self._drawn[kept]
+            self._drawn[key] = rng, []
+        rng, drawn = self._drawn[key]
         for offset in range(len(drawn), max(subpixel_offsets) + 1):
             images = self.imager.images(
                 self.shown(offset, HALVES[super_resolution]),
@@ -200,17 +200,17 @@ class DetectorView:
     ) -> Floats:
         """Return (frame_count, row, col) images [K] of its first place on the pixels, in a window.
 
-        NaN where nothing is synthesised, away from the ship.
+        NaN outside the synthesised surroundings of the ship.
         """
         (images,) = self.images(super_resolution, (0,), frame_count)
-        whole, ours = window.half_pixels(self.place(0)), self.covered(0).origin
+        full, origin = window.half_pixels(self.place(0)), self.covered(0).origin
         cells = HALVES[super_resolution]
-        rows, cols = (n // cells for n in whole.coverage.shape)
+        rows, cols = (n // cells for n in full.coverage.shape)
         row, col = (
-            round((ours[axis] - whole.origin[axis]) / whole.footprint) // cells for axis in (1, 0)
+            round((origin[axis] - full.origin[axis]) / full.footprint) // cells for axis in (1, 0)
         )
         placed = np.full((len(frame_count), rows, cols), np.nan)
-        # The ship's window may end with a pixel of sea that the whole one does not hold.
+        # The ship's window may end with a pixel of sea beyond the full window.
         images = images[:, : rows - row, : cols - col]
         placed[:, row : row + images.shape[1], col : col + images.shape[2]] = images
         return placed
@@ -220,7 +220,7 @@ class DetectorView:
     ) -> Floats:
         """Return the (offset, frame_count) probability that a ship pixel exceeds the threshold.
 
-        The threshold is that of a false-alarm probability of a pixel of sea.
+        A pixel of sea exceeds the threshold with the false-alarm probability.
         """
         pixels = [np.count_nonzero(self.shown(offset, WHOLE)) for offset in subpixel_offsets]
         return np.vectorize(detection_probability)(
@@ -235,7 +235,7 @@ class DetectorView:
     ) -> Floats:
         """Return the (offset, frame_count) error of images, NaN for negligible contrast.
 
-        See `ncti.infrared.reconstruction_error`; the noiseless image is that of half pixels.
+        See `ncti.infrared.reconstruction_error`; the noiseless image has half pixels.
         """
         if self.contrast < LEAST_CONTRAST:  # no contrast to divide by
             return np.full((len(subpixel_offsets), len(frame_count)), np.nan)

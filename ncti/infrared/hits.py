@@ -1,4 +1,4 @@
-"""A ship across the line of sight, kept in few bytes, and the detector's pixels that it fills."""
+"""Compact view of a ship across the line of sight, and the detector's pixels that it fills."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MARGIN = 4
 class Hits:
     """Part of a view that shows a ship, without its depth: pixels as bits, or pieces of lines.
 
-    All its attributes are arrays and numbers, so that `vars` of it can be kept in a file.
+    All attributes are arrays and numbers, so that `vars` of it can be stored in a file.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Hits:
         return cls(bits, columns, lattice, np.zeros(0, np.int32), np.zeros((0, 2)))
 
     def patches(self, *, mirrored: bool = False) -> Patches:
-        """Return the patches of ship, with left and right swapped or not."""
+        """Return the patches of the ship, optionally with left and right swapped."""
         pixel, left, bottom, roll = self.lattice.tolist()
         if not self.columns:
             line, span = self.line, self.span
@@ -117,9 +117,9 @@ class Patches:
     def covering(
         self, footprint: float, place: tuple[float, float], *, subdivision: int = 1
     ) -> Silhouette:
-        """Return the coverage of a detector's pixels with this footprint [m], or parts of them.
+        """Return the coverage of detector pixels with a footprint [m], or of their subdivisions.
 
-        The ship origin is at a place in its pixel, right and up from the pixel's corner [pixel].
+        `place` is the ship origin's in its pixel, right and up from the pixel's corner [pixel].
         """
         window: dict[str, Any] = {"footprint": footprint, "phase": place, "margin": MARGIN}
         window |= {"extent": self.extent, "subdivision": subdivision}

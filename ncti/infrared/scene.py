@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 
-# Frames whose sum the generator itself draws first: as many as the article averages.
+# Number of frames whose sum the generator itself draws first: as many as the article averages.
 ANCHOR = 16
-# Pixels around the ship that are drawn with it. A super-resolved pixel depends on its neighbours up
-# to one pixel away, so the size of the window changes nothing on the ship.
+# Border around the ship that is drawn with it [pixel]. A super-resolved pixel depends on its
+# neighbours up to one pixel away, so the size of the window changes nothing on the ship.
 HALO = 4
 
 
@@ -29,14 +29,14 @@ def draw_scene(
     sea_spread: float,
     rim: int = 0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw the scene and the detector noise of averages of some frames [K].
+    """Draw the scene and the detector noise of averages of frames [K].
 
-    Of a (row, col) `target`, with a `rim` of as many pixels of sea around it, returned are the
-    scene (row + 2 rim, col + 2 rim) above the mean sea, the same in every frame, and the noise
-    (frame_count, row + 2 rim, col + 2 rim) of each of `frame_counts`. `contrast`, `nedt` (of one
-    frame), `target_spread` and `sea_spread` [K].
+    For a (row, col) `target` with `rim` pixels of sea around it, it returns the scene (row + 2 rim,
+    col + 2 rim) above the mean sea, the same in every frame, and the noise (frame_count, row + 2
+    rim, col + 2 rim) of each of `frame_counts`. `contrast`, `nedt` (of one frame), `target_spread`
+    and `sea_spread` [K].
 
-    Every pixel has a Gaussian temperature of ship or sea, as the template says, so one normal per
+    Every pixel has a Gaussian temperature of ship or sea, by the template, so one normal per
     pixel is enough. The article's deviations (Appendix 2) contain the noise of the 16-frame
     average; here noise and spread are separate, because only the noise falls with the number of
     frames.
@@ -44,12 +44,12 @@ def draw_scene(
     Averages are over prefixes of the same frames, so the sum W(N) of N frames is a random walk with
     Cov(W(M), W(N)) = nedt^2 min(M, N). It is drawn as such, at a cost that grows with the logarithm
     of N. The draw for one frame count depends neither on the other counts nor on their order: the
-    generator draws two normals per pixel, for the scene and for W(16), whatever the counts, and
-    every other count on the walk's way has its own generator, a child of a seed sequence that each
-    call spawns from that of `rng`. So equal results need generators with equal spawn counts, too.
+    generator draws two normals per pixel, for the scene and for W(16), for any counts, and every
+    other count on the walk's way has its own generator, a child of a seed sequence that each call
+    spawns from the one of `rng`. So equal results need generators with equal spawn counts, too.
     From W(16) the walk doubles, W(32), W(64), ...; between those, and below 16, Levy's construction
-    of a Brownian bridge draws the sum in the middle of an interval from those at its ends, until it
-    reaches a count.
+    of a Brownian bridge draws the sum in the middle of an interval from the sums at its ends, until
+    it reaches a count.
 
     Order of the draws: the ship's bounding box with a border of `HALO` pixels, whether or not the
     window holds them; the rest of the window; the rest of the rim. In each of them, row by row, the
@@ -72,7 +72,7 @@ def draw_scene(
             raise ValueError(f"frame_counts is {count!r}, but must be whole numbers")
 
     # Temperature of the scene: its spread, and the contrast on the ship.
-    wanted = [int(count) for count in counts]
+    numbers = [int(count) for count in counts]
     node = _nodes(target, rim, rng)
     scene, anchor = _draw(target, 2, rim, rng)
     if target_spread == sea_spread:
@@ -84,9 +84,9 @@ def draw_scene(
     np.add(inside, contrast, out=inside, where=target)
     # Detector noise: sums of frames along one random walk, divided by their number.
     anchor *= math.sqrt(ANCHOR)
-    walk = dict(_walk(anchor, sorted(set(wanted)), node))
-    noise = np.empty((len(wanted), *anchor.shape))
-    for count, average in zip(wanted, noise, strict=True):
+    walk = dict(_walk(anchor, sorted(set(numbers)), node))
+    noise = np.empty((len(numbers), *anchor.shape))
+    for count, average in zip(numbers, noise, strict=True):
         np.multiply(walk[count], nedt / count, out=average)
     return scene, noise
 
@@ -97,7 +97,7 @@ Node = Callable[[int], Field]
 
 
 def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, Field]]:
-    """Yield sums of unit normals at ascending counts, given that at `ANCHOR`; see `draw_scene`."""
+    """Yield sums of unit normals at ascending counts, given the one at `ANCHOR`: `draw_scene`."""
     first, start = 0, np.zeros_like(anchor)
     last, end = ANCHOR, anchor
     while True:
@@ -114,7 +114,7 @@ def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, F
 def _between(
     before: tuple[int, Field], after: tuple[int, Field], counts: list[int], node: Node
 ) -> Iterator[tuple[int, Field]]:
-    """Yield the sums at the counts between two counts whose sums are known."""
+    """Yield the sums at the counts between two counts with known sums."""
     (first, start), (last, end) = before, after
     inside = counts[bisect_right(counts, first) : bisect_left(counts, last)]
     if not inside:
@@ -136,10 +136,10 @@ def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Nod
 
     def node(count: int) -> Field:
         """Return the normals of one count."""
-        own = np.random.SeedSequence(
+        stream = np.random.SeedSequence(
             family.entropy, spawn_key=(*family.spawn_key, count), pool_size=family.pool_size
         )
-        return _draw(target, 1, rim, np.random.Generator(np.random.PCG64(own)))[0]
+        return _draw(target, 1, rim, np.random.Generator(np.random.PCG64(stream)))[0]
 
     return node
 
@@ -168,16 +168,16 @@ def _draw(
     box = top - halo, bottom + halo, left - halo, right + halo
     shape = box[1] - box[0], box[3] - box[2]
     window = rows * columns - _shared(box, (0, rows, 0, columns))
-    whole = (rows + 2 * rim) * (columns + 2 * rim)
-    around = whole - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
+    total = (rows + 2 * rim) * (columns + 2 * rim)
+    around = total - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
     # One draw for box, window and rim, which are then arranged into images.
-    drawn = rng.standard_normal(count * (math.prod(shape) + window + around))
+    all_normals = rng.standard_normal(count * (math.prod(shape) + window + around))
     ends = count * math.prod(shape), count * (math.prod(shape) + window)
-    of_box = drawn[: ends[0]].reshape(count, *shape)
-    of_window = drawn[ends[0] : ends[1]].reshape(count, window)
-    of_rim = drawn[ends[1] :].reshape(count, around)
+    box_normals = all_normals[: ends[0]].reshape(count, *shape)
+    window_normals = all_normals[ends[0] : ends[1]].reshape(count, window)
+    rim_normals = all_normals[ends[1] :].reshape(count, around)
     normals = np.empty((count, rows + 2 * rim, columns + 2 * rim))
-    lay_out(of_box, (box[0] + rim, box[2] + rim), of_window, of_rim, rim, normals)
+    lay_out(box_normals, (box[0] + rim, box[2] + rim), window_normals, rim_normals, rim, normals)
     return normals
 
 

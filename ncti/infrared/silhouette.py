@@ -44,7 +44,7 @@ def footprint(slant_range: float, ifov: float) -> float:
     >>> footprint(100e3, 150e-6)
     15.0
     """
-    return ifov * (slant_range / 1e3) * 1e3  # in this order, by which results are stored
+    return ifov * (slant_range / 1e3) * 1e3  # in this order, as for stored results
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +70,8 @@ class Silhouette:
     Examples
     --------
     >>> import numpy as np
-    >>> seen = Silhouette(np.array([[0.2, 0.9]]), footprint=15.0, origin=(0.0, 0.0))
-    >>> seen.target(0.25)
+    >>> ship = Silhouette(np.array([[0.2, 0.9]]), footprint=15.0, origin=(0.0, 0.0))
+    >>> ship.target(0.25)
     array([[False,  True]])
     """
 
@@ -169,10 +169,10 @@ def silhouette(
     >>> import trimesh
     >>> from ncti.render import line_image
     >>> box = trimesh.creation.box((100, 12, 10)).apply_translation((0, 0, 5))
-    >>> seen = silhouette(line_image(box, aspect=90, depression=3.84), footprint=15.0, margin=0)
-    >>> seen.coverage.shape
+    >>> ship = silhouette(line_image(box, aspect=90, depression=3.84), footprint=15.0, margin=0)
+    >>> ship.coverage.shape
     (2, 8)
-    >>> print(f"{seen.coverage.sum() * seen.footprint**2:.0f} m^2")
+    >>> print(f"{ship.coverage.sum() * ship.footprint**2:.0f} m^2")
     1078 m^2
     """
     require("footprint", footprint, minimum=image.resolution)
@@ -187,7 +187,7 @@ def silhouette(
         area = np.bincount(place, parts.area.sum(axis=1), math.prod(window.shape))
         per_area = 1.0 / window.side**2
         return window.silhouette(area.astype(np.float64).reshape(window.shape) * per_area)
-    # On the flat image: np.nonzero of two axes would take three times as long as all the rest.
+    # On the flat image, as np.nonzero of two axes takes three times as long as all the rest.
     rows, cols = np.divmod(np.flatnonzero(image.hit), image.down_range.shape[1])
     return coverage_of(
         *image.cross_range_at(rows, cols),
@@ -257,8 +257,8 @@ def coverage_of(
 
     >>> import numpy as np
     >>> across, up = np.meshgrid(np.arange(0.125, 10, 0.25), np.arange(0.125, 5, 0.25))
-    >>> seen = coverage_of(across.ravel(), up.ravel(), area=0.25**2, footprint=3.75, margin=0)
-    >>> seen.coverage.round(2)
+    >>> ship = coverage_of(across.ravel(), up.ravel(), area=0.25**2, footprint=3.75, margin=0)
+    >>> ship.coverage.round(2)
     array([[1.  , 1.  , 0.67],
            [0.33, 0.33, 0.22]])
     """

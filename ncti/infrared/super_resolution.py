@@ -180,7 +180,7 @@ def shifted_images(
         sea_spread=2 * sea_spread,
         rim=1,
     )
-    # The noise drawn with a half pixel is that of the detector pixel with its lower left there.
+    # A half pixel's noise belongs to the detector pixel with its lower left corner there.
     return shift_and_add(detector_samples(scene) + noise[:, :-1, :-1])
 
 
@@ -246,7 +246,7 @@ def reconstruction_error(
 def _image(
     name: str, values: Any, dtype: Any = np.float64, *, least: int = 1, axes: int | None = None
 ) -> NDArray[Any]:
-    """Return values as an array of images (or of one image, with two axes) of a least size."""
+    """Return values as an array of images, or of one if `axes` is 2, of at least `least` pixels."""
     images = np.asarray(values, dtype=dtype)
     if images.ndim < 2 or images.ndim != (axes or images.ndim) or min(images.shape[-2:]) < least:
         raise ValueError(

@@ -26,7 +26,7 @@ A wider kernel mixes upright faces with receding tiers, and finds their mean as 
 """
 
 ROUNDS = 3
-"""Corrections in turn. A wrong speed smears the looks of a pixel, less in each round."""
+"""Number of iterations. A wrong speed smears the looks of a pixel, less in each round."""
 
 STEP = 0.01
 
@@ -75,7 +75,7 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
 
     See Also
     --------
-    correct : Correct a scan with the flight that is found.
+    correct : Correct a scan with the resulting flight.
 
     Notes
     -----
@@ -102,8 +102,8 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
     >>> heading = ship_heading(aspect=180, sight=5)
     >>> flight = Flight(slant_range=4e3, ship_heading=heading, samples=60)
     >>> scan = fly(box, flight).record(np.random.default_rng(1))
-    >>> found = autofocus(scan, replace(flight, aircraft_speed=94.0))
-    >>> print(f"{found.aircraft_speed:.0f} m/s")
+    >>> corrected = autofocus(scan, replace(flight, aircraft_speed=94.0))
+    >>> print(f"{corrected.aircraft_speed:.0f} m/s")
     90 m/s
     """
     require("reach", reach, positive=True, below=1)
@@ -117,7 +117,7 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
 
 
 def closing_per_speed(flight: Flight) -> float:
-    """Return the closing speed gained per metre a second of aircraft speed."""
+    """Return the derivative of the closing speed by the aircraft speed."""
     gain = float(compass(flight.track, 0.0) @ compass(flight.sight, 0.0))
     return math.copysign(max(abs(gain), 1e-3), gain)
 
@@ -128,12 +128,12 @@ def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
     # Horizontal distance of every pixel, from its range and its angle below the horizon.
     below = math.radians(flight.depression) - np.arctan(image.row * flight.ifov)
     level = image.range * np.cos(below)[:, None]
-    apart = float(image.row[1] - image.row[0]) * flight.pixel
+    spacing = float(image.row[1] - image.row[0]) * flight.pixel
     # Slopes between pixels of a column a deck apart, with no gap in between.
-    rows = max(2, round(RISE / apart))
+    rows = max(2, round(RISE / spacing))
     gaps = np.cumsum(~np.isfinite(level), axis=0)
     unbroken = np.isfinite(level[:-rows]) & (gaps[rows:] == gaps[:-rows])
-    slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * apart)
+    slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * spacing)
     if not slopes.size:
         raise NothingSeenError(
             f"scan shows nothing {RISE:g} m high after correction, but must show a ship"

@@ -34,7 +34,7 @@ FALSE_ALARM = 1e-3
 """Probability that a pixel of the sea passes the threshold."""
 
 STANDS_OUT = 3.0
-"""Least intensity of a sample of the ship, over the median, which is that of the sea."""
+"""Least intensity of a sample of the ship, over the median, which is the sea's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +83,8 @@ def nearest_ship_range(scan: Scan) -> Floats:
     """Return the range (line, sample) [m] of the ship sample nearest to each sample.
 
     The displacement of a sample depends on its range, by up to half a pixel over a ship's depth.
-    The range of a sample of sea beside the ship is noise: the sample must move as the ship's edge
-    does, or it would cover part of it. Measured ranges remain if nothing is brighter than the sea.
+    The range of a sample of sea beside the ship is noise: the sample must move with the ship's
+    edge, or it would cover part of it. Measured ranges remain if nothing is brighter than the sea.
     """
     ship = scan.intensity > STANDS_OUT * np.median(scan.intensity)
     if not ship.any():
@@ -111,7 +111,7 @@ def places(
     if correction.mirror in MIRROR_FORMS:
         up, right = mirror_displacement(flight, samples, form=correction.mirror)
         row, column = row + up, column + right
-    # Motion: rows and ranges by each pixel's own range and direction, columns as asked for.
+    # Motion: rows and ranges by each pixel's own range and direction, columns by the given method.
     reach = nearest_ship_range(scan)
     up, right, closer = motion_displacement(flight, time, reach)
     row, ranges = row + up, scan.range + closer
@@ -186,9 +186,9 @@ def correct(
     >>> scan.intensity.shape, image.intensity.shape
     ((345, 60), (30, 19))
     """
-    how = Correction() if correction is None else correction
+    methods = Correction() if correction is None else correction
     flight = scan.flight if estimate is None else estimate
-    row, column, ranges = places(scan, how, estimate=estimate)
+    row, column, ranges = places(scan, methods, estimate=estimate)
     if window is None:
         window = window_of(row, column)
     # Looks of each pixel: overscanned rows overlap.
@@ -196,10 +196,10 @@ def correct(
     rows = centres(window.bottom, window.rows, cells)
     index = gather_looks(row, column - window.left, rows=rows, columns=window.columns)
     # One range from the looks of a pixel, some of them false.
-    if how.range_filter == "cluster":
+    if methods.range_filter == "cluster":
         combined = histogram_cluster_average(looks_of(ranges, index), window=cluster_width(flight))
     else:
-        combined = (median if how.range_filter == "median" else average)(ranges, index)
+        combined = (median if methods.range_filter == "median" else average)(ranges, index)
     infrared = time_delay_integrate(scan.infrared)
     return Snapshot(
         window,
@@ -217,12 +217,12 @@ def sea_level(looks: NDArray[np.intp], flight: Flight) -> Floats:
 
     It is in noise powers. `looks` (...) counts samples averaged, dropouts included; 0 gives 0. The
     sea returns nothing, so its samples are the receiver's noise, independent from pulse to pulse at
-    any line rate. Overscanned rows share looks: neighbours exceed the level together, each as
-    rarely as any.
+    any line rate. Overscanned rows share looks: neighbours exceed the level together, but each at
+    the same rate.
     """
-    levels, seen = np.zeros(looks.shape), looks > 0
-    levels[seen] = noise_threshold(
-        looks[seen],
+    levels, valid = np.zeros(looks.shape), looks > 0
+    levels[valid] = noise_threshold(
+        looks[valid],
         depth=flight.range_gate,
         pulse_length=flight.pulse_length,
         dropout=flight.threshold,
@@ -279,7 +279,7 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
     require_shape("range_", snapshot.range, snapshot.intensity.shape)
     require_shape("threshold", least, (), snapshot.intensity.shape)
     ship = snapshot.intensity >= least
-    # Zero is also a valid range, that of the ship's origin, so NaN marks none.
+    # A range of zero is valid, at the ship's origin, so NaN marks no range.
     intensity = np.where(ship, snapshot.intensity, 0.0)
     return replace(snapshot, intensity=intensity, range=np.where(ship, snapshot.range, math.nan))
 
@@ -354,6 +354,6 @@ def profile(
     down_range = (snapshot.range - flight.slant_range).ravel()
     place = np.searchsorted(edges, down_range, side="right") - 1  # NaN sorts beyond the last
     inside = (place >= 0) & (place < bins)
-    counted = np.nan_to_num(snapshot.intensity).ravel()[inside]
-    summed = np.bincount(place[inside], weights=counted, minlength=int(bins)).astype(np.float64)
-    return summed * share
+    intensity = np.nan_to_num(snapshot.intensity).ravel()[inside]
+    total = np.bincount(place[inside], weights=intensity, minlength=int(bins)).astype(np.float64)
+    return total * share

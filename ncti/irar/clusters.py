@@ -14,7 +14,7 @@ _BLOCK = 4096  # pixels at a time, which fit into a processor's cache
 
 
 def cluster_width(flight: Flight) -> float:
-    """Return the widest cluster of ranges that one surface gives [m], at least 4 mm."""
+    """Return the width of the cluster of ranges of one surface [m], at least 4 mm."""
     return CLUSTER * max(flight.range_sigma, 1e-3)
 
 
@@ -24,10 +24,10 @@ def histogram_cluster_average(ranges: NDArray[np.float64], *, window: float) -> 
     `ranges` (..., look) are corrected for motion, NaN marks no look; `window` [m] is the widest
     cluster, such as four standard deviations of a range measurement. The article's 'Data
     Enhancement and Compensation' names the filter and does not define it. Here a window slides over
-    the sorted ranges, and the one with the most is averaged; of equally many, the tightest, then
-    the nearest, so of two looks that disagree the nearer one. Four standard deviations occasionally
-    omit a true look: without false ranges the error is 5 % above that of the mean at 8 looks. A
-    false range counts only if it falls beside true ones.
+    the sorted ranges, and the fullest one is averaged; of equally full ones, the tightest, then the
+    nearest, so of two looks that disagree the nearer one. Four standard deviations occasionally
+    omit a true look: without false ranges the error is 5 % above the mean's at 8 looks. A false
+    range counts only if it falls beside true ones.
     """
     if np.isinf(ranges).any():
         raise ValueError("ranges holds an infinite value, but must be finite or NaN")
@@ -45,10 +45,10 @@ def _densest(looks: NDArray[np.float64], window: float) -> NDArray[np.float64]:
     # Number of looks in the window that begins at each look, including itself.
     size = np.zeros(looks.shape, dtype=np.int32)
     for lag in range(depth):
-        held = looks[lag:] - looks[: depth - lag] <= window
-        if not held.any():
+        within = looks[lag:] - looks[: depth - lag] <= window
+        if not within.any():
             break
-        size[: depth - lag] += held.view(np.int8)
+        size[: depth - lag] += within.view(np.int8)
     # Fullest window of each pixel, and the tightest of equally full ones.
     most = size.max(axis=0)
     rank = np.arange(depth)[:, None]

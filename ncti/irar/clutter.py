@@ -43,19 +43,19 @@ def clutter(
     the correlation falls to 1/e. The field is deviation sqrt(2 / W) times the sum of W cosines of
     phases k.x + phi, phi uniform and both components of k normal of variance 2 / length^2. Over
     draws its mean is 0 and its covariance deviation^2 exp(-r^2 / length^2), exactly, at any places;
-    over an area of many lengths its variance is deviation^2 in every draw. A value is normal but
+    over an area of many lengths its variance is deviation^2 in every draw. A value is normal except
     for a kurtosis of -3 / (2 W).
 
-    The field lies still on the water: lines that overscan a place see the same of it, so that it
-    does not average away, as detector noise does. Moving waves and glint are left out.
+    The field lies still on the water: lines that overscan a place see the same temperature there,
+    so that it does not average out like detector noise. Moving waves and glint are left out.
     """
     vectors = rng.standard_normal((WAVES, 2)) * (math.sqrt(2.0) / length)
     phases = rng.random(WAVES) * (2 * math.pi)
-    seen = np.isfinite(places).all(axis=-1)
-    x, y = places[seen].T
+    on_water = np.isfinite(places).all(axis=-1)
+    x, y = places[on_water].T
     total = np.zeros(x.size)
     for (k, m), phase in zip(vectors, phases, strict=True):
         total += np.cos(k * x + m * y + phase)
-    temperature = np.zeros(seen.shape)
-    temperature[seen] = deviation * math.sqrt(2 / WAVES) * total
+    temperature = np.zeros(on_water.shape)
+    temperature[on_water] = deviation * math.sqrt(2 / WAVES) * total
     return temperature

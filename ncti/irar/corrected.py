@@ -32,15 +32,15 @@ RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
 frequency, as the article states."""
 
 CELLS = 8
-"""Of the truth along a pixel; 4 or 10 move tilts of noiseless ships by 0.1 deg."""
+"""Cells of the truth along a pixel; 4 or 10 change tilts of noiseless ships by 0.1 deg."""
 
 NO_ERROR = ("none", 0.0)
 LEAST_SEEN = 20
-"""Number of pixels above the threshold from which they are a ship, not false alarms."""
+"""Least number of pixels above the threshold that count as a ship, not as false alarms."""
 
 STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are measured within this of it
-HANGAR = 4.0  # m either side of its spike, without which profiles are correlated, too
-HANGAR_REACH = 8.0  # m either side of where a spike must be to be the hangar's
+HANGAR = 4.0  # m either side of its spike that the second correlation excludes
+HANGAR_REACH = 8.0  # m either side of the expected place in which the hangar's spike must lie
 
 HANGARS = {"connole": (-40.0, -20.0)}
 """Down-range [m] of the hangar in near-stern profiles where it is not the highest peak: the stack
@@ -50,8 +50,8 @@ PERRY = ("duncan", "roberts")
 """Ships with masts and a bridge at the places of the landmarks; others have none."""
 
 ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
-"""Share of the highest peak at which a ship begins. A bare deck, all that returns where the transom
-is dark, reaches 0.02; pixels of a level lattice spread as much beyond a sloping stern."""
+"""Share of the highest peak at which a ship begins. A bare deck, the only return if the transom is
+dark, reaches 0.02; pixels of a level lattice spread as much beyond a sloping stern."""
 
 SOURCES = tuple(ENDS)
 
@@ -110,22 +110,22 @@ class Chain(Correction):
         self, scan: Scan, estimate: Flight, window: Window | None = None, overscanned: bool = False
     ) -> Snapshot:
         """Return the corrected images of a scan, in a window; printed rows are a pixel apart."""
-        where: dict[str, Any] = {"estimate": estimate, "window": window}
+        arguments: dict[str, Any] = {"estimate": estimate, "window": window}
         if self.chain != EXACT:
-            return correct_as_printed(scan, rate=RATES[self.chain], **where)
-        return correct(scan, self, overscanned=overscanned, **where)
+            return correct_as_printed(scan, rate=RATES[self.chain], **arguments)
+        return correct(scan, self, overscanned=overscanned, **arguments)
 
     def tilt(self, scan: Scan, images: Any, truths: Any, estimate: Flight, window: Window) -> Tilt:
-        """Return the tilt of corrected images; only exact corrections give the places of looks."""
+        """Return the tilt of corrected images, with places of looks for exact corrections only."""
         if self.chain != EXACT:
             return tilts(images, truths)
         row, column, _ = places(scan, self, estimate=estimate)
         return tilts(images, truths, places=(row - window.bottom, column - window.left))
 
     def window(self, mesh: trimesh.Trimesh, flight: Flight, error: tuple[str, float]) -> Window:
-        """Return the pixels of a corrected image: about the ship, wider where it may lean.
+        """Return the pixels of a corrected image: around the ship, wider if it may lean.
 
-        With an error of the pointing, named and in degrees, they are where the ship appears.
+        An error of the pointing, named and in degrees, moves them to the ship's apparent place.
         """
         window = ship_window(mesh, flight)
         upright = self.azimuth == "pixel" and self.mirror in MIRROR_FORMS
@@ -145,8 +145,8 @@ class Chain(Correction):
                 columns=window.columns + 2 * aside,
             )
         if error[0] == "pointing":
-            moved = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
-            window = replace(window, left=window.left + round(moved))
+            shift = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
+            window = replace(window, left=window.left + round(shift))
         return window
 
 
@@ -189,15 +189,15 @@ def measure_tilts(
     tilt = partial(chain.tilt, estimate=estimate, window=pixels)
     noiseless = chain.correct(clean, estimate, pixels).infrared
     lean = tilt(scan, images, truths)
-    several = {
+    by_channel = {
         "": lean,
         "intensity_": tilt(scan, images[0], truths[0]),
         "infrared_": tilt(scan, images[1], truths[1]),
         "noiseless_": tilt(clean, noiseless, truths[1]),
     }
-    degrees = {f"{name}mast_tilt": np.array(tilted.mast) for name, tilted in several.items()}
+    degrees = {f"{name}mast_tilt": np.array(fit.mast) for name, fit in by_channel.items()}
     degrees |= {
-        f"{name}waterline_tilt": np.array(tilted.waterline) for name, tilted in several.items()
+        f"{name}waterline_tilt": np.array(fit.waterline) for name, fit in by_channel.items()
     }
     return degrees | {
         "mast_tilt_error": np.array(lean.mast_error),
@@ -227,16 +227,16 @@ def model_profiles(
     image = range_image(mesh, pixel=flight.pixel, engine=engine, **view)
     # at least the pixel, in spite of rounding
     sight |= {"ifov": flight.ifov * (1 + 1e-9), "bin_width": bin_width, "window": window}
-    drawn = [
+    synthetic = [
         range_extent(image, **sight, spread=spread, reflectance=reflectance).fraction.sum(axis=0)
         for spread in (1.0, 0.0)
     ]
-    noiseless = profile(truth, flight, bins=len(drawn[0]), bin_width=bin_width)
-    return np.stack([noiseless, *drawn])
+    noiseless = profile(truth, flight, bins=len(synthetic[0]), bin_width=bin_width)
+    return np.stack([noiseless, *synthetic])
 
 
 def _widened(truth: Snapshot, values: Floats, window: Window) -> Floats:
-    """Return values of a truth on its own window, on a larger one whose middle pixels they are."""
+    """Return values of a truth padded from its own window to a larger one."""
     above = (window.rows - truth.window.rows) // 2 * CELLS
     aside = (window.columns - truth.window.columns) // 2 * CELLS
     return np.pad(values, ((above, above), (aside, aside)))
@@ -247,10 +247,10 @@ def compare_profiles(
 ) -> Arrays:
     """Return correlations of (source, bin) profiles at an aspect [deg], and their landmarks.
 
-    Landmarks (source,) are NaN where the view is not near the stern or has none. The hangar's spike
+    Landmarks (source,) are NaN if the view is not near the stern or shows none. The hangar's spike
     is the highest of the synthetic profile, in which nothing glints, or the highest within
     `HANGARS`; in the others it is the highest peak close to that. Masts and bridge are searched for
-    where the Perry class has them, and reported for its ships only.
+    at their places in the Perry class, and reported for its ships only.
     """
     measured, noiseless, synthetic = profiles[:3]
     astern = abs(aspect - STERN) <= NEAR_STERN
@@ -265,11 +265,11 @@ def compare_profiles(
             with suppress(NothingSeenError):
                 marks[k] = landmarks(line, down_range, hangar=near, end=end)
     figures = [_figures(mark, ship in PERRY) for mark in marks]
-    alike = partial(profile_correlation, measured, noiseless)
+    correlate = partial(profile_correlation, measured, noiseless)
     near_spike = np.abs(down_range - spike) <= HANGAR
     return {
-        "profile_correlation": np.array(alike()),
-        "profile_correlation_without_hangar": np.array(alike(exclude=near_spike)),
+        "profile_correlation": np.array(correlate()),
+        "profile_correlation_without_hangar": np.array(correlate(exclude=near_spike)),
         "hangar_spike_offset": np.array(
             figures[0].get("hangar", math.nan) - figures[1].get("hangar", math.nan)
         ),

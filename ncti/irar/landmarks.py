@@ -80,8 +80,8 @@ class Landmarks:
     Examples
     --------
     >>> nothing = Peak(float("nan"), 0.0, 0.0)
-    >>> found = Landmarks(-33.5, 28.0, 60.9, nothing, nothing, nothing, deck_spikes=())
-    >>> found.stern_to_bridge
+    >>> marks = Landmarks(-33.5, 28.0, 60.9, nothing, nothing, nothing, deck_spikes=())
+    >>> marks.stern_to_bridge
     88.9
     """
 
@@ -174,9 +174,9 @@ def landmarks(
     >>> import numpy as np
     >>> bins = np.arange(-125, 125) + 0.5
     >>> parts = {-60.5: 0.3, -33.5: 1.0, 11.5: 0.25, 26.5: 0.2}
-    >>> profile = sum(height * np.exp(-((bins - at) ** 2)) for at, height in parts.items())
-    >>> found = landmarks(profile, bins)
-    >>> found.hangar, found.stern, found.mast.offset, found.forward.offset
+    >>> profile = sum(height * np.exp(-((bins - place) ** 2)) for place, height in parts.items())
+    >>> marks = landmarks(profile, bins)
+    >>> marks.hangar, marks.stern, marks.mast.offset, marks.forward.offset
     (-33.5, 28.0, 45.0, 60.0)
     """
     values, centres, width = _profile(profile, down_range)
@@ -194,9 +194,9 @@ def landmarks(
 
     def peak(index: int) -> Peak:
         """Return the peak of a bin."""
-        at = _centroid(values, centres, index)
-        share = _energy(values, centres, at, width) / energy
-        return Peak(at - spike, float(values[index]) / height, share)
+        place = _centroid(values, centres, index)
+        share = _energy(values, centres, place, width) / energy
+        return Peak(place - spike, float(values[index]) / height, share)
 
     # Imported here because scipy.signal takes half a second.
     from scipy.signal import find_peaks
@@ -270,14 +270,14 @@ def profile_correlation(
             raise ValueError(f"{name} is not an array of finite numbers, but must be profiles")
     if a.shape[-1] != b.shape[-1]:
         raise ValueError(f"second has {b.shape[-1]} bins, but must have {a.shape[-1]} as first")
-    kept = np.ones(a.shape[-1], dtype=bool)
+    included = np.ones(a.shape[-1], dtype=bool)
     if exclude is not None:
-        left_out = require_flags("exclude", exclude)
-        require_shape("exclude", left_out, kept.shape)
-        kept = ~left_out
-    if kept.sum() < 2:
-        raise ValueError(f"exclude leaves {kept.sum()} bins, but must leave at least 2")
-    a, b = _centred(a[..., kept]), _centred(b[..., kept])
+        excluded = require_flags("exclude", exclude)
+        require_shape("exclude", excluded, included.shape)
+        included = ~excluded
+    if included.sum() < 2:
+        raise ValueError(f"exclude leaves {included.sum()} bins, but must leave at least 2")
+    a, b = _centred(a[..., included]), _centred(b[..., included])
     return np.asarray(np.clip((a * b).sum(axis=-1), -1.0, 1.0))
 
 
@@ -293,9 +293,9 @@ def _centred(values: Floats) -> Floats:
 def _ends(values: Floats, centres: Floats, width: float, end: float) -> tuple[float, float]:
     """Return the down-range of the stern and of the front of the bridge [m]."""
     stern = int(np.flatnonzero(values >= end * values.max())[0])
-    come = np.concatenate([[0.0], np.cumsum(np.maximum(values[stern:], 0.0))])
-    edges = centres[stern] - width / 2 + width * np.arange(come.size)
-    return float(centres[stern]), float(np.interp(FRONT * come[-1], come, edges))
+    arrived = np.concatenate([[0.0], np.cumsum(np.maximum(values[stern:], 0.0))])
+    edges = centres[stern] - width / 2 + width * np.arange(arrived.size)
+    return float(centres[stern]), float(np.interp(FRONT * arrived[-1], arrived, edges))
 
 
 def _centroid(values: Floats, centres: Floats, top: int) -> float:

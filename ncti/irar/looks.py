@@ -26,7 +26,7 @@ def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> 
     wide, high = int(columns), len(rows)
     # Column of each sample, and the range of rows whose windows contain it.
     place = np.searchsorted(np.arange(wide + 1) - 0.5, column.ravel(), side="right") - 1
-    # A sample belongs to windows first to last - 1: begun and not yet ended.
+    # A sample belongs to windows first to last - 1, which have begun and not yet ended.
     first = np.searchsorted(rows + 0.5, row.ravel(), side="right")
     last = np.searchsorted(rows - 0.5, row.ravel(), side="right")
     inside = (place >= 0) & (place < wide) & (first < last)
@@ -41,16 +41,16 @@ def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> 
         for window in (last, first)
     )
     depth = max(1, int((end - begin).max(initial=0)))
-    at = begin[..., None] + np.arange(depth)
-    at[at >= end[..., None]] = len(samples)
-    index: NDArray[np.intp] = np.append(samples, -1)[at]
+    position = begin[..., None] + np.arange(depth)
+    position[position >= end[..., None]] = len(samples)
+    index: NDArray[np.intp] = np.append(samples, -1)[position]
     return index
 
 
 def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
     """Return the looks (row, column, look) of each pixel, NaN after the last.
 
-    `values` (...) are one per sample, and `index` that of `gather_looks`.
+    `values` (...) has one value per sample, and `index` is as of `gather_looks`.
     """
     flat = np.asarray(values, dtype=np.float64).ravel()
     if index.max(initial=-1) >= flat.size:
@@ -63,7 +63,7 @@ def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
 def average(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
     """Return the mean (row, column) over the looks of each pixel, NaN where there is none.
 
-    Arguments are those of `looks_of`; NaN marks no look. N independent looks improve the
+    Arguments are as of `looks_of`; NaN marks no look. N independent looks improve the
     signal-to-noise ratio, 1 for fully developed speckle, by sqrt(N); looks that share their speckle
     gain less.
     """

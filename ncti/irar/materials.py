@@ -1,4 +1,4 @@
-"""Facets that, according to the article, reflect unlike the rest: an input, not a result."""
+"""Facets with a reflectivity of their own, according to the article: an input, not a result."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ def compass(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
 def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0) -> Floats:
     """Return the axes (3, 3) of the scanner after the mirror, as rows of (east, north, up).
 
-    Rows lie along the scan, across it and ahead: right, up and away, but for the rotation about the
-    beam that `mirror_rotation` gives. `azimuth` [deg] from north and `depression` [deg] are those
+    Rows lie along the scan, across it and ahead: right, up and away, except for the rotation about
+    the beam by `mirror_rotation`. `azimuth` [deg] from north and `depression` [deg] are those
     of the middle beam after the mirror, and `mirror_angle` [deg] half the azimuth by which the
     mirror turns it: at 45 it reaches the mirror from the right of the line of sight, with the
     article's sign. The scanner moves the beam in the horizontal plane, and the mirror, fixed during

@@ -143,12 +143,12 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
         ]
     )
     # Sum of the shifts up to each row, zero in the row of the ship's origin.
-    shifted = np.cumsum(shifts)
-    shifted -= np.interp(0.0, time, shifted)
+    total_shift = np.cumsum(shifts)
+    total_shift -= np.interp(0.0, time, total_shift)
     pointing = flight.offset if flight.pointing is None else flight.pointing
-    apart = (pointing - flight.offset + 180.0) % 360.0 - 180.0
-    aside = math.radians(apart) * math.cos(math.radians(flight.depression))
+    turn = (pointing - flight.offset + 180.0) % 360.0 - 180.0
+    aside = math.radians(turn) * math.cos(math.radians(flight.depression))
     along = np.arange(flight.samples) - (flight.samples - 1) / 2 + aside / flight.ifov
     row = np.broadcast_to((flight.climb * time / flight.pixel)[:, None], (len(time), len(along)))
     lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle, form="printed")
-    return rotated(row, along - shifted[:, None], clockwise=-lean)
+    return rotated(row, along - total_shift[:, None], clockwise=-lean)

@@ -16,7 +16,7 @@ BIN = 1.0
 """Widest range bin of a sampled waveform [m]; a pulse spans at least four."""
 
 SAMPLES_AT_ONCE = 256
-"""Samples whose pairs of rays, 1 MB, fit into a processor's cache."""
+"""Samples per block, whose pairs of rays, 1 MB, fit into a processor's cache."""
 
 
 def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
@@ -30,8 +30,8 @@ def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
 
         (1 - exp(-u)) exp(-L / l sqrt(4 u / pi) exp(-u) / (1 - exp(-u))).
 
-    Those of a low level are not rare: over up to 20 pulse lengths, where low levels matter, it is
-    up to 0.04 off, over 60 of them less than 0.01.
+    Crossings of a low level are not rare: over up to 20 pulse lengths, where low levels matter, the
+    probability is up to 0.04 off, over 60 pulse lengths less than 0.01.
     """
     below: Floats = -np.expm1(-level)
     rate = np.sqrt(4 * level / math.pi) * np.exp(-level) / below / pulse_length
@@ -85,49 +85,51 @@ def peaks(
     place, distance = returns.place[inside], returns.distance[inside]
     field = amplitudes.reshape(-1)[place * returns.rays + returns.ray[inside]]
     field = field * np.sqrt(flight.cnr * returns.power[inside]).astype(np.float32)
-    intensity, where = np.zeros(count), np.zeros(count)
+    intensity, ranges = np.zeros(count), np.zeros(count)
     # Start and length of the part of the gate that a sample's waveform covers.
     begin, covered = np.full(count, np.inf), np.zeros(count)
     gate = centre - flight.range_gate / 2
     step = min(BIN, flight.pulse_length / 4)
 
     # Waveforms of the samples that see the ship, grouped by their number of bins.
-    seen, first = np.unique(place, return_index=True)
-    if len(seen):
+    visible, first = np.unique(place, return_index=True)
+    if len(visible):
         near = np.minimum.reduceat(distance, first)
         far = np.maximum.reduceat(distance, first)
         margin = math.ceil(1.5 * flight.pulse_length / step)
         bins = np.ceil((far - near) / step).astype(np.intp) + 2 * margin + 2
         sizes = np.exp2(np.ceil(np.log2(bins))).astype(np.intp)
-        of_ray = np.repeat(np.arange(len(seen)), np.diff(np.append(first, len(place))))
+        sample = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(place))))
         for size in np.unique(sizes):
             chosen = np.flatnonzero(sizes == size)
-            number = np.full(len(seen), -1)
+            number = np.full(len(visible), -1)
             number[chosen] = np.arange(len(chosen))
-            ray = np.flatnonzero(number[of_ray] >= 0)
-            row = number[of_ray[ray]]
-            at = (distance[ray] - near[chosen][row]) / step + margin
+            ray = np.flatnonzero(number[sample] >= 0)
+            row = number[sample[ray]]
+            position = (distance[ray] - near[chosen][row]) / step + margin
             shape = len(chosen), int(size)
-            wave = _waveforms(row, at, field[ray], shape, margin, flight.pulse_length / step, rng)
+            wave = _waveforms(
+                row, position, field[ray], shape, margin, flight.pulse_length / step, rng
+            )
             edge = near[chosen] - margin * step
-            low = np.maximum(np.ceil((gate[seen[chosen]] - edge) / step), 0)
-            high = (gate[seen[chosen]] + flight.range_gate - edge) / step
+            low = np.maximum(np.ceil((gate[visible[chosen]] - edge) / step), 0)
+            high = (gate[visible[chosen]] + flight.range_gate - edge) / step
             high = np.minimum(np.floor(high) + 1, size)
             value, peak = _strongest(wave, low, high)
-            intensity[seen[chosen]] = value
-            where[seen[chosen]] = edge + peak * step
-            begin[seen[chosen]] = edge + (low - 0.5) * step
-            covered[seen[chosen]] = (high - low) * step
+            intensity[visible[chosen]] = value
+            ranges[visible[chosen]] = edge + peak * step
+            begin[visible[chosen]] = edge + (low - 0.5) * step
+            covered[visible[chosen]] = (high - low) * step
     depth = np.maximum(flight.range_gate - covered, 0.0)
     noise = noise_peak(rng.random(count), depth=depth, pulse_length=flight.pulse_length)
     anywhere = gate + depth * rng.random(count)
     anywhere += np.where(anywhere > begin, covered, 0.0)
     false = (noise > intensity) & (depth > 0)
-    intensity[false], where[false] = noise[false], anywhere[false]
-    where += flight.range_sigma * rng.standard_normal(count)
+    intensity[false], ranges[false] = noise[false], anywhere[false]
+    ranges += flight.range_sigma * rng.standard_normal(count)
     dropout = intensity < flight.threshold
-    intensity[dropout], where[dropout] = 0.0, np.nan
-    return intensity.reshape(returns.shape).astype(np.float32), where.reshape(returns.shape)
+    intensity[dropout], ranges[dropout] = 0.0, np.nan
+    return intensity.reshape(returns.shape).astype(np.float32), ranges.reshape(returns.shape)
 
 
 def noiseless(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32], Floats]:
@@ -138,30 +140,30 @@ def noiseless(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32],
     the mean of peaks, by the gain from speckle on surfaces that span several ranges in one IFOV.
     """
     count = math.prod(returns.shape)
-    intensity, where = np.zeros(count, dtype=np.float32), np.full(count, np.nan)
-    seen, first = np.unique(returns.place, return_index=True)
-    if len(seen):
-        # Rays of a sample side by side; rays that hit nothing have no power.
-        of_ray = np.repeat(np.arange(len(seen)), np.diff(np.append(first, len(returns.place))))
-        power, distance = np.zeros((2, len(seen), returns.rays))
-        power[of_ray, returns.ray] = returns.power
-        distance[of_ray, returns.ray] = returns.distance
-        for start in range(0, len(seen), SAMPLES_AT_ONCE):
-            part = slice(start, start + SAMPLES_AT_ONCE)
-            peak, middle = _peak_of_mean(power[part], distance[part], flight.pulse_length)
+    intensity, ranges = np.zeros(count, dtype=np.float32), np.full(count, np.nan)
+    visible, first = np.unique(returns.place, return_index=True)
+    if len(visible):
+        # One row of rays per sample; rays that miss the ship have no power.
+        sample = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(returns.place))))
+        power, distance = np.zeros((2, len(visible), returns.rays))
+        power[sample, returns.ray] = returns.power
+        distance[sample, returns.ray] = returns.distance
+        for start in range(0, len(visible), SAMPLES_AT_ONCE):
+            block = slice(start, start + SAMPLES_AT_ONCE)
+            peak, middle = _peak_of_mean(power[block], distance[block], flight.pulse_length)
             lit = peak > 0
-            intensity[seen[part]] = flight.cnr * peak
-            where[seen[part][lit]] = middle[lit]
-    return intensity.reshape(returns.shape), where.reshape(returns.shape)
+            intensity[visible[block]] = flight.cnr * peak
+            ranges[visible[block][lit]] = middle[lit]
+    return intensity.reshape(returns.shape), ranges.reshape(returns.shape)
 
 
 def _peak_of_mean(power: Floats, distance: Floats, pulse_length: float) -> tuple[Floats, Floats]:
     """Return the largest mean intensity and the mean range of its contributions, (sample,) each.
 
-    Powers and distances are (sample, ray); the range of nothing is NaN.
+    Powers and distances are (sample, ray); the range is NaN where no ray has power.
     """
-    apart = distance[:, :, None] - distance[:, None, :]
-    response = np.exp(-4 * apart**2 / pulse_length**2)
+    separation = distance[:, :, None] - distance[:, None, :]
+    response = np.exp(-4 * separation**2 / pulse_length**2)
     total = np.where(power > 0, np.einsum("skl,sl->sk", response, power), 0.0)
     take = np.arange(len(total)), total.argmax(axis=1)
     weight = response[take] * power
@@ -173,7 +175,7 @@ def _peak_of_mean(power: Floats, distance: Floats, pulse_length: float) -> tuple
 
 def _waveforms(
     row: NDArray[np.intp],
-    at: Floats,
+    position: Floats,
     field: NDArray[np.complexfloating],
     shape: tuple[int, int],
     margin: int,
@@ -181,8 +183,8 @@ def _waveforms(
     rng: np.random.Generator,
 ) -> NDArray[np.complex64]:
     """Return the noisy field (sample, bin) of scatterers at fractional bins; lengths in bins."""
-    low = np.floor(at).astype(np.intp)
-    part = at - low
+    low = np.floor(position).astype(np.intp)
+    fraction = position - low
     # Noise: white noise through the matched filter, of unit mean power.
     white = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     lag = np.minimum(np.arange(shape[1]), shape[1] - np.arange(shape[1]))
@@ -192,7 +194,7 @@ def _waveforms(
     # Signal: each scatterer's pulse, sampled at the bins around it.
     flat, size = row * shape[1] + low, math.prod(shape)
     for tap in range(1 - margin, margin + 1):
-        weight = field * np.exp(-2 * ((tap - part) / pulse_length) ** 2)
+        weight = field * np.exp(-2 * ((tap - fraction) / pulse_length) ** 2)
         wave.real += np.bincount(flat + tap, weight.real, size).reshape(shape)
         wave.imag += np.bincount(flat + tap, weight.imag, size).reshape(shape)
     return wave.astype(np.complex64)

@@ -162,14 +162,14 @@ def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Float
     nominal = np.linalg.norm(now, axis=-1)
     reach = np.where(np.isnan(ranges), nominal, ranges)
     point = now + reach[..., None] * _beams(flight, time.shape)
-    seen = point - flight.position(np.zeros(()))
-    row, column = _image(flight, seen)
-    distance = np.linalg.norm(seen, axis=-1)
+    sight = point - flight.position(np.zeros(()))
+    row, column = _image(flight, sight)
+    distance = np.linalg.norm(sight, axis=-1)
     return row, column, np.where(np.isnan(ranges), np.nan, distance)
 
 
 def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Floats]:
-    """Return rows and columns (sample,) [pixel] of samples, were the scan level and nothing moving.
+    """Return rows and columns (sample,) [pixel] of samples of a level scan without motion.
 
     There is one column per sample, centred on the scan's pointing.
     """
@@ -181,7 +181,7 @@ def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Fl
 def mirror_displacement(
     flight: Flight, samples: NDArray[np.integer], *, form: str = "exact"
 ) -> tuple[Floats, Floats]:
-    """Return rows and columns (sample,) [pixel] by which the lean of the lines displaces samples.
+    """Return displacements (sample,) of rows and columns [pixel] by the lean of the lines.
 
     By `exact`, every sample's beam is reflected; `printed` is a shear by the article's small-angle
     form.
@@ -204,7 +204,7 @@ def mirror_displacement(
 
 
 def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, Floats]:
-    """Return (...) rows and columns [pixel] rotated about the ship's origin, as the article prints.
+    """Return (...) rows and columns [pixel] rotated about the ship's origin, as in the article.
 
     `clockwise` [deg]; minus the angle of `mirror_rotation` undoes the mirror's rotation.
     """

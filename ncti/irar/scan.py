@@ -83,11 +83,11 @@ class Scan:
         image = ("line", "sample")
         lines = self.plan.first + np.arange(self.plan.lines)
         detectors = np.arange(flight.detectors)
-        given = {field.name: getattr(flight, field.name) for field in fields(flight)}
-        given["aircraft_track"] = flight.track
-        given["aspect"] = flight.aspect
+        parameters = {field.name: getattr(flight, field.name) for field in fields(flight)}
+        parameters["aircraft_track"] = flight.track
+        parameters["aspect"] = flight.aspect
         units = {name: unit for name, (unit, _) in PARAMETERS.items()} | {"aspect": "degree"}
-        attributes = given | {f"{name}_units": units[name] for name in given}
+        attributes = parameters | {f"{name}_units": units[name] for name in parameters}
         infrared, sample = ("detector", *image), np.arange(flight.samples)
         arrays: dict[str, tuple[Any, ...]] = {
             "intensity": (image, self.intensity, "1", "peak intensity over mean noise power"),
@@ -98,7 +98,7 @@ class Scan:
             "sample": ("sample", sample, "1", "sample of a line, from the left"),
             "detector": ("detector", detectors, "1", "passive detector, 0 the leading one"),
         }
-        labels = {name: labelled(*about) for name, about in arrays.items()}
+        labels = {name: labelled(*array) for name, array in arrays.items()}
         return xr.Dataset(labels, attrs=attributes).set_coords("time")
 
 
@@ -136,7 +136,7 @@ class Pass:
 
     @property
     def _active(self) -> Returns:
-        """Returns of the samples alone, without leading columns."""
+        """Returns of the samples, without leading columns."""
         return self.returns.without_leading(self.plan.flight.detectors - 1)
 
     def _sea(self, rng: np.random.Generator) -> Floats:
@@ -153,18 +153,18 @@ class Pass:
         """Return the passive samples, (detector, line, sample) [K]; no noise if `rng` is None."""
         flight = self.plan.flight
         covered = self.returns.coverage()
-        seen = covered * flight.contrast
+        temperature = covered * flight.contrast
         last = flight.detectors - 1
         shape = (flight.detectors, self.plan.lines, flight.samples)
         images = np.zeros(shape, dtype=np.float32)
         if rng is not None:
             images += np.float32(flight.nedt) * rng.standard_normal(shape, dtype=np.float32)
             if flight.clutter > 0:  # drawn last, so that it does not change the other draws
-                seen += (1 - covered) * self._sea(rng)
+                temperature += (1 - covered) * self._sea(rng)
         # Detector k sees column j - k at sample j, with the scene at the leading detector's time:
         # in the k samples between, half a millisecond, the ship drifts by millimetres.
         for k, image in enumerate(images):
-            image += seen[:, last - k : last - k + flight.samples].astype(np.float32)
+            image += temperature[:, last - k : last - k + flight.samples].astype(np.float32)
         return images
 
     def noiseless(self) -> Scan:
@@ -279,8 +279,8 @@ def wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
     They lie to the right and up, in the scanner.
     """
     flight = plan.flight
-    kept = math.exp(-1 / (flight.line_rate * flight.jitter_time))
-    drawn = rng.standard_normal((plan.lines, 2)) * flight.jitter
+    correlation = math.exp(-1 / (flight.line_rate * flight.jitter_time))
+    errors = rng.standard_normal((plan.lines, 2)) * flight.jitter
     for line in range(1, plan.lines):
-        drawn[line] = kept * drawn[line - 1] + math.sqrt(1 - kept**2) * drawn[line]
-    return drawn
+        errors[line] = correlation * errors[line - 1] + math.sqrt(1 - correlation**2) * errors[line]
+    return errors

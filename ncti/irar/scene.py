@@ -53,17 +53,17 @@ class Returns:
         return count.reshape(self.shape) / self.rays
 
     def without_leading(self, columns: int) -> Returns:
-        """Return the same without the first columns."""
+        """Return the returns without the first columns."""
         line, column = np.divmod(self.place, self.shape[1])
-        kept = column >= columns
+        inside = column >= columns
         width = self.shape[1] - columns
-        place = line[kept] * width + column[kept] - columns
+        place = line[inside] * width + column[inside] - columns
         return Returns(
             (self.shape[0], width),
             place,
-            self.ray[kept],
-            self.distance[kept],
-            self.power[kept],
+            self.ray[inside],
+            self.distance[inside],
+            self.power[inside],
             self.rays,
         )
 
@@ -96,7 +96,7 @@ class ScanPlan:
 def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     """Return the lines and the pointing with which a pass scans a whole ship.
 
-    A flight with its own `pointing` scans there, whether or not the ship fits into the line.
+    A flight with its own `pointing` keeps it, whether or not the ship fits into the line.
     """
     corners = np.asarray(mesh.vertices, dtype=np.float64)
     _, up, away = flight.snapshot_axes @ corners.T
@@ -136,7 +136,7 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
 
 
 def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, Floats, Floats]:
-    """Return when lines of unlimited length meet corners [s], where [rad], and how fast [rad/s]."""
+    """Return time [s], scan angle [rad] and rate [rad/s] at which endless lines cross corners."""
     step = 1e-3
     pace = np.full(len(corners), flight.climb / flight.slant_range)
     time = np.zeros(len(corners))
@@ -158,7 +158,7 @@ def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, F
 
 
 def _aimed(flight: Flight, corners: Floats) -> Flight:
-    """Return the flight whose scan is centred where the middle of the ship passes."""
+    """Return the flight with its scan centred on the passage of the ship's middle."""
     pointing = [flight.offset, flight.offset + 0.1]
     middles: list[float] = []
     for _ in range(8):
@@ -176,7 +176,7 @@ def _aimed(flight: Flight, corners: Floats) -> Flight:
 def brightness_of(
     mesh: trimesh.Trimesh, reflectivity: Floats | None, *, lambertian: bool
 ) -> Callable[[RayHits], Floats]:
-    """Return a function of the hits of rays that gives (hit,) powers, relative to a flat target."""
+    """Return the function from hits of rays to (hit,) powers, relative to a flat target."""
     facets = np.ones(len(mesh.faces)) if reflectivity is None else reflectivity
     facets = require_all("reflectivity", facets, minimum=0)
     require_shape("reflectivity", facets, (len(mesh.faces),))
@@ -192,7 +192,7 @@ def scan_scene(
     reflectivity: Floats | None = None,
     lambertian: bool = False,
 ) -> Returns:
-    """Return the ship's returns to each sample, of rays cast along the scan.
+    """Return the ship's returns to each sample, by casting rays along the scan.
 
     `leading` columns before the first sample serve trailing passive detectors; `attitude` (line, 2)
     [rad] are errors of the line of sight, right and up; `reflectivity` (facet,) is relative to the
@@ -202,7 +202,7 @@ def scan_scene(
     brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     flight = plan.flight
     columns = np.arange(-leading, flight.samples)
-    part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS * flight.ifov
+    ray_offset = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS * flight.ifov
     time = plan.time(columns)
     blocks = []
     errors = np.zeros((plan.lines, 2)) if attitude is None else attitude
@@ -215,21 +215,24 @@ def scan_scene(
         # Skip samples whose middle misses the ship's bounding sphere: they see the sea.
         middle = flight.directions(along, np.broadcast_to(errors[line, 1:], along.shape))
         to_ship = mesh.bounds.mean(axis=0) - origin
-        apart = np.linalg.norm(to_ship, axis=-1)
-        reach = np.arcsin(np.minimum(radius / apart, 1.0)) + flight.ifov
+        separation = np.linalg.norm(to_ship, axis=-1)
+        reach = np.arcsin(np.minimum(radius / separation, 1.0)) + flight.ifov
         ahead = np.einsum("...i,...i->...", to_ship, middle)
-        near = np.nonzero(ahead > apart * np.cos(reach))
+        near = np.nonzero(ahead > separation * np.cos(reach))
         if not len(near[0]):
             continue
         # A grid of rays over the IFOV of each remaining sample.
-        right = along[near][:, None, None] + part
-        above = np.broadcast_to(errors[line, 1:], along.shape)[near][:, None, None] + part[:, None]
+        right = along[near][:, None, None] + ray_offset
+        above = (
+            np.broadcast_to(errors[line, 1:], along.shape)[near][:, None, None]
+            + ray_offset[:, None]
+        )
         right, above = np.broadcast_arrays(right, above)
         ways = flight.directions(right, above).reshape(-1, 3)
         starts = np.repeat(origin[near], RAYS**2, axis=0)
         hits = cast_rays(mesh, starts, ways)
-        which, ray = np.divmod(hits.ray, RAYS**2)
-        place = (near[0][which] + start) * len(columns) + near[1][which]
+        sample, ray = np.divmod(hits.ray, RAYS**2)
+        place = (near[0][sample] + start) * len(columns) + near[1][sample]
         blocks.append((place, ray, hits.distance, brightness(hits)))
     nothing = [(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0), np.empty(0))]
     place, ray, distance, power = map(np.concatenate, zip(*(blocks or nothing), strict=True))

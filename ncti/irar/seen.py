@@ -1,4 +1,4 @@
-"""Images of a truth as looks see it, and their derivatives by its place."""
+"""Images of a truth sampled by looks, and their derivatives by its place."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """Looks that pixels average: flat pixel, and place about the image's centre [pixel]."""
+    """Looks averaged by pixels: flat pixel, and place relative to the image's centre [pixel]."""
 
     pixel: NDArray[np.intp]
     row: Floats
@@ -25,8 +25,8 @@ class Looks:
 
     @classmethod
     def of(cls, places: tuple[ArrayLike, ArrayLike], shape: tuple[int, ...]) -> Looks:
-        """Return the looks at given places within an image of a given shape."""
-        row, column = (np.asarray(part, dtype=np.float64) for part in places)
+        """Return the looks at `places` within an image of `shape`."""
+        row, column = (np.asarray(values, dtype=np.float64) for values in places)
         if row.shape != column.shape:
             raise ValueError(
                 f"places has rows of shape {row.shape} and columns of shape {column.shape}, but "
@@ -47,23 +47,23 @@ class Looks:
         )
 
     def within(self, rows: slice, columns: slice) -> Looks:
-        """Return the looks of some pixels; places stay relative to the whole image's centre."""
+        """Return the looks of a block of pixels, with places relative to the whole image."""
         number = np.full(self.shape, -1)
         shape = number[rows, columns].shape
         number[rows, columns] = np.arange(math.prod(shape)).reshape(shape)
         pixel = number.ravel()[self.pixel]
-        kept = pixel >= 0
+        inside = pixel >= 0
         count = self.count.reshape(self.shape)[rows, columns].ravel()
-        return Looks(pixel[kept], self.row[kept], self.column[kept], count, shape)
+        return Looks(pixel[inside], self.row[inside], self.column[inside], count, shape)
 
 
 class Truth:
     """Channels of a truth, and their images by looks."""
 
     def __init__(self, cells: Floats, factor: int) -> None:
-        """Prepare cells (channel, row, column), `factor` of them to a pixel along each axis."""
+        """Prepare cells (channel, row, column), `factor` per pixel along each axis."""
         self.factor = factor
-        # The ship alone, with a border so wide that looks outside it see no slope.
+        # Crop to the ship, with a border so wide that looks outside it see no slope.
         border = 5
         lit = [np.flatnonzero(cells.any(axis=(0, axis))) for axis in (2, 1)]
         first = np.array([line[0] for line in lit])
@@ -103,10 +103,10 @@ def add_looks(
     place: Floats,
     looks: tuple[NDArray[np.intp], Floats, Floats, NDArray[np.intp]],
 ) -> None:
-    """Add the brightness that looks see to the pixels that average them.
+    """Add the brightness of looks to the pixels that average them.
 
-    `means` (channel, pixel), and (channel, pixel, 6) derivatives by `place`, are added to. `truth`
-    are three (channel, row, column) arrays, brightness of the cells, 0 at the border, and its
+    It adds to `means` (channel, pixel) and (channel, pixel, 6), derivatives by `place`. `truth` are
+    three (channel, row, column) arrays, brightness of the cells, 0 at the border, and its
     change per cell up and to the right, and a (row, column) mask of cells of or next to the ship.
     `scale` is row and column of the truth's centre [cell], and cells per pixel. `place` (6,) is up,
     right, mast, waterline, height, width, as in `tilt.tilts`. `looks` are (look,) pixel, row and
@@ -119,16 +119,16 @@ def add_looks(
     for i in range(len(pixel)):
         # Place of the look in the truth, within its border.
         y, x = row[i], column[i]
-        at_row = factor * (up + height * y + waterline * x) + middle_row
-        at_column = factor * (right + mast * y + width * x) + middle_column
-        at_row = min(max(at_row, 0.0), last_row)
-        at_column = min(max(at_column, 0.0), last_column)
-        r, c = int(at_row), int(at_column)
+        truth_row = factor * (up + height * y + waterline * x) + middle_row
+        truth_column = factor * (right + mast * y + width * x) + middle_column
+        truth_row = min(max(truth_row, 0.0), last_row)
+        truth_column = min(max(truth_column, 0.0), last_column)
+        r, c = int(truth_row), int(truth_column)
         if not near[r, c]:
             continue
         # Brightness by bilinear interpolation, slopes from the nearest cell.
-        beyond_row, beyond_column = at_row - r, at_column - c
-        nearest_row, nearest_column = int(np.rint(at_row)), int(np.rint(at_column))
+        beyond_row, beyond_column = truth_row - r, truth_column - c
+        nearest_row, nearest_column = int(np.rint(truth_row)), int(np.rint(truth_column))
         p = pixel[i]
         share = 1.0 / count[p]
         for k in range(len(cells)):

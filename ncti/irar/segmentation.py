@@ -26,8 +26,8 @@ def noise_threshold(
 ) -> NDArray[np.float64]:
     """Return the intensity (...) that averaged noise of a pixel without a target rarely reaches.
 
-    `looks` (...) are independent ones in the average, dropouts included; `depth` [m] is that of the
-    gate, `pulse_length` [m] c T / 2; peaks below `dropout` noise powers count as 0; `false_alarm`
+    `looks` (...) is the number of independent looks averaged, dropouts included; `depth` [m] is the
+    gate's, `pulse_length` [m] c T / 2; peaks below `dropout` noise powers count as 0; `false_alarm`
     is the probability. The threshold is in mean noise powers: at least the average of one report.
 
     A method of this project, as no threshold is published. The sea returns nothing, so a
@@ -61,15 +61,15 @@ def noise_threshold(
     single = fft.rfft(share, size)
     sums = np.ones_like(single)
     thresholds = np.empty(len(numbers))
-    for i, further in enumerate(np.diff(numbers, prepend=0).astype(int).tolist()):
-        sums *= single if further == 1 else single**further
+    for i, added in enumerate(np.diff(numbers, prepend=0).astype(int).tolist()):
+        sums *= single if added == 1 else single**added
         total = np.roll(fft.irfft(sums, size), -(low[i] % size))
         # above[k] is the probability of the last k + 1 values; interpolate it in its logarithm.
         above = np.cumsum(total[::-1])
-        at = int(np.searchsorted(above, false_alarm, side="right"))
-        more, less = above[at], max(above[at - 1], _NEVER)
+        index = int(np.searchsorted(above, false_alarm, side="right"))
+        more, less = above[index], max(above[index - 1], _NEVER)
         inside = math.log(more / false_alarm) / math.log(more / less)
-        thresholds[i] = (low[i] + size - 1.5 - at + inside) * step
+        thresholds[i] = (low[i] + size - 1.5 - index + inside) * step
     return (np.maximum(thresholds, dropout) / numbers)[place].reshape(looks.shape)
 
 

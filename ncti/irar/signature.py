@@ -1,4 +1,4 @@
-"""A measured image as the proposed sensor would see it: pixels gathered into its wider beams."""
+"""Range extent of a measured image for the proposed sensor: pixels gathered into wider beams."""
 
 from __future__ import annotations
 
@@ -96,14 +96,14 @@ def measured_extent(
         raise NothingSeenError(
             f"window is {window:g} m, but must contain part of the ship in the image"
         )
-    # IFOVs of the wider sensor that the pixels belong to.
+    # IFOVs of the range-profiling sensor to which the pixels belong.
     side = ifov * slant_range
     cells = np.stack([pixels.column[inside], pixels.row[inside]], axis=1) * flight.pixel
-    cell, which = np.unique(np.floor(cells / side).astype(np.int64), axis=0, return_inverse=True)
-    # Area of each pixel that returns, as a fraction of such an IFOV.
+    cell, index = np.unique(np.floor(cells / side).astype(np.int64), axis=0, return_inverse=True)
+    # Returning area of each pixel, as a fraction of such an IFOV.
     filled = np.minimum(pixels.intensity[inside] / flight.cnr, 1.0)
     area = filled * flight.pixel**2 * pixels.height * pixels.width / side**2
     fraction = np.zeros((len(cell), bins))
-    np.add.at(fraction, (which.ravel(), place[inside]), area)
+    np.add.at(fraction, (index.ravel(), place[inside]), area)
     centres = np.arange(-(bins - 1) / 2, bins / 2, dtype=np.float64) * bin_width
     return RangeExtent(fraction, centres, bin_width, cell, ifov, slant_range)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 RAYS_AT_ONCE = 500_000
-"""Limits the memory of a true image, whose rays may be tens of millions."""
+"""Rays per block of a true image, which may have tens of millions."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +79,15 @@ class Snapshot:
     Examples
     --------
     >>> import numpy as np
-    >>> one = np.ones((1, 1))
+    >>> unit = np.ones((1, 1))
     >>> image = Snapshot(
     ...     window=Window(bottom=0, left=0, rows=1, columns=1),
     ...     row=np.zeros(1),
     ...     column=np.zeros(1),
-    ...     intensity=100 * one,
-    ...     range=3.9e3 * one,
-    ...     infrared=1.4 * one,
-    ...     looks=one.astype(int),
+    ...     intensity=100 * unit,
+    ...     range=3.9e3 * unit,
+    ...     infrared=1.4 * unit,
+    ...     looks=unit.astype(int),
     ... )
     >>> image.intensity.shape
     (1, 1)
@@ -117,7 +117,7 @@ class Snapshot:
 class ShipPixels:
     """Pixels of a segmented image that show the ship.
 
-    All its attributes are arrays and numbers, so that `vars` of it can be kept in a file.
+    All attributes are arrays and numbers, so that `vars` of it can be stored in a file.
 
     Attributes
     ----------
@@ -260,14 +260,14 @@ def true_snapshot(
     brightness = brightness_of(mesh, reflectivity, lambertian=lambertian)
     row = centres(window.bottom, window.rows, cells)
     column = centres(window.left, window.columns, cells)
-    part = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS
+    ray_offset = (np.arange(RAYS) - (RAYS - 1) / 2) / RAYS
     parts = []
     block = max(1, RAYS_AT_ONCE // (len(column) * RAYS**2))
     for first in range(0, len(row), block):
         # Directions of the rays of each look in the snapshot's axes, then in the ship's.
         up, right = np.broadcast_arrays(
-            row[first : first + block, None, None, None] + part[:, None],
-            column[:, None, None] + part,
+            row[first : first + block, None, None, None] + ray_offset[:, None],
+            column[:, None, None] + ray_offset,
         )
         image = np.stack([right * flight.ifov, up * flight.ifov, np.ones_like(up)], axis=-1)
         image /= np.linalg.norm(image, axis=-1, keepdims=True)

@@ -42,13 +42,13 @@ def speckle(
     while those of the surface do by mu^(k^2). For partly correlated frames this understates the
     gain of averaging; for independent or identical frames it is exact.
     """
-    drawn = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
-    drawn *= np.float32(math.sqrt(0.5))
+    field = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    field *= np.float32(math.sqrt(0.5))
     if correlation < INDEPENDENT:
-        return drawn
+        return field
     # Imported here because scipy.signal takes half a second.
     from scipy.signal import lfilter
 
-    drawn[1:] *= np.float32(math.sqrt(1 - correlation**2))
-    followed: NDArray[np.complex64] = lfilter([1.0], [1.0, -correlation], drawn, axis=0)
-    return followed.astype(np.complex64)
+    field[1:] *= np.float32(math.sqrt(1 - correlation**2))
+    filtered: NDArray[np.complex64] = lfilter([1.0], [1.0, -correlation], field, axis=0)
+    return filtered.astype(np.complex64)

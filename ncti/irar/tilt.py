@@ -1,4 +1,4 @@
-"""Residual tilt: the lean of masts and waterline that is left in a corrected image."""
+"""Residual tilt: the lean of masts and waterline that remains in a corrected image."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FINEST = 4  # cells of the truth along a pixel, at least
 _MARGIN = 8  # pixels of sea around the ship that are fitted
 _KNEE = 0.3  # share of the ship's brightness at which the first search saturates
 _LEAST_SCATTER = 0.02  # share of the model: error of area averages over finite cells
-# Footprints of five rays a side resolve an edge to 0.2 / sqrt(12) pixels. Errors that follow for
+# Footprints of five rays a side resolve an edge to 0.2 / sqrt(12) pixels. Resulting errors of
 # noiseless passes: scatter, as a share of the model, and lean, in pixels over the ship's length.
 _SAMPLED_SCATTER, _SAMPLED_LEAN = 0.05, 0.03
 
@@ -150,23 +150,23 @@ def tilts(
     >>> sheared = np.stack([np.roll(line, by) for line, by in zip(truth, shift)])
     >>> image = sheared.reshape(24, k, 40, k).mean(axis=(1, 3))
     >>> image *= np.random.default_rng(0).gamma(50, 1 / 50, image.shape)
-    >>> found = tilts(image, truth)
-    >>> print(f"{found.mast:.0f} +- {found.mast_error:.1f} deg")
+    >>> tilt = tilts(image, truth)
+    >>> print(f"{tilt.mast:.0f} +- {tilt.mast_error:.1f} deg")
     5 +- 0.1 deg
     """
     from ncti.irar.seen import Looks, Truth  # numba takes long to import
 
-    seen, cells, known = _checked(image, truth)
-    rows, columns = seen.shape[1:]
+    observed, cells, known = _checked(image, truth)
+    rows, columns = observed.shape[1:]
     factor = cells.shape[1] // rows
 
     # Brightness in units of the ship's, in the image and in the truth.
-    for channel, ship in zip(seen, cells, strict=True):
-        level, own = _levels(channel, _blocks(ship, factor))
+    for channel, ship in zip(observed, cells, strict=True):
+        level, truth_level = _levels(channel, _blocks(ship, factor))
         if not level > 0:
             return _NONE
         channel /= level
-        ship /= own
+        ship /= truth_level
 
     # Coarse cells are interpolated: slopes are taken between neighbouring cells.
     refinement = -(-FINEST // factor)
@@ -174,15 +174,17 @@ def tilts(
         cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
 
-    looks = Looks.of(_evenly(rows, columns, factor) if places is None else places, seen.shape[1:])
+    looks = Looks.of(
+        _evenly(rows, columns, factor) if places is None else places, observed.shape[1:]
+    )
     view = Truth(cells, factor)
     known &= looks.count.reshape(1, rows, columns) > 0
 
     # A first estimate from whole shifts, then a fit of the pixels around the ship.
-    place = _start(seen, view, looks)
+    place = _start(observed, view, looks)
     box = _around(view.image(place, looks)[0])
     least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
-    fit = fit_place(seen[:, *box], known[:, *box], view, looks.within(*box), place, least)
+    fit = fit_place(observed[:, *box], known[:, *box], view, looks.within(*box), place, least)
     if fit is None:
         return _NONE
     tilt = _tilt(*fit)
@@ -194,27 +196,27 @@ def tilts(
 
 
 def _checked(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return copies of image and truth with channels and 0 for NaN, and where the image is known.
+    """Return copies of image and truth with channels and 0 for NaN, and the mask of known pixels.
 
     Shapes are (channel, row, column), (channel, row * k, column * k) and (channel, row, column).
     """
-    seen, cells = _image("image", image), _image("truth", truth)
-    rows, columns = seen.shape[1:]
+    observed, cells = _image("image", image), _image("truth", truth)
+    rows, columns = observed.shape[1:]
     factor = cells.shape[1] // rows
-    if factor < 1 or cells.shape != (len(seen), rows * factor, columns * factor):
+    if factor < 1 or cells.shape != (len(observed), rows * factor, columns * factor):
         raise ValueError(
             f"truth has shape {np.shape(truth)}, but must be a whole multiple of the image's, "
             f"{np.shape(image)}"
         )
-    known = ~np.isnan(seen)
-    seen, cells = np.nan_to_num(seen), np.nan_to_num(cells)
+    known = ~np.isnan(observed)
+    observed, cells = np.nan_to_num(observed), np.nan_to_num(cells)
     if not cells.any(axis=(1, 2)).all():
         raise ValueError("truth is 0 everywhere, but must show a ship")
-    return seen, cells, known
+    return observed, cells, known
 
 
 def _tilt(place: Floats, covariance: Floats) -> Tilt:
-    """Return the image's tilt, which is opposite to that of the truth as looks see it."""
+    """Return the image's tilt from the fitted place, which maps the image to the truth."""
     leans = []
     # Mast from columns a row, waterline from rows a column; errors by linear propagation.
     for lean, scale in ((2, 5), (3, 4)):
@@ -224,14 +226,14 @@ def _tilt(place: Floats, covariance: Floats) -> Tilt:
         error = math.sqrt(change @ covariance @ change) / abs(place[scale]) / (1.0 + slope**2)
         leans.append((math.degrees(math.atan(slope)), math.degrees(error)))
     (mast, mast_error), (waterline, waterline_error) = leans
-    # The displacement is that of the inverse map.
+    # The displacement belongs to the inverse map.
     matrix = np.array([[place[4], place[3]], [place[2], place[5]]])
     up, right = -np.linalg.solve(matrix, place[:2])
     return Tilt(mast, waterline, mast_error, waterline_error, float(up), float(right))
 
 
 def _around(model: Floats) -> tuple[slice, slice]:
-    """Return rows and columns of the ship in an image, and some of sea."""
+    """Return rows and columns of the ship in an image, with a margin of sea."""
     lit = [np.flatnonzero((model > 0).any(axis=(0, axis))) for axis in (2, 1)]
     if not lit[0].size:
         return slice(None), slice(None)
@@ -239,34 +241,34 @@ def _around(model: Floats) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _start(seen: Floats, view: Truth, looks: Looks) -> Floats:
+def _start(observed: Floats, view: Truth, looks: Looks) -> Floats:
     """Return a place from the best shifts of whole rows, then of whole columns."""
     # Imported here because scipy.stats takes half a second.
     from scipy.stats import theilslopes
 
     place = np.array(START)
     # Most of an image is dark, so its median deviation from 0 is noise: use the least noisy.
-    best = int(np.median(np.abs(seen), axis=(1, 2)).argmin())
-    shown = _saturated(seen[best])
+    best = int(np.median(np.abs(observed), axis=(1, 2)).argmin())
+    saturated = _saturated(observed[best])
     for axis in (0, 1):
         # Best shift of each line, then a robust line through the shifts.
         model = _saturated(view.image(place, looks)[0][best])
-        lines, shifts = _best_shifts(*(np.moveaxis(x, axis, 0) for x in (shown, model)))
+        lines, shifts = _best_shifts(*(np.moveaxis(x, axis, 0) for x in (saturated, model)))
         if lines.size < 2:
             continue
-        slope, intercept = theilslopes(shifts, lines - (shown.shape[axis] - 1) / 2)[:2]
+        slope, intercept = theilslopes(shifts, lines - (saturated.shape[axis] - 1) / 2)[:2]
         # Rows are shifted to the right, by the masts' tilt; columns up, by the waterline's.
         place[1 - axis], place[2 + axis] = -intercept, -slope
     return place
 
 
-def _best_shifts(shown: Floats, model: Floats) -> tuple[Floats, Floats]:
+def _best_shifts(image: Floats, model: Floats) -> tuple[Floats, Floats]:
     """Return the lines that contain part of the ship, and the best whole shift of each."""
     lines = np.flatnonzero(model.sum(axis=1) > 0.5)
-    length = shown.shape[1]
+    length = image.shape[1]
     padded = 2 * length
     # Cross-correlation of all lines at once, padded so that it does not wrap around.
-    first = np.fft.rfft(shown[lines] - shown[lines].mean(axis=1, keepdims=True), padded)
+    first = np.fft.rfft(image[lines] - image[lines].mean(axis=1, keepdims=True), padded)
     second = np.fft.rfft(model[lines] - model[lines].mean(axis=1, keepdims=True), padded)
     score = np.fft.irfft(first * second.conj(), padded)
     best = score.argmax(axis=1)
@@ -279,16 +281,17 @@ def _saturated(intensity: Floats) -> Floats:
     return positive / (positive + _KNEE)
 
 
-def _levels(seen: Floats, truth: Floats) -> tuple[float, float]:
+def _levels(observed: Floats, truth: Floats) -> tuple[float, float]:
     """Return the typical brightness of the ship in the image and in the truth.
 
-    For each row, the median of as many brightest pixels as the truth has of the ship; then the
-    median over rows. It does not depend on the ship's place in its row, or on a few faulty lines.
+    In each row it takes the median of the n brightest pixels, where n is the number of ship pixels
+    in the truth; then the median over rows. It does not depend on the ship's place in its row, or
+    on a few faulty lines.
     """
     count = (truth > (truth**2).sum() / truth.sum() / 2).sum(axis=1)
     rows = np.flatnonzero(count >= min(4, count.max()))
     medians = []
-    for intensity in (seen, truth):
+    for intensity in (observed, truth):
         ordered = -np.sort(-intensity[rows], axis=1)
         medians.append(float(np.median(ordered[np.arange(rows.size), count[rows] // 2])))
     return medians[0], medians[1]

@@ -18,7 +18,7 @@ _STAGES = (
     *((floor, 4, 1e-4) for floor in (1.0, 0.5, 0.25, 0.12, 0.06)),
     (0.03, 25, 1e-5),
 )
-_LEAST_PIXELS = 8  # that a channel must show of the ship
+_LEAST_PIXELS = 8  # of the ship in each channel
 # Affine map from image to truth: shift up and right [pixel], columns a row (mast), rows a column
 # (waterline), rows a row and columns a column [pixels a pixel]. Its value for a perfect image, and
 # the largest change in one pass.
@@ -38,7 +38,7 @@ class _Estimate:
     scatter: Floats
 
     def moved(self, change: Floats, scatter: Floats) -> tuple[_Estimate, float]:
-        """Return the estimate after a step of at most `_STEP`, and the largest part of that."""
+        """Return the estimate after a step of at most `_STEP`, and the step's largest component."""
         channels = len(self.gain)
         step = np.clip(change[:6], np.negative(_STEP), _STEP)
         gain = np.clip(self.gain + change[6 : 6 + channels], 0.2, 5.0)
@@ -59,8 +59,8 @@ def fit_place(
     `seen` (channel, row, column) is in units of the ship's brightness, `known` masks the pixels to
     fit; `place` (6,) is the start, as of `START`; `least` the least scatter of residuals, as a
     share of the model. Returns None if a channel shows too little of the ship. Gauss-Newton steps
-    with Tukey's biweight; the noise floor falls in stages, since a high floor keeps every residual
-    an inlier while the start is still wrong.
+    with Tukey's biweight; the noise floor falls in stages, since with a high floor every residual
+    is an inlier while the start is still wrong.
     """
     channels = len(seen)
     fit = _Estimate(place, np.ones(channels), np.zeros(channels), np.ones(channels))
@@ -91,7 +91,7 @@ def fit_place(
 def _equations(
     fit: _Estimate,
     channel: int,
-    seen: Floats,
+    observed: Floats,
     known: NDArray[np.bool_],
     model: Floats,
     slopes: Floats,
@@ -104,7 +104,7 @@ def _equations(
     is (pixel,).
     """
     gain, offset = fit.gain[channel], fit.offset[channel]
-    residual = seen - gain * model - offset
+    residual = observed - gain * model - offset
 
     # Standard deviation up to a factor, the scatter: speckle grows with the model, noise does not.
     spread = _spread(model, residual, known, gain, offset, floor, fit.scatter[channel])

@@ -63,9 +63,9 @@ def time_delay_integrate(samples: ArrayLike) -> NDArray[np.float64]:
         )
     length = frames.shape[-1]
     total = np.zeros(frames.shape[1:])
-    seen = np.zeros(length)
+    count = np.zeros(length)
     for detector, frame in enumerate(frames):
-        kept = max(0, length - detector)
-        total[:, :kept] += frame[:, detector:]
-        seen[:kept] += 1
-    return total / seen
+        columns = max(0, length - detector)
+        total[:, :columns] += frame[:, detector:]
+        count[:columns] += 1
+    return total / count

@@ -47,8 +47,8 @@ class Beam:
 class Signal:
     """Pulse, carrier and noise of a frame, which are keywords of functions of `ncti.ladar`.
 
-    `pulse_width` is full width at 1/e^2 of the intensity [s], `cnr` the power ratio of a filled
-    IFOV, and `target_free_ifovs` the number that a frame accumulates besides the ship's.
+    `pulse_width` is the full width at 1/e^2 of the intensity [s], `cnr` the power ratio of a filled
+    IFOV, and `target_free_ifovs` the number of IFOVs in a frame besides the ship's.
     """
 
     pulse_width: float = 30e-9

@@ -14,7 +14,7 @@ from ncti.ladar.extent import REFERENCE_BIN
 from ncti.ladar.pulse import noise_floor
 
 LOUDEST = 200.0
-"""Largest level [dB]; that of `STRONGEST`."""
+"""Largest level [dB], equal to `STRONGEST`."""
 
 
 def power_ratio(decibels: float) -> float:

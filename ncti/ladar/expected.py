@@ -104,8 +104,8 @@ def expected_profile(
     a = (math.pi / 2) * cnr * extent.density @ (kernel**2).T
     b = noise_floor() ** 2
     amplitude = np.sqrt(a + b)
-    seen = detect(amplitude, receiver=receiver, false_alarm=false_alarm).sum(axis=0)
+    profile = detect(amplitude, receiver=receiver, false_alarm=false_alarm).sum(axis=0)
     # A target-free IFOV adds its flat floor; the other receivers have no such closed form.
     if receiver == "full_profile":
-        seen += target_free_ifovs * noise_floor()
-    return seen
+        profile += target_free_ifovs * noise_floor()
+    return profile

@@ -117,9 +117,9 @@ class RangeExtent:
 
         Notes
         -----
-        The sampling error is bounded from the samples themselves: of lines by what their strands
-        have at frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`), of
-        pixels by how far images of a quarter of them differ (`ncti.ladar.sampling.pixel_error`).
+        The samples themselves bound the sampling error: lines by the content of their strands at
+        frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`), pixels by the
+        differences between images of a quarter of them (`ncti.ladar.sampling.pixel_error`).
         The bound holds in 97 of 100 views and is twice the error in the median.
         `far_field_error` is added: the whole is the error at the slant range, also of a view that
         was drawn in the far field.
@@ -131,8 +131,8 @@ class RangeExtent:
                 self.strands, self.line_count, pulse_width, bin_width=self.bin_width
             )
         else:
-            whole = self.fraction.sum(axis=0)
-            error = pixel_error(self.strands, whole, pulse_width, bin_width=self.bin_width)
+            summed = self.fraction.sum(axis=0)
+            error = pixel_error(self.strands, summed, pulse_width, bin_width=self.bin_width)
         return error + self.far_field_error
 
     @property
@@ -170,7 +170,7 @@ class RangeExtent:
         --------
         unpacked : The way back.
         """
-        rows = [part.any(axis=0) for part in (self.fraction, self.strands) if len(part)]
+        rows = [array.any(axis=0) for array in (self.fraction, self.strands) if len(array)]
         filled = np.flatnonzero(np.any(rows, axis=0))
         begin, end = (int(filled[0]), int(filled[-1]) + 1) if filled.size else (0, 0)
         return {
@@ -189,11 +189,11 @@ class RangeExtent:
         Parameters
         ----------
         fraction, strands : (..., bin) float64 ndarray
-            Some neighbouring bins, beyond which there is nothing.
+            Consecutive bins; all others are empty.
         down_range : (bin,) float64 ndarray
             Centres of all range bins [m].
         begin : int
-            Number of the first of these neighbours.
+            Number of the first of these bins.
         **others
             The other attributes.
 
@@ -203,7 +203,7 @@ class RangeExtent:
 
         See Also
         --------
-        packed : What it is made of.
+        packed : Arrays to unpack.
 
         Examples
         --------
@@ -220,13 +220,13 @@ class RangeExtent:
         True
         """
 
-        def whole(part: Floats) -> Floats:
-            every = np.zeros((len(part), down_range.size))
-            every[:, begin : begin + part.shape[1]] = part
-            return every
+        def expanded(bins: Floats) -> Floats:
+            full = np.zeros((len(bins), down_range.size))
+            full[:, begin : begin + bins.shape[1]] = bins
+            return full
 
-        strands = whole(strands) if len(strands) else strands
-        return cls(fraction=whole(fraction), strands=strands, down_range=down_range, **others)
+        strands = expanded(strands) if len(strands) else strands
+        return cls(fraction=expanded(fraction), strands=strands, down_range=down_range, **others)
 
 
 def range_extent(
@@ -351,8 +351,8 @@ def range_extent(
         fraction, strands = area / side**2, strands / side**2
     else:
         bins = half_window, bin_width, bin_count
-        how: dict[str, Any] = {"side": side, "spread": spread, "lambertian": lambertian}
-        cell, fraction, strands, reach = _of_pixels(image, slant_range, shift, bins, **how)
+        options: dict[str, Any] = {"side": side, "spread": spread, "lambertian": lambertian}
+        cell, fraction, strands, reach = _of_pixels(image, slant_range, shift, bins, **options)
     return RangeExtent(
         fraction=fraction,
         down_range=bin_width * (np.arange(bin_count, dtype=np.float64) + 0.5) - half_window,
@@ -379,8 +379,8 @@ def _of_pixels(
 ) -> tuple[NDArray[np.int64], Floats, Floats, float]:
     """Return IFOVs, their fractions and the strands of a range image, and its reach [m].
 
-    Pixels are spread over boxes in range, sorted into IFOVs and binned; for the error estimate,
-    every second row and column also as an image of its own, of pixels twice as wide.
+    It spreads pixels over boxes in range, sorts them into IFOVs and bins them; for the error
+    estimate, it also bins every second row and column as an image of pixels twice as wide.
     """
     from ncti.ladar import pixels  # numba takes long to import
 
@@ -398,7 +398,7 @@ def _of_pixels(
 
 
 def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: float) -> float:
-    """Return the bound on the error of a far-field image that reaches so far down-range [m]."""
+    """Return the bound on the error of a far-field image with a down-range reach [m]."""
     if image.slant_range is not None:
         return 0.0
     if isinstance(image, LineImage):
@@ -472,11 +472,11 @@ def no_return(window: float, bin_width: float) -> RangeExtent:
     return RangeExtent(nothing, bins, bin_width, cell, ifov=1.0, slant_range=1.0)
 
 
-def _check_clear(image: RangeImage | LineImage, seen: Floats, slant_range: float) -> None:
+def _check_clear(image: RangeImage | LineImage, down_range: Floats, slant_range: float) -> None:
     """Raise `ValueError` if the ship of a far-field image would reach the sensor."""
     if image.slant_range is None:
         view = View(image.aspect, image.depression, slant_range=slant_range)
-        view.check_clear(float(seen.min(initial=0.0)))
+        view.check_clear(float(down_range.min(initial=0.0)))
 
 
 def _check_reach(reach: float, half_window: float) -> None:

@@ -18,8 +18,8 @@ from ncti.ladar.pulse import (
 )
 
 # Frames and IFOVs of one matrix product. The last bit of a product depends on its number of rows,
-# and a frame must not depend on how many follow it, so target-free sums always have ROWS_AT_ONCE
-# rows, drawn or not. Arrays of this size stay in the cache of a core.
+# and a frame must not depend on the number of later frames, so target-free sums always have
+# ROWS_AT_ONCE rows, drawn or not. Arrays of this size stay in the cache of a core.
 ROWS_AT_ONCE, IFOVS_AT_ONCE = 8, 32
 # Share of the standard deviation of the noise below which the field of the target is neglected: a
 # sixtieth of the rounding error of float32.
@@ -27,7 +27,7 @@ UNFELT = 1e-9
 
 
 class Speckle(NamedTuple):
-    """Contribution of the target to the fields of IFOVs; those without a target come last."""
+    """Contribution of the target to the fields of IFOVs; target-free IFOVs come last."""
 
     first: NDArray[np.int64]  # (ifov + 1,) start of each IFOV in the next three arrays
     occupied: NDArray[np.int64]  # (place,) occupied bins
@@ -39,18 +39,18 @@ class Speckle(NamedTuple):
     def of(
         cls, extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
     ) -> Speckle:
-        """Return the speckle of a view, each bin's as far as it exceeds the rounding of noise."""
+        """Return the speckle of a view, for each bin as far as it exceeds the rounding of noise."""
         pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
         bins = extent.down_range.size
         response = _response(**pulse, bin_count=bins)
         density = extent.density
         (occupied,) = density.reshape(-1).nonzero()
         amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
-        felt = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
+        least_field = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
         # The response falls with the lag: the reach is the number of lags above a bin's threshold.
         with np.errstate(divide="ignore"):
-            lost = felt / amplitude
-        reach = bins - response[:bins].searchsorted(lost, side="right")
+            relative = least_field / amplitude
+        reach = bins - response[:bins].searchsorted(relative, side="right")
         ifovs = len(density)
         first = np.searchsorted(occupied, bins * np.arange(ifovs + 1 + target_free_ifovs))
         return cls(first, occupied % bins, amplitude, reach, response)
@@ -84,11 +84,11 @@ class Noise(NamedTuple):
 
 
 class Waveforms:
-    """Detector outputs |l| of IFOVs, computed in memory that is reused.
+    """Detector outputs |l| of IFOVs, computed in reused memory.
 
-    The normals of an IFOV in a frame are its own stream, named by its cell. They come in pairs, one
-    for each quadrature: that of the speckle of a bin has the number of the bin, those of the noise
-    follow.
+    An IFOV has its own stream of normals in each frame, keyed by its cell. They come in pairs, one
+    normal per quadrature: the pair of the speckle of a bin has the number of the bin, and pairs of
+    the noise follow.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Waveforms:
         self.magnitude = np.empty(most * ROWS_AT_ONCE * noise.bins, dtype=np.float32)
 
     def of(self, first: int, frames: int) -> Iterator[NDArray[np.float32]]:
-        """Yield (frame, ifov, bin) magnitudes, some IFOVs at a time; up to ROWS_AT_ONCE frames."""
+        """Yield (frame, ifov, bin) magnitudes of blocks of IFOVs, of up to ROWS_AT_ONCE frames."""
         # Imported here because numba is slow to import.
         from ncti.ladar.waveforms import put_magnitudes
         from ncti.normals import draw_places, draw_run, put_streams
@@ -113,10 +113,10 @@ class Waveforms:
         for start in range(0, ifovs, IFOVS_AT_ONCE):
             stop = min(start + IFOVS_AT_ONCE, ifovs)
             quadratures = 2 * (stop - start)
-            # Arrays are contiguous for the last IFOVs too: the loops are compiled for those alone.
+            # Arrays are contiguous for the last IFOVs too, as the loops are compiled only for that.
             even_normals, odd_normals, even, odd = (
-                part[: frames * quadratures * size].reshape(frames, quadratures, size)
-                for part, size in zip(self.halves, self.sizes, strict=True)
+                buffer[: frames * quadratures * size].reshape(frames, quadratures, size)
+                for buffer, size in zip(self.halves, self.sizes, strict=True)
             )
             streams = np.empty((frames, stop - start), dtype=np.uint64)
             put_streams(key, first, self.cell[start:stop], streams)

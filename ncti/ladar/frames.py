@@ -23,7 +23,7 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
 FRAMES_AT_ONCE = 32
-MOST_DRAWN = 2**17  # target-free IFOVs drawn one by one; a frame of 250 bins then takes seconds
+MOST_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
 ELSEWHERE = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
@@ -84,7 +84,7 @@ def sample_frames(
     (<|w|^2> = 2), as Equation C requires; with the printed <w w*> = 1 the mean would be lower by
     sqrt(2). Both are independent between IFOVs and between frames.
 
-    Only what a frame needs is drawn: speckle on occupied bins, noise in the band that the filter
+    A frame is the sum of few draws: speckle on occupied bins, noise in the band that the filter
     passes and, from GAUSSIAN_FROM target-free IFOVs on, their full-profile sum as one Gaussian
     process with the exact mean and covariance. The filtered noise is even or odd about the middle
     of the window (see `ncti.ladar.fields.Noise`), which halves the products, and the target is
@@ -210,28 +210,28 @@ def frame_blocks(
     from ncti.normals import draw_key
 
     noise = Noise.of(**pulse, bin_count=bins)
-    alone = 0 if as_sum else target_free_ifovs
-    speckle = Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=alone)
+    singles = 0 if as_sum else target_free_ifovs
+    speckle = Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=singles)
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
     detected(np.zeros((0, bins), dtype=np.float32))  # checks its parameters
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
     key = draw_key(rng)
-    elsewhere = np.stack([np.arange(alone), np.full(alone, ELSEWHERE)], axis=1)
+    elsewhere = np.stack([np.arange(singles), np.full(singles, ELSEWHERE)], axis=1)
     cell = np.concatenate([extent.cell, elsewhere])
 
     def blocks() -> Iterator[NDArray[np.float64]]:
-        """Yield the blocks, from normals and waveforms in memory that is reused."""
+        """Yield the blocks, from normals and waveforms in reused memory."""
         waveforms = Waveforms(noise, speckle, key=key, cell=cell)
         floor = _TargetFree(**pulse, bin_count=bins, key=key) if as_sum else None
         for first in range(0, frame_count, FRAMES_AT_ONCE):
             block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
-            for part in range(0, len(block), ROWS_AT_ONCE):
-                some = block[part : part + ROWS_AT_ONCE]
+            for start in range(0, len(block), ROWS_AT_ONCE):
+                rows = block[start : start + ROWS_AT_ONCE]
                 if floor:
-                    some += math.sqrt(target_free_ifovs) * floor.of(first + part, len(some))
-                # The other IFOVs, one by one: waveform, receiver, sum.
-                for amplitude in waveforms.of(first + part, len(some)):
-                    add_in_turn(detected(amplitude), some)
+                    rows += math.sqrt(target_free_ifovs) * floor.of(first + start, len(rows))
+                # All other IFOVs individually: waveform, receiver, sum.
+                for amplitude in waveforms.of(first + start, len(rows)):
+                    add_in_turn(detected(amplitude), rows)
             yield block
 
     return blocks()
@@ -294,32 +294,32 @@ def cumulative_average(
     """
     if not len(frame_counts):
         raise ValueError("frame_counts is empty, but must hold at least one number")
-    known = len(frames) if isinstance(frames, np.ndarray) else math.inf
+    available = len(frames) if isinstance(frames, np.ndarray) else math.inf
     for count in frame_counts:
-        require("frame_count", count, minimum=1, maximum=known, whole=True)
+        require("frame_count", count, minimum=1, maximum=available, whole=True)
     rows = chain.from_iterable([frames] if isinstance(frames, np.ndarray) else frames)
     averages: dict[int, NDArray[np.float64]] = {}
     total = np.zeros(())
-    taken = 0
-    for taken, row in enumerate(islice(rows, int(max(frame_counts))), start=1):
-        total = total + row if taken == 1 else np.add(total, row, out=total)
-        if taken in frame_counts:
-            averages[taken] = total / taken
+    number = 0
+    for number, row in enumerate(islice(rows, int(max(frame_counts))), start=1):
+        total = total + row if number == 1 else np.add(total, row, out=total)
+        if number in frame_counts:
+            averages[number] = total / number
     for count in frame_counts:
-        require("frame_count", count, maximum=taken)
+        require("frame_count", count, maximum=number)
     return np.stack([averages[int(count)] for count in frame_counts])
 
 
 def averaged_frames(
     extent: RangeExtent, frame_counts: Sequence[int], **noise: Any
 ) -> NDArray[np.float64]:
-    """Return (frame_count, bin) averages over the first frames, of `noise` as `frame_blocks`."""
+    """Return (frame_count, bin) averages over the first frames; `noise` goes to `frame_blocks`."""
     blocks = frame_blocks(extent, frame_count=max(frame_counts), **noise)
     return cumulative_average(blocks, frame_counts)
 
 
 class _TargetFree:
-    """Deviation of the sum of target-free IFOVs from its mean, for one of them."""
+    """Deviation of the sum of target-free IFOVs from its mean, scaled to one IFOV."""
 
     def __init__(self, *, key: NDArray[np.uint64], bin_count: int, **pulse: float) -> None:
         self.key, self.bins = key, bin_count
@@ -335,7 +335,7 @@ class _TargetFree:
 
         streams = np.empty((frames, 1), dtype=np.uint64)
         put_streams(self.key, first, np.array([[0, ELSEWHERE]]), streams)
-        # Rows that are not drawn keep old values, which do not affect the others.
+        # Rows beyond `frames` keep old values, which do not affect the others.
         draw_run(self.key, streams, 0, self.normals)
         white = self.normals.reshape(ROWS_AT_ONCE, -1)
         sums: NDArray[np.float32] = irfft(rfft(white) * self.transfer, n=white.shape[1])
@@ -346,8 +346,8 @@ class _TargetFree:
 def _floor_filter(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
     """Return the transfer function that gives white noise the covariance of a target-free IFOV.
 
-    Noise that is periodic over a window and the reach of its correlation has that covariance in
-    the window exactly (circulant embedding).
+    Noise that is periodic over the window plus the reach of its correlation has exactly this
+    covariance in the window (circulant embedding).
     """
     # Imported here because scipy takes a tenth of a second.
     from scipy.fft import next_fast_len, rfft

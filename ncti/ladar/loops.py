@@ -27,8 +27,8 @@ def _bin() -> None:
     """Bin one box, which compiles its loop."""
     from ncti.ladar.pixels import bin_boxes  # numba takes long to import
 
-    one = np.ones(1)
-    bin_boxes(np.zeros(1, np.intp), one, one, one, 1, 4)
+    unit = np.ones(1)
+    bin_boxes(np.zeros(1, np.intp), unit, unit, unit, 1, 4)
 
 
 BOXES = Loops("range extents", ("ladar.pixels.bin_boxes",), _bin)

@@ -196,7 +196,7 @@ def banded_frame_moments(
     bins = extent.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
     noise = noise_by_lag(**pulse, bin_count=bins)
-    # T in steps of half a bin from bin 0, the variance in each bin, and where the target counts.
+    # T in steps of half a bin from bin 0, variance of each bin, and bins where the target counts.
     power = cnr * extent.density @ _half_bin_kernel(**pulse, bin_count=bins)
     variance = power[:, ::2] + noise[0]
     live = power[:, ::2] > NEGLIGIBLE * noise[0]
@@ -211,23 +211,23 @@ def banded_frame_moments(
     covariance = np.zeros((lags, bins))
     covariance[0] = (2 - math.pi / 2) * (variance.sum(axis=0) + target_free_ifovs * noise[0])
     floor = floor_by_lag(noise[:lags])  # of one target-free IFOV
-    decay = np.array([math.exp(-2 * apart**2 / n_z**2) for apart in range(lags)])
+    decay = np.array([math.exp(-2 * shift**2 / n_z**2) for shift in range(lags)])
 
     # Every lag: the floor's covariance times the number of IFOVs, plus the excess of the pairs of
-    # bins that a target reaches, some lags at a time to bound the memory.
+    # bins that a target reaches, in blocks of lags to bound the memory.
     at_once = max(1, PLACES_AT_ONCE // max(1, live.size))
     for first in range(1, lags, at_once):
         last = min(first + at_once, lags)
         lag, ifov, n = _reached(live, first, last)
-        here = ifov * bins + n
-        scale = sigma.take(here) * sigma.take(here + lag)
-        field = decay.take(lag) * power.take(2 * here - ifov + lag) + noise.take(lag)
+        index = ifov * bins + n
+        scale = sigma.take(index) * sigma.take(index + lag)
+        field = decay.take(lag) * power.take(2 * index - ifov + lag) + noise.take(lag)
         excess = scale * _bracket(np.square(field / scale)) - floor.take(lag)
         place = (lag - first) * bins + n
         band = np.bincount(place, weights=excess, minlength=(last - first) * bins)
         covariance[first:last] = band.reshape(-1, bins) + everywhere * floor[first:last, None]
-    for apart in range(1, lags):
-        covariance[apart, bins - apart :] = 0.0
+    for shift in range(1, lags):
+        covariance[shift, bins - shift :] = 0.0
     return mean * math.sqrt(math.pi / 2), covariance / frame_count
 
 
@@ -245,13 +245,13 @@ def frame_variance(
         pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=extent.down_range.size
     )
     power = cnr * extent.density.sum(axis=0) @ (kernel**2).T
-    # Means squared of the target's part add up as the variances do.
+    # Squared means of the target add up, like variances.
     squares = (math.pi / 2) * power + (len(extent.density) + target_free_ifovs) * noise_floor() ** 2
     return (4 / math.pi - 1) * squares
 
 
 def floor_by_lag(noise: Floats) -> Floats:
-    """Return the covariance of the output of one target-free IFOV by lag, of `noise_by_lag`."""
+    """Return the covariance of one target-free IFOV's output by lag, from `noise_by_lag`."""
     floor: Floats = noise[0] * _bracket(np.square(noise / noise[0]))
     return floor
 
@@ -265,14 +265,14 @@ def floor_reach(*, pulse_width: float, bin_width: float) -> int:
 def _reached(
     live: NDArray[np.bool_], first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return lag, IFOV and bin n of all pairs of bins n, n + lag one of which a target reaches.
+    """Return lag, IFOV and bin n of all pairs of bins n, n + lag with a target in either.
 
     Lags are from `first` to below `last`; pairs are sorted by lag, IFOV and bin.
     """
     ifovs, bins = live.shape
     either = np.zeros((last - first, ifovs, bins), dtype=bool)
-    for apart, pairs in enumerate(either, start=first):
-        np.logical_or(live[:, :-apart], live[:, apart:], out=pairs[:, :-apart])
+    for shift, pairs in enumerate(either, start=first):
+        np.logical_or(live[:, :-shift], live[:, shift:], out=pairs[:, :-shift])
     pair, n = np.divmod(np.flatnonzero(either), bins)
     lag, ifov = np.divmod(pair, ifovs)
     return lag + first, ifov, n
@@ -297,9 +297,9 @@ def _reach(peak: float, *, n_z: float, bin_count: int) -> int:
     """Return the number of lags, zero included, over which a frame is correlated.
 
     The bracket is at most (2 - pi/2) m, so the covariance of two bins is at most (2 - pi/2) f^2/v,
-    f that of their fields and v the variance of the noise. Noise correlates over fewer lags than
-    the target, so f is at most (peak + 1) v exp(-2 l^2 / N_z^2). A common peak, that of an IFOV
-    filled in one bin, gives all views the same lags.
+    f the covariance of their fields and v the variance of the noise. Noise correlates over fewer
+    lags than the target, so f is at most (peak + 1) v exp(-2 l^2 / N_z^2). A common peak, of an
+    IFOV filled in one bin, gives all views the same lags.
     """
     farthest = n_z * math.sqrt(math.log((peak + 1) / math.sqrt(NEGLIGIBLE)) / 2)
     return min(bin_count, math.floor(farthest) + 1)

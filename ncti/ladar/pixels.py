@@ -56,13 +56,13 @@ def tile(
     column = np.floor(horizontal).astype(np.int64)
     row = np.floor(vertical).astype(np.int64)
     # Counted from the first cell of the ship, which may be far from the ship origin.
-    left, bottom = (int(some.min()) if some.size else 0 for some in (column, row))
+    left, bottom = (int(index.min()) if index.size else 0 for index in (column, row))
     columns = int(column.max()) - left + 1 if column.size else 1
     flat = (row - bottom) * columns + (column - left)
-    seen = np.bincount(flat) > 0  # a few hundred cells: much faster than sorting the pixels
-    occupied = np.flatnonzero(seen)
+    is_occupied = np.bincount(flat) > 0  # a few hundred cells: much faster than sorting the pixels
+    occupied = np.flatnonzero(is_occupied)
     cell = np.stack([occupied % columns + left, occupied // columns + bottom], axis=1)
-    return cell, (np.cumsum(seen) - 1)[flat]
+    return cell, (np.cumsum(is_occupied) - 1)[flat]
 
 
 @compiled
@@ -76,7 +76,7 @@ def bin_boxes(
 ) -> Floats:
     """Return the area of uniform boxes, middle +- half, in each (group, bin) of bins of width 1."""
     # The area up to a bin edge is the sum of rate * (edge - start) over the ramps that have begun,
-    # less that over those that have ended: slope * edge - offset, both cumulative sums.
+    # less the sum over ramps that have ended: slope * edge - offset, both cumulative sums.
     slope, offset = np.zeros((group_count, bin_count + 1)), np.zeros((group_count, bin_count + 1))
     largest = 0.0
     for i in range(len(group)):
@@ -86,7 +86,7 @@ def bin_boxes(
         begin = min(max(middle[i] - reach, 0.0), bin_count - _POINT)
         end = min(max(middle[i] + reach, begin + _POINT), float(bin_count))
         rate = area[i] / (end - begin)
-        # Within the row even if a slope is NaN, as nothing else would keep them there.
+        # Clipped to the row, as a NaN slope would otherwise index beyond it.
         begun = min(max(int(np.ceil(begin)), 0), bin_count)
         ended = min(max(int(np.ceil(end)), 0), bin_count)
         slope[group[i], begun] += rate
@@ -100,10 +100,10 @@ def bin_boxes(
         for edge in range(1, bin_count + 1):
             rate += slope[g, edge]
             least += offset[g, edge]
-            here = rate * edge - least
+            total = rate * edge - least
             # Ramps that cancel leave rounding errors, which must not count as occupied bins.
-            binned[g, edge - 1] = 0.0 if here - before < _ROUNDING * largest else here - before
-            before = here
+            binned[g, edge - 1] = 0.0 if total - before < _ROUNDING * largest else total - before
+            before = total
     return binned
 
 

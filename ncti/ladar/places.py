@@ -4,11 +4,11 @@ from __future__ import annotations
 
 Place = tuple[float, float]  # right and up [cell]
 
-# Steps of Roberts' R2, a sequence that fills the unit square evenly, however long it is.
+# Steps of Roberts' R2, a sequence that fills the unit square evenly at any length.
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
 
 TEMPLATE_PLACES = 8
-"""Places that templates of the likelihood have: at 100 km more improve no score."""
+"""Places per view of templates of the likelihood: at 100 km more improve no score."""
 
 
 def spread_place(number: int) -> Place:

@@ -100,7 +100,7 @@ def noise_covariance(
 
 
 def _by_bins(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (bin, bin) matrix of values that depend on the distance of two bins alone."""
+    """Return the (bin, bin) matrix of values that depend only on the distance of two bins."""
     bins = np.arange(by_lag.size)
     return by_lag[np.abs(np.subtract.outer(bins, bins))]
 
@@ -182,7 +182,7 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     # Imported here because scipy takes a tenth of a second.
     from scipy.linalg.lapack import dpstrf
 
-    # What the decomposition leaves out is at most n times the pivot at which it stops; the largest
+    # The remainder of the decomposition is at most n times the pivot at which it stops; the largest
     # eigenvalue is at least the mean of row sums and any variance.
     count = len(covariance)
     largest = max(covariance.sum() / count, np.diagonal(covariance).max())
@@ -191,8 +191,8 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     root = np.empty((count, rank))
     root[order - 1] = np.tril(packed[:, :rank])
     values, vectors = np.linalg.eigh(root.T @ root)
-    kept = values > tolerance * values.max(initial=0.0)
-    modes = root @ vectors[:, kept]
+    significant = values > tolerance * values.max(initial=0.0)
+    modes = root @ vectors[:, significant]
     modes *= np.where((1 / np.arange(1.0, count + 1)) @ modes < 0, -1, 1)
     factor = np.ascontiguousarray(modes.T, dtype=np.float32)
     factor.setflags(write=False)

@@ -31,16 +31,18 @@ def detect(
     if receiver == "full_profile":
         return amplitude
 
-    kept = np.zeros_like(amplitude)
+    reported = np.zeros_like(amplitude)
     if receiver == "peak_pulse":
-        at = np.argmax(amplitude, axis=-1)[..., None]
-        np.put_along_axis(kept, at, np.take_along_axis(amplitude, at, -1), -1)
-        return kept
+        index = np.argmax(amplitude, axis=-1)[..., None]
+        np.put_along_axis(reported, index, np.take_along_axis(amplitude, index, -1), -1)
+        return reported
 
-    # argmax of booleans is the first True; where there is none, nothing is kept.
+    # argmax of booleans is the first True; a waveform without one reports nothing.
     require("false_alarm", false_alarm, positive=True, maximum=math.nextafter(1.0, 0.0))
     above = amplitude > math.sqrt(-2 * math.log(false_alarm) * math.sqrt(math.pi / 8))
-    at = np.argmax(above, axis=-1)[..., None]
-    first = np.where(np.take_along_axis(above, at, -1), np.take_along_axis(amplitude, at, -1), 0)
-    np.put_along_axis(kept, at, first, -1)
-    return kept
+    index = np.argmax(above, axis=-1)[..., None]
+    first = np.where(
+        np.take_along_axis(above, index, -1), np.take_along_axis(amplitude, index, -1), 0
+    )
+    np.put_along_axis(reported, index, first, -1)
+    return reported

@@ -13,13 +13,13 @@ from ncti.render.lines import STRANDS
 Floats = NDArray[np.float64]
 
 FINE = (6, 7, 8)
-"""Harmonics of the strands, in sixteenths of a cycle a line, near the spacing."""
+"""Harmonics of the strands near the spacing, in sixteenths of a cycle per line."""
 
 ROUGHNESS, FACTOR, FEW = -0.148, 0.95, 34.0
-"""Of `sampling_error`; the first two are fitted by quantile regression."""
+"""Constants of `sampling_error`; quantile regression gave the first two."""
 
 PIXELS = 0.6
-"""Of `pixel_error`."""
+"""Factor of `pixel_error`."""
 
 SLOPE = 1.6
 """Power of the spacing with which the error falls."""
@@ -52,7 +52,7 @@ def sampling_error(
         return math.nan
     missed = magnitude(strands, pulse_width, bin_width=bin_width)
     if not missed > 0:
-        return missed  # 0, or NaN where there is nothing
+        return missed  # 0, or NaN if nothing is visible
     return FACTOR * scarcity(line_count) * missed * (missed * line_count**SLOPE) ** ROUGHNESS
 
 
@@ -75,16 +75,16 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
     total = float(extent.sum())
     if not total > 0:
         return math.nan
-    apart = len(strands) * strands - extent
-    occupied = np.flatnonzero(apart.any(axis=0))
+    deviation = len(strands) * strands - extent
+    occupied = np.flatnonzero(deviation.any(axis=0))
     if not occupied.size:
         return 0.0
-    apart = apart[:, occupied[0] : occupied[-1] + 1]
+    deviation = deviation[:, occupied[0] : occupied[-1] + 1]
     if pulse_width > 0.0:
         response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
         total *= float(response.sum())
-        apart = np.array([np.convolve(each, response) for each in apart])
-    return PIXELS * float(np.sqrt((apart**2).mean(axis=0)).sum()) / total
+        deviation = np.array([np.convolve(row, response) for row in deviation])
+    return PIXELS * float(np.sqrt((deviation**2).mean(axis=0)).sum()) / total
 
 
 def magnitude(strands: Floats, pulse_width: float, *, bin_width: float) -> float:

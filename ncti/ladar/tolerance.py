@@ -31,18 +31,18 @@ FINEST = 1 / 256
 """Smallest distance between lines [m]: the error of ships is then some 0.003 % without a pulse."""
 
 COARSEST = 2.0
-"""Largest distance between lines where no smaller one is asked for [m]."""
+"""Default of the largest distance between lines [m]."""
 
 FEWEST = 32
 """Lines across a ship below which they may agree by chance."""
 
 MARGIN = 0.7
-"""Part of the tolerance that the bound has to be within: one in forty errors exceeds its bound, few
-by more than two fifths."""
+"""Share of the tolerance within which the bound must lie: one in forty errors exceeds its bound,
+few by more than two fifths."""
 
 TYPICAL = 0.34
-"""Factor of `first_spacing`, with which seven views of ten are drawn once: smaller ones draw more
-lines than most views take, larger ones draw more views twice."""
+"""Factor of `first_spacing`, with which seven views of ten are drawn once: a smaller factor draws
+more lines than most views need, a larger one draws more views twice."""
 
 
 def lines_within(
@@ -224,9 +224,9 @@ def _within(
     require("spacing", spacing, positive=True)
     goal = MARGIN * tolerance
     resolution = math.hypot(bin_width, SPEED_OF_LIGHT * pulse_width)
-    seen = asdict(view)
-    first = first_spacing(mesh, View.checked(**seen), tolerance=goal, resolution=resolution)
-    lines = line_image(mesh, spacing=min(first, spacing), **seen)
+    parameters = asdict(view)
+    first = first_spacing(mesh, View.checked(**parameters), tolerance=goal, resolution=resolution)
+    lines = line_image(mesh, spacing=min(first, spacing), **parameters)
     while True:
         extent = binned(lines)
         error = sampling_error(extent.strands, lines.count, pulse_width, bin_width=bin_width)

@@ -1,4 +1,4 @@
-"""Range window: how long it must be to hold a ship, the pulse that it returns, and free edges."""
+"""Shortest range window that holds a ship, the pulse that it returns, and free edges."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 
-EDGE = 0.08  # share of the window, at each end, that no ship reaches
+EDGE = 0.08  # share of the window that stays free of the ship at each end
 
 
 def shortest_window(reach: float, pulse_width: float) -> float:
@@ -19,13 +19,13 @@ def shortest_window(reach: float, pulse_width: float) -> float:
 
 
 def check_window(window: float, *, ship: str, reach: float, pulse_width: float) -> None:
-    """Raise `ValueError` for a window [m] that does not hold a ship, both its edges free."""
+    """Raise `ValueError` for a window [m] that does not hold a ship with both edges free."""
     if allowed := longer_window(window, ship=ship, reach=reach, pulse_width=pulse_width):
         raise ValueError(f"window is {window!r} m, but must be {allowed}")
 
 
 def longer_window(window: float, *, ship: str, reach: float, pulse_width: float) -> str:
-    """Return how long a window [m] must be for a ship, in words; empty if it is long enough."""
+    """Return the window length [m] that a ship needs, in words; empty if it is long enough."""
     needed = shortest_window(reach, pulse_width)
     if needed <= window:
         return ""

@@ -24,7 +24,7 @@ SHADERS = Path(__file__).with_name("shaders")
 
 
 class Canvas:
-    """A context, a renderer and a scene, kept from image to image.
+    """A context, a renderer and a scene, reused for all images.
 
     The scene holds the last ships drawn; pyrender uploads a ship when it joins the scene and frees
     it when it leaves.
@@ -67,9 +67,9 @@ class Canvas:
 class _Facets(pyrender.Primitive):
     """Facets, with vertices in such an order that vertex i is the last of facet i.
 
-    A `flat` output of the vertex shader is that of a facet's last vertex, so the number of that
-    vertex gives the facet; `gl_PrimitiveID` would too, but is slower in Mesa by a third.
-    Other corners use any copy of their vertex, and vertices that are nowhere last come at the end.
+    A `flat` output of the vertex shader has the value of a facet's last vertex, so the number of
+    that vertex gives the facet; `gl_PrimitiveID` would too, but is slower in Mesa by a third.
+    Other corners use any copy of their vertex, and vertices that end no facet come last.
     """
 
     def __init__(self, solid: Solid) -> None:
@@ -89,7 +89,7 @@ class _Facets(pyrender.Primitive):
         """Draw some of the facets, in the current context."""
         self._bind()
         content = self._numbers.take(facets, axis=0)
-        if len(content):  # PyOpenGL makes no buffer of nothing
+        if len(content):  # PyOpenGL makes no empty buffer
             GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, content.nbytes, content, GL.GL_STREAM_DRAW)
             GL.glDrawElements(GL.GL_TRIANGLES, content.size, GL.GL_UNSIGNED_INT, None)
         self._unbind()
@@ -98,10 +98,10 @@ class _Facets(pyrender.Primitive):
 class _FacetRenderer(pyrender.Renderer):
     """pyrender's renderer with our own depth pass.
 
-    pyrender's walks through the scene, and queries and sets constant state for every image, which
-    takes a tenth of the time of a small image. Its framebuffer has four samples a pixel, of which
-    it picks one off the centre, and a depth buffer of 24 bits. It multiplies projection, view and
-    model in the shader, in float32; here they are one matrix.
+    pyrender's pass walks through the scene, and queries and sets constant state for every image,
+    which takes a tenth of the time of a small image. Its framebuffer has four samples per pixel, of
+    which it picks one off the centre, and a depth buffer of 24 bits. It multiplies projection, view
+    and model in the shader, in float32; here they are one matrix.
     """
 
     def __init__(self) -> None:
@@ -162,7 +162,7 @@ def _make_context(platform: str) -> Any:
     context = OSMesaPlatform(1, 1) if platform == "osmesa" else _software_egl()
     context.init_context()
     context.make_current()
-    # It ends with the process: pyrender would destroy it in whichever thread collects it.
+    # The process ends it: pyrender would destroy it in whichever thread collects it as garbage.
     context.delete_context = lambda: None
     return context
 
@@ -170,13 +170,13 @@ def _make_context(platform: str) -> Any:
 def _software_egl() -> Any:
     """Return EGL on Mesa's software device, so that images do not depend on the machine.
 
-    If that device is not listed, the default one: it differs at silhouettes at most.
+    If that device is not listed, it is the default one, which differs only at silhouettes.
     """
     from pyrender.platforms import egl
 
     extensions = 0x3055  # EGL_EXTENSIONS
     for device in egl.query_devices():
-        known = egl._eglQueryDeviceStringEXT(device._display, extensions) or b""
-        if b"EGL_MESA_device_software" in known:
+        names = egl._eglQueryDeviceStringEXT(device._display, extensions) or b""
+        if b"EGL_MESA_device_software" in names:
             return egl.EGLPlatform(1, 1, device=device)
     return egl.EGLPlatform(1, 1)

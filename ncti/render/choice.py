@@ -38,7 +38,7 @@ def _present(name: str) -> bool:
 def available_engines() -> tuple[str, ...]:
     """Return the engines whose libraries this machine has, in the order that "auto" prefers.
 
-    Only the libraries are looked for: neither pyrender nor OpenGL is imported.
+    It only looks for the libraries, and imports neither pyrender nor OpenGL.
 
     See Also
     --------
@@ -56,8 +56,8 @@ def available_engines() -> tuple[str, ...]:
 def choose_engine(name: str) -> str:
     """Return the name of an engine that can run here, or raise `EngineError`.
 
-    "auto" is the first available of osmesa, egl and embree that OpenGL, which binds to one platform
-    in a process, does not rule out.
+    "auto" is the first available of osmesa, egl and embree that the platform to which OpenGL is
+    bound in this process permits.
     """
     if name == "auto":
         with _lock:  # an engine that another thread is starting rules out others
@@ -66,18 +66,18 @@ def choose_engine(name: str) -> str:
     if name not in _LIBRARIES:
         raise ValueError(f"engine is {name!r}: it must be auto, {', '.join(engines())}.")
     if not _present(name):
-        others = " or ".join(available_engines())
+        alternatives = " or ".join(available_engines())
         raise EngineError(
             f"render engine {name} cannot run here, because its libraries are missing: install "
-            f"them with `apt install {_PACKAGES[name]}`, or use {others}."
+            f"them with `apt install {_PACKAGES[name]}`, or use {alternatives}."
         )
     return name
 
 
 def start_engine(name: str) -> Engine:
-    """Return the engine of a name, started on first use and kept for this process.
+    """Return an engine by name, started on first use and kept for this process.
 
-    Threads may call this at once: one starts the engine, and the others wait for it. Raises
+    Threads may call this concurrently: one starts the engine, and the others wait. Raises
     `EngineError` if its libraries are missing or cannot draw.
     """
     with _lock:
@@ -89,8 +89,8 @@ def start_engine(name: str) -> Engine:
 
 
 _running: dict[tuple[int, str], Engine] = {}
-# Held from the choice of an engine until it runs: "auto" depends on what was started, and OpenGL is
-# bound to a platform by the import of it, which must not begin twice.
+# Held from the choice of an engine until it runs: "auto" depends on the engines started before, and
+# importing OpenGL binds it to a platform, which must not happen twice.
 _lock = RLock()
 
 

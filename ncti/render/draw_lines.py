@@ -21,11 +21,11 @@ Floats = NDArray[np.float64]
 
 PHASE = 21845 / 2**16
 """Place of the lines from the line of sight through the ship origin [spacing]: a third, since hulls
-seen from the bow are mirrored about that line and lines should not be; of sixteen binary digits, so
-that lines refined by halving lie where finer lines do, to the bit."""
+seen from the bow are symmetric about that line and lines should not be; rounded to sixteen binary
+digits, so that lines refined by halving coincide with finer lines bit for bit."""
 
 MAX_LINES = 2**20
-"""Most lines of a view: more would be a spacing given in other units."""
+"""Most lines of a view; more suggest a spacing in another unit."""
 
 
 def line_image(
@@ -171,15 +171,15 @@ def refined(mesh: Mesh, lines: LineImage, factor: int = 2) -> LineImage:
 def _drawn(
     surfaces: Surfaces, view: View, spacing: float, phase: float, every: int = 0, kept: int = 0
 ) -> LineImage:
-    """Return the pieces of lines, but not of every `every`-th one, which a coarser view has."""
+    """Return the pieces of lines, except every `every`-th one, which a coarser view has."""
     from ncti.render.line_sweep import cross, face, project
 
     axes = view.axes
     point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
     _check(bounds, view, spacing, surfaces)
-    seen = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
+    facing = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
     crossings = cross(
-        point, bounds, surfaces.edge, seen, spacing, phase, np.int64(every), np.int64(kept)
+        point, bounds, surfaces.edge, facing, spacing, phase, np.int64(every), np.int64(kept)
     )
     line, piece, surface = swept(crossings, surfaces=len(surfaces.area), every=every, kept=kept)
     return LineImage(
@@ -198,7 +198,7 @@ def _drawn(
 
 def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
     """Refuse a sensor within the ship, and more lines than are allowed."""
-    # Behind the sensor, w is negative, and bounds are of no use.
+    # Behind the sensor, w is negative and bounds are meaningless.
     if view.slant_range is not None and view.slant_range <= surfaces.reach:
         away = (surfaces.vertices + surfaces.centre) @ view.axes[2]
         view.check_clear(float(away.min()))

@@ -15,22 +15,22 @@ from ncti.render.solid import Solid, covered
 from ncti.render.view import Lattice, View
 
 STEP = 2.0**-20
-"""Distance by which a ray is taken up again behind a facet, over the ship's size: some rounding
-errors of float32."""
+"""Distance behind a facet at which a ray continues, over the ship's size: some rounding errors of
+float32."""
 
 Indices = NDArray[np.intp]
 Floats = NDArray[np.float64]
 
 
 class EmbreeEngine:
-    """Embree, one ray through each pixel centre between the first and the last on the ship.
+    """Embree, with one ray through each pixel centre from the first to the last on the ship.
 
-    Rays pass through facets that face away from the sensor, as a rasteriser leaves them out: a
-    closed ship shows none, an open one shows surfaces behind its holes.
+    Rays pass through facets that face away from the sensor, as a rasteriser culls them: a closed
+    ship shows none, an open one shows surfaces behind its holes.
     """
 
     def __init__(self) -> None:
-        # A scene lasts as long as its solid is kept.
+        # A scene lasts as long as its solid.
         self._scenes: WeakKeyDictionary[Solid, EmbreeScene] = WeakKeyDictionary()
         self._lock = Lock()
 
@@ -40,7 +40,7 @@ class EmbreeEngine:
         """Return the facet that each pixel sees, -1 for none."""
         from ncti.render.pixels import rays  # numba takes long to import
 
-        # From the near plane, so that float32 sees distances of the size of the ship only.
+        # Rays start at the near plane, so that distances in float32 are only as long as the ship.
         pixel, start, direction = rays(
             covered(solid, view, lattice, points),
             lattice.columns,
@@ -72,19 +72,24 @@ class EmbreeEngine:
             behind = facet[ray]
             distance = _distance(solid, behind, origin, along)
             facet[ray] = _twin(solid, behind, origin + distance[:, None] * along, step)
-            going = facet[ray] < 0
-            ray, origin, along = ray[going], origin[going], along[going]
-            passed = np.maximum(distance[going], passed[going]) + step
+            unresolved = facet[ray] < 0
+            ray, origin, along = ray[unresolved], origin[unresolved], along[unresolved]
+            passed = np.maximum(distance[unresolved], passed[unresolved]) + step
             begin = (origin + passed[:, None] * along).astype(np.float32)
             facet[ray] = self._first(solid, begin, along.astype(np.float32))
-            left = _from_behind(solid, facet[ray], along)
-            ray, origin, along, passed = ray[left], origin[left], along[left], passed[left]
+            remaining = _from_behind(solid, facet[ray], along)
+            ray, origin, along, passed = (
+                ray[remaining],
+                origin[remaining],
+                along[remaining],
+                passed[remaining],
+            )
         return facet
 
     def _first(
         self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]
     ) -> Indices:
-        """Return the (ray,) first facets on rays, from whichever side; -1 if none."""
+        """Return the (ray,) first facets on rays, from either side; -1 if none."""
         with self._lock:
             facet: Indices = self._scene(solid).run(start, direction)
         return facet
@@ -98,7 +103,7 @@ class EmbreeEngine:
 
 
 def _from_behind(solid: Solid, facet: Indices, direction: NDArray[np.float32] | Floats) -> Indices:
-    """Return which rays meet their facet from behind; one edge-on counts as facing them."""
+    """Return the rays that meet their facet from behind; a facet edge-on counts as facing them."""
     if len(direction) == 1:  # parallel rays: one cosine for each facet
         away = solid.normals @ direction[0] > STEEPEST
         return np.flatnonzero(away[facet] & (facet >= 0))
@@ -108,7 +113,7 @@ def _from_behind(solid: Solid, facet: Indices, direction: NDArray[np.float32] | 
 
 
 def _distance(solid: Solid, facet: Indices, origin: Floats, direction: Floats) -> Floats:
-    """Return the distance along rays of the planes of facets that they cross."""
+    """Return the distance along rays to the planes of their facets."""
     normal = solid.normals.take(facet, axis=0)
     corner = solid.vertices[solid.faces[facet, 0]]
     ahead = np.einsum("ij,ij->i", normal, corner - origin)
@@ -116,25 +121,25 @@ def _distance(solid: Solid, facet: Indices, origin: Floats, direction: Floats) -
 
 
 def _twin(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
-    """Return the facets at given places that lie back to back with others; -1 if none.
+    """Return the facets that lie back to back with others at the given places; -1 if none.
 
-    Which of two coincident facets Embree returns is chance.
+    Embree returns either of two coincident facets, at random.
     """
     twin = np.full(len(facet), -1, dtype=np.intp)
     for number in np.unique(facet):
         normal = solid.normals[number]
         level = solid.vertices @ normal - solid.vertices[solid.faces[number, 0]] @ normal
         flat = (np.abs(level) <= step)[solid.faces].all(axis=1)
-        others = np.flatnonzero(flat & (solid.normals @ normal < 0))
-        if not others.size:
+        opposite = np.flatnonzero(flat & (solid.normals @ normal < 0))
+        if not opposite.size:
             continue
-        corners = solid.vertices[solid.faces[others]]
+        corners = solid.vertices[solid.faces[opposite]]
         edges = np.roll(corners, -1, axis=1) - corners
         # Inside a triangle a place is left of all its edges: inwards from each corner's edge.
-        inwards = np.cross(solid.normals[others, None], edges)
+        inwards = np.cross(solid.normals[opposite, None], edges)
         least = np.einsum("fek,fek->fe", inwards, corners)
         for ray in np.flatnonzero(facet == number):
             inside = (inwards @ place[ray] >= least).all(axis=1)
             if inside.any():
-                twin[ray] = others[inside.argmax()]
+                twin[ray] = opposite[inside.argmax()]
     return twin

@@ -30,9 +30,9 @@ class EngineError(RuntimeError):
 class Engine(Protocol):
     """Rendering engine: finds the facet of a ship behind each pixel centre.
 
-    An engine does nothing else: range and slope follow from the facets in float64, by the same
-    code for all engines (`ncti.render.solid.surface`), so that they do not depend on an engine's
-    arithmetic. Facets that face away from the sensor are not seen.
+    An engine does nothing else: the same code (`ncti.render.solid.surface`) computes range and
+    slope from the facets of all engines in float64, so that they do not depend on an engine's
+    arithmetic. Facets that face away from the sensor are invisible.
     """
 
     def visible(

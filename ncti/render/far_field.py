@@ -14,7 +14,7 @@ SHARE = 0.1
 """Share of a tolerance that drawing the far field may use up."""
 
 NEGLIGIBLE = 1e-4
-"""Largest error of drawing the far field where there is no tolerance."""
+"""Largest error of drawing the far field when no tolerance is given."""
 
 
 def drawn_range(
@@ -77,7 +77,7 @@ def reach_of(vertices: ArrayLike) -> float:
 
 
 def sampling_tolerance(tolerance: float, drawn: float | None) -> float:
-    """Return the part of a tolerance that is left to sampling, given the range of a view.
+    """Return the part of a tolerance that remains for sampling, given the range of a view.
 
     It is all of it at a slant range [m], and 1 - `SHARE` of it in the far field (None).
     """

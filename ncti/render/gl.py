@@ -14,7 +14,7 @@ from ncti.render.solid import Solid, sampled
 from ncti.render.view import Lattice, View, clip_matrix
 
 MAX_FACETS = 2**24
-"""Most facets: their numbers are float32 colours, exact up to here."""
+"""Most facets: their numbers are float32 colours, exact up to this number."""
 
 
 def _open_canvas(platform: str) -> Any:
@@ -25,10 +25,10 @@ def _open_canvas(platform: str) -> Any:
 
 
 class PyrenderEngine:
-    """pyrender on one OpenGL platform: one context, renderer and scene, kept.
+    """pyrender on one OpenGL platform, with a persistent context, renderer and scene.
 
-    An OpenGL context belongs to one thread. The engine has its own thread for it, so it may
-    be called from any; images are drawn one at a time.
+    An OpenGL context belongs to one thread. The engine has its own thread for it, so any thread
+    may call it; it draws one image at a time.
     """
 
     def __init__(self, platform: str) -> None:

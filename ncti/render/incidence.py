@@ -6,4 +6,4 @@ rasteriser and seen by chance; the bound keeps its slope finite."""
 
 STEEP = 0.1
 """Cosine of incidence below which the place of a facet's border on that grid matters: at slope 10,
-half a step of it, 1/512 pixel, is 5 mm of range with 0.25 m pixels."""
+half a step of the grid, 1/512 pixel, is 5 mm of range with 0.25 m pixels."""

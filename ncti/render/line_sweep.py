@@ -1,8 +1,8 @@
 """The visible pieces of parallel lines, as compiled loops.
 
 Lines run along the columns' axis of a view, `spacing` apart. Where a line crosses an edge between
-two surfaces, one of them ends and the other begins. Crossings sorted along the line are swept with
-a short list of the surfaces that the line is over; the sensor sees the nearest of them.
+two surfaces, one of them ends and the other begins. The sweep visits crossings in order along the
+line, with a short list of the surfaces there; the sensor sees the nearest of them.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from ncti.compiled import compiled, inlined
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]
 Places = NDArray[np.uint32]
-"""Indices without sign, for which numba compiles no second case that counts from the end."""
+"""Unsigned indices, for which numba compiles no branch that counts from the end."""
 
 NEARER = 1e-9
-"""Distance [m] by which a surface must be nearer to overtake another within a piece: rounding of
-coincident surfaces must not."""
+"""Distance [m] by which a surface must be nearer to overtake another within a piece, so that
+rounding of coincident surfaces does not."""
 
 CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "u4"), ("begins", "u4")])
-"""Crossing of a line and an edge: the coordinate along the line, q there, and the surface that ends
-and that begins there. One record, so that one place in memory is touched."""
+"""Crossing of a line and an edge: the coordinate along the line, q there, and the surfaces that end
+and begin there. One record, for locality in memory."""
 
 ONCE = 1 << 32
-"""One beginning of a surface, counted above the 32 binary digits of a crossing's number."""
+"""One beginning of a surface, counted above the 32 bits of a crossing's number."""
 
 
 STRIPS = 4096
-"""Strips across the view into which crossings are sorted first, so that those of a line come nearly
-in order."""
+"""Strips across the view into which crossings are sorted first, so that each line's are nearly in
+order."""
 
 
 @compiled
@@ -62,23 +62,23 @@ def project(
 
 @compiled
 def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Places:
-    """Return the number (surface + 1,) of each surface, or that of none if it faces away.
+    """Return the number (surface + 1,) of each surface, or the number of surfaces if it faces away.
 
-    That of none is the number of surfaces.
+    The last entry stands for no surface.
     """
     none = len(area)
-    seen = np.full(none + 1, none, np.uint32)
+    number = np.full(none + 1, none, np.uint32)
     for s in range(none):
         facing = area[s, 0] * towards[0] + area[s, 1] * towards[1] + area[s, 2] * towards[2]
-        seen[s] = s if facing > moment[s] * curvature else none
-    return seen
+        number[s] = s if facing > moment[s] * curvature else none
+    return number
 
 
 @inlined
 def rank_of(number: Any, every: Any, kept: Any) -> Any:
-    """Return the rank of a line's number among lines to be drawn, relative to a kept line.
+    """Return the rank of line `number` among the lines to draw, counted from a kept line.
 
-    Every `every`-th line is kept, and not drawn; if that is 0, all are drawn.
+    Every `every`-th line is kept and not drawn; 0 draws all.
     """
     if every == 0:
         return number
@@ -88,7 +88,7 @@ def rank_of(number: Any, every: Any, kept: Any) -> Any:
 
 @inlined
 def number_of(rank: Any, every: Any, kept: Any) -> Any:
-    """Return the number of the line to be drawn that has a rank of `rank_of`."""
+    """Return the number of the line of a rank, the inverse of `rank_of`."""
     if every == 0:
         return rank
     turn, rest = divmod(rank, every - 1)
@@ -97,14 +97,18 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 
 @compiled
 def by_lines(
-    unsorted: NDArray[np.void], of: Places, strip: Places, strips: Places, start: NDArray[np.int64]
+    unsorted: NDArray[np.void],
+    line: Places,
+    strip: Places,
+    strips: Places,
+    start: NDArray[np.int64],
 ) -> NDArray[np.void]:
     """Return crossings line by line, and on each line strip by strip.
 
-    `unsorted` (crossing,) CROSSING; `of`, `strip` (crossing,) uint32 are the line and strip of
+    `unsorted` (crossing,) CROSSING; `line`, `strip` (crossing,) uint32 are the line and strip of
     each; `strips` (STRIPS,) uint32 counts the crossings of each strip, and is overwritten; `start`
-    (line + 1,) has how many more crossings each line has than the one before, then where each
-    begins.
+    (line + 1,) holds increments of the number of crossings from line to line, and is overwritten
+    by the first crossing of each line.
     """
     first = np.uint32(0)
     for s in range(STRIPS):
@@ -122,8 +126,8 @@ def by_lines(
         before += crossings
     crossing, free = np.empty(len(unsorted), CROSSING), start.copy()
     for c in by_strip:
-        crossing[free[of[c]]] = unsorted[c]
-        free[of[c]] += 1
+        crossing[free[line[c]]] = unsorted[c]
+        free[line[c]] += 1
     return crossing
 
 
@@ -138,15 +142,15 @@ def cross(
     every: np.int64,
     kept: np.int64,
 ) -> tuple[np.int64, NDArray[np.int64], NDArray[np.void]]:
-    """Return where lines y = (k + phase) spacing cross the edges of surfaces that face the sensor.
+    """Return crossings of lines y = (k + phase) spacing and edges of surfaces facing the sensor.
 
-    Lines whose number k differs from `kept` by a multiple of `every` are left out; none if that is
-    0. Returns the rank of the first line, as of `rank_of`, of which the next ones follow; (line +
-    1,) where each line begins among the crossings; and (crossing,) CROSSING, line by line and
-    nearly in order along it, in which the number of surfaces stands for none.
+    Lines whose number k differs from `kept` by a multiple of `every` are left out; none if `every`
+    is 0. Returns the rank of the first line, as of `rank_of`; (line + 1,) the first crossing of
+    each line; and (crossing,) CROSSING, line by line and nearly in order along it, in which the
+    number of surfaces stands for none.
     """
-    # A line is crossed by an edge if it separates the levels of its vertices. Levels are of
-    # vertices, not of edges: so every surface begins on a line as often as it ends.
+    # An edge crosses a line that separates the levels of its vertices. Levels belong to vertices,
+    # not to edges, so that every surface begins on a line as often as it ends.
     lowest = rank_of(np.int64(np.ceil(bounds[1, 0] / spacing - phase)), every, kept)
     lines = rank_of(np.int64(np.ceil(bounds[1, 1] / spacing - phase)), every, kept) - lowest
     level = np.empty(len(point), np.int32)
@@ -154,20 +158,20 @@ def cross(
         above = np.int64(np.ceil(point[i, 1] / spacing - phase))
         level[i] = rank_of(above, every, kept) - lowest
 
-    # Edges that count: they part levels, and a side of theirs is seen. No branch, for the
-    # processor could not foresee it.
-    front = seen < len(seen) - 1  # in a byte each, for the nearest memory to hold them
+    # Edges that count: their levels differ, and one of their sides is seen. There is no branch, as
+    # the processor could not predict it.
+    front = seen < len(seen) - 1  # one byte each, to stay in L1
     used = np.empty(len(edge) + 1, np.uint32)
     number, total = 0, np.int64(0)
     for e in range(len(edge)):
         used[number] = e
-        apart = abs(level[edge[e, 0]] - level[edge[e, 1]])
-        counts = (apart > 0) & (front[edge[e, 2]] | front[edge[e, 3]])
+        crossed = abs(level[edge[e, 0]] - level[edge[e, 1]])
+        counts = (crossed > 0) & (front[edge[e, 2]] | front[edge[e, 3]])
         number += counts
-        total += counts * apart
+        total += counts * crossed
 
-    # They are found edge by edge.
-    unsorted, of = np.empty(total, CROSSING), np.empty(total, np.uint32)
+    # Compute the crossings, edge by edge.
+    unsorted, line = np.empty(total, CROSSING), np.empty(total, np.uint32)
     strip, strips = np.empty(total, np.uint32), np.zeros(STRIPS, np.uint32)
     left_end = bounds[0, 0]
     narrow = STRIPS / max(bounds[0, 1] - left_end, 1e-300)
@@ -180,7 +184,7 @@ def cross(
             i, j, left, right = j, i, right, left
         start[level[i]] += 1
         start[level[j]] -= 1
-        # Upwards, what lies left of the edge ends there.
+        # Upwards, the surface left of the edge ends there.
         x, y, q = point[i, 0], point[i, 1], point[i, 2]
         run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
         for k in range(level[i], level[j]):
@@ -189,19 +193,19 @@ def cross(
             t = x + run * share
             c = unsorted[n]
             c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right
-            of[n] = k
+            line[n] = k
             strip[n] = np.uint32(min(max((t - left_end) * narrow, 0.0), STRIPS - 1.0))
             strips[strip[n]] += 1
             n += 1
 
-    return lowest, start, by_lines(unsorted, of, strip, strips, start)
+    return lowest, start, by_lines(unsorted, line, strip, strips, start)
 
 
 @inlined
 def sort(crossing: NDArray[np.void]) -> None:
-    """Put the crossings of a line in order; those at one place stay in theirs.
+    """Sort the crossings of a line in place, stably.
 
-    They are nearly sorted, so insertion is quick.
+    They are nearly sorted, so insertion sort is fast.
     """
     for m in range(1, len(crossing)):
         c = crossing[m]
@@ -224,14 +228,14 @@ def outline(
     opened: Places,
     begun: NDArray[np.int64],
 ) -> None:
-    """Write where each surface that begins on a line ends, and its slope in depth.
+    """Write the end of each surface that begins on a line, and its slope in depth.
 
-    `crossing` (crossing,) are those of the line, in order. Written are `slope`, `stop` (crossing,)
-    of the surface that begins at each, and `opened` (crossing,), where the one that ends at it
-    began; their number if none ends. `begun` (surface + 1,) counts beginnings less ends, in the
-    bits above the crossing of the first. An outline is closed, so that a surface ends as often as
-    it begins, and leaves no mark. Seams within a merged surface may end and begin it again: only
-    its first and last crossing count.
+    `crossing` (crossing,) are the line's crossings, in order. It writes `slope` and `stop`
+    (crossing,) of the surface that begins at each, and `opened` (crossing,), the crossing at which
+    the surface that ends there began, or the number of crossings if none ends. `begun` (surface +
+    1,) counts beginnings less ends, in the bits above the first crossing's number. An outline is
+    closed, so a surface ends as often as it begins, and its count returns to 0. Seams within a
+    merged surface may end and begin it again: only its first and last crossing count.
     """
     for m in range(len(crossing)):
         c = crossing[m]
@@ -250,11 +254,11 @@ def outline(
 
 
 class Active(NamedTuple):
-    """Surfaces that a line is over, in no order.
+    """Surfaces below the present place on a line, in no order.
 
-    `crossing` (most,) uint32 is where each began, `origin`, `base`, `tilt` (most,) coordinate and
-    depth there and slope along the line; `slot` (most + 1,) int32 finds a surface in the list by
-    its first crossing, -1 if absent.
+    `crossing` (most,) uint32 is the crossing at which each began, `origin`, `base`, `tilt` (most,)
+    coordinate and depth there and slope along the line; `slot` (most + 1,) int32 finds a surface in
+    the list by its first crossing, -1 if absent.
     """
 
     crossing: Places
@@ -265,7 +269,7 @@ class Active(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """Room for visible pieces: line, begin, end and the depths there, and surface of each."""
+    """Buffers of visible pieces: line, begin, end and the depths there, and surface of each."""
 
     line: Indices
     piece: Floats
@@ -274,7 +278,7 @@ class Pieces(NamedTuple):
 
 @inlined
 def depth_of(active: Active, place: int, now: float) -> float:
-    """Return how deep a surface in the list is at a coordinate."""
+    """Return the depth of a surface in the list at a coordinate."""
     return active.base[place] + active.tilt[place] * (now - active.origin[place])
 
 
@@ -282,10 +286,11 @@ def depth_of(active: Active, place: int, now: float) -> float:
 def overtaking(
     active: Active, count: int, front: int, since: float, now: float
 ) -> tuple[int, float]:
-    """Return the first surface on a line to pass in front of the seen one, and where.
+    """Return the first surface on a line to pass in front of the visible one, and where.
 
-    `front` is the place of the seen surface in the list of `count`, `since` where it came to be
-    seen, `now` a coordinate by which the other is ahead. The place is -1 if there is none.
+    `front` is the place of the visible surface in the list of `count`, `since` the coordinate from
+    which it is visible, `now` a coordinate at which the other is ahead. The place is -1 if there is
+    none.
     """
     seen_at, first, when = depth_of(active, front, now), -1, now
     for i in range(count):
@@ -315,7 +320,7 @@ def overtaking_matters(
 
 @inlined
 def take_out(active: Active, slot: int, last: int) -> None:
-    """Take a surface out of the list: the last one takes its place."""
+    """Remove a surface from the list by moving the last one to its slot."""
     if slot < last:
         active.crossing[slot], active.origin[slot] = active.crossing[last], active.origin[last]
         active.base[slot], active.tilt[slot] = active.base[last], active.tilt[last]
@@ -324,14 +329,14 @@ def take_out(active: Active, slot: int, last: int) -> None:
 
 @inlined
 def put(active: Active, slot: int, m: int, now: float, depth: float, tilt: float) -> None:
-    """Put the surface that begins at a crossing into a place of the list."""
+    """Put the surface that begins at a crossing into a slot of the list."""
     active.crossing[slot], active.slot[m] = m, slot
     active.origin[slot], active.base[slot], active.tilt[slot] = now, depth, tilt
 
 
 @inlined
 def nearest_of(active: Active, count: int, now: float) -> int:
-    """Return the place in the list of the surface nearest at a coordinate; -1 of none."""
+    """Return the slot of the nearest surface at a coordinate; -1 if the list is empty."""
     front, nearest = -1, np.inf
     for s in range(count):
         depth = depth_of(active, s, now)
@@ -342,13 +347,13 @@ def nearest_of(active: Active, count: int, now: float) -> int:
 
 @inlined
 def write(
-    pieces: Pieces, number: int, own: Any, began: Any, slope: float, since: float, until: float
+    pieces: Pieces, number: int, line: Any, began: Any, slope: float, since: float, until: float
 ) -> int:
     """Write the piece from `since` to `until` of the surface that began at a crossing.
 
     Returns the number of pieces.
     """
-    pieces.line[number], pieces.seen[number] = own, began.begins
+    pieces.line[number], pieces.seen[number] = line, began.begins
     pieces.piece[number, 0], pieces.piece[number, 1] = since, until
     pieces.piece[number, 2] = began.depth + slope * (since - began.t)
     pieces.piece[number, 3] = began.depth + slope * (until - began.t)
@@ -357,26 +362,26 @@ def write(
 
 @inlined
 def sweep_line(
-    some: NDArray[np.void],
+    crossings: NDArray[np.void],
     surfaces: int,
     outlines: tuple[Floats, Floats, Places],
     active: Active,
     pieces: Pieces,
     number: int,
-    own: Any,
+    line: Any,
 ) -> int:
-    """Write the visible pieces of one line, and return the number of all; -1 without room.
+    """Write the visible pieces of one line, and return the total number of pieces; -1 if full.
 
-    `some` (crossing,) are its crossings, in order; `outlines` its slopes, ends and beginnings, as
-    of `outline`; `active` has room for the surfaces below; `own` is the number of the line, and
-    `number` that of the pieces so far.
+    `crossings` (crossing,) are the line's, in order; `outlines` its slopes, ends and beginnings, as
+    of `outline`; `active` has room for its surfaces; `line` is the number of the line, and `number`
+    the number of pieces so far.
     """
     slope, stop, opened = outlines
-    # `shown` began what is seen, from `since` on; it is at `front` in the list.
-    count, front, shown, since = 0, -1, -1, 0.0
-    active.slot[len(some)] = -1  # of what ends nothing
-    for m in range(len(some)):
-        c = some[m]
+    # The surface that began at crossing `top` is visible from `since` on; `front` is its slot.
+    count, front, top, since = 0, -1, -1, 0.0
+    active.slot[len(crossings)] = -1  # for crossings at which no surface ends
+    for m in range(len(crossings)):
+        c = crossings[m]
         now, depth = c.t, c.depth
         fresh = c.begins < surfaces and stop[m] > now
         active.slot[m] = -1
@@ -392,34 +397,34 @@ def sweep_line(
             if when > since:
                 if number == len(pieces.line):
                     return -1
-                number = write(pieces, number, own, some[shown], slope[shown], since, when)
-            front, shown, since = nearer, active.crossing[nearer], when
-        old = shown
+                number = write(pieces, number, line, crossings[top], slope[top], since, when)
+            front, top, since = nearer, active.crossing[nearer], when
+        old = top
         if slot >= 0 and fresh:  # one surface takes the place of another
             i = slot
             if slot == front or depth < depth_of(active, front, now) - NEARER:
-                front, shown = slot, m
+                front, top = slot, m
         elif slot >= 0:
             i = -1
             count -= 1
             take_out(active, slot, count)
             if front == slot:
                 front = nearest_of(active, count, now)
-                shown = active.crossing[front] if front >= 0 else -1
+                top = active.crossing[front] if front >= 0 else -1
             elif front == count:
                 front = slot
         else:
             i = count
             count += 1
             if front < 0 or depth < depth_of(active, front, now):
-                front, shown = i, m
+                front, top = i, m
         if i >= 0:
             put(active, i, m, now, depth, slope[m])
-        if shown != old:
+        if top != old:
             if old >= 0 and now > since:
                 if number == len(pieces.line):
                     return -1
-                number = write(pieces, number, own, some[old], slope[old], since, now)
+                number = write(pieces, number, line, crossings[old], slope[old], since, now)
             since = now
     return number
 
@@ -434,36 +439,36 @@ def sweep(
     every: np.int64,
     kept: np.int64,
 ) -> tuple[bool, Indices, Floats, Indices]:
-    """Return the visible pieces of lines, and before them whether there was room for all.
+    """Return whether there was room for all visible pieces of lines, and the pieces.
 
-    `start` (line + 1,), possibly a part, and `crossing` are as of `cross`, as are `every` and
-    `kept`; `room` is the number of pieces a crossing to allow for, `lowest` the rank of the first
-    line. Pieces have their line (piece,) int32; (piece, 4), begin and end along it and q there; and
-    their surface (piece,) int32.
+    `start` (line + 1,), possibly a part, `crossing`, `every` and `kept` are as of `cross`; `room`
+    is the number of pieces per crossing to allocate, `lowest` the rank of the first line. Pieces
+    have their line (piece,) int32; (piece, 4), begin and end along it and q there; and their
+    surface (piece,) int32.
     """
     lines = len(start) - 1
     most = 1
     for k in range(lines):
         most = max(most, start[k + 1] - start[k])
     capacity = room * (start[lines] - start[0])
-    line, seen = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
-    pieces = Pieces(line, np.empty((capacity, 4)), seen)
-    # Of the crossings of a line, and of the surfaces that it is over. A side seen edge-on is as
-    # steep as rounding allows.
+    line, surface = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
+    pieces = Pieces(line, np.empty((capacity, 4)), surface)
+    # Buffers for the crossings of a line, and for its surfaces. A side seen edge-on is as steep as
+    # rounding allows.
     slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.uint32)
     depths = np.empty(most), np.empty(most), np.empty(most)
     active = Active(np.empty(most, np.uint32), *depths, np.empty(most + 1, np.int32))
     begun = np.zeros(surfaces + 1, np.int64)
     outlines, number = (slope, stop, opened), 0
     for k in range(lines):
-        some = crossing[start[k] : start[k + 1]]
-        sort(some)
-        outline(some, slope, stop, opened, begun)
-        own = np.int32(number_of(lowest + k, every, kept))
-        number = sweep_line(some, surfaces, outlines, active, pieces, number, own)
+        crossings = crossing[start[k] : start[k + 1]]
+        sort(crossings)
+        outline(crossings, slope, stop, opened, begun)
+        line_number = np.int32(number_of(lowest + k, every, kept))
+        number = sweep_line(crossings, surfaces, outlines, active, pieces, number, line_number)
         if number < 0:
-            return False, line, pieces.piece, seen
-    return True, line[:number], pieces.piece[:number], seen[:number]
+            return False, line, pieces.piece, surface
+    return True, line[:number], pieces.piece[:number], surface[:number]
 
 
 @compiled
@@ -475,7 +480,7 @@ def merge(
     factor: np.int32,
     kept: np.int32,
 ) -> tuple[Indices, Floats, Indices]:
-    """Return the pieces of lines, numbered factor k + kept now, and of those between, by line."""
+    """Return the pieces of lines k, renumbered factor k + kept, and of lines between, by line."""
     new_line, new_piece, new_seen = more
     old, size = len(line), len(line) + len(new_line)
     lines, all_seen = np.empty(size, np.int32), np.empty(size, np.int32)
@@ -484,12 +489,12 @@ def merge(
     for n in range(size):
         if j == len(new_line) or (i < old and factor * line[i] + kept < new_line[j]):
             lines[n], all_seen[n] = factor * line[i] + kept, seen[i]
-            for part in range(4):
-                pieces[n, part] = piece[i, part]
+            for column in range(4):
+                pieces[n, column] = piece[i, column]
             i += 1
         else:
             lines[n], all_seen[n] = new_line[j], new_seen[j]
-            for part in range(4):
-                pieces[n, part] = new_piece[j, part]
+            for column in range(4):
+                pieces[n, column] = new_piece[j, column]
             j += 1
     return lines, pieces, all_seen

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 STRANDS = 16
-"""Strands of a view, each of every sixteenth line, that its error is estimated from."""
+"""Strands of a view, each of every sixteenth line, from which its error is estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class LineImage:
 
     @property
     def _height(self) -> Floats:
-        """(piece,): place of the piece's line along the rows' axis [m]."""
+        """(piece,) float64 ndarray: place of the piece's line along the rows' axis [m]."""
         return np.asarray(self.line + self.phase, dtype=np.float64) * self.spacing
 
     def cross_range(self) -> tuple[Floats, Floats]:

@@ -23,15 +23,15 @@ _BOX = ShipMesh(
 
 
 def of_engine(engine: str) -> Loops:
-    """Return the loops of an engine, or of "mask" or "lines": those that compile all others."""
+    """Return the outermost loops of an engine, or of "mask" or "lines"; they compile all others."""
     if engine == MASK:
         return Loops("silhouettes", ("render.mask.snapped", "render.mask.fill"), _draw_mask)
-    what = f"the engine {engine}"
+    owner = f"the engine {engine}"
     if engine == LINES:
-        return Loops(what, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
+        return Loops(owner, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
     if engine == "embree":
-        return Loops(what, ("render.pixels.rays", "render.spans.spans"), _draw_by_embree)
-    return Loops(what, ("render.pixels.sampled",), _draw_without_context)
+        return Loops(owner, ("render.pixels.rays", "render.spans.spans"), _draw_by_embree)
+    return Loops(owner, ("render.pixels.sampled",), _draw_without_context)
 
 
 def _draw_lines() -> None:
@@ -53,14 +53,14 @@ def _draw_by_embree() -> None:
 
 
 def _draw_without_context() -> None:
-    """Run the loops of OpenGL engines, without an engine, which would bind OpenGL for good."""
+    """Run the loops of OpenGL engines without an engine, which would bind OpenGL to a platform."""
     from ncti.render.solid import Solid, sampled, surface
     from ncti.render.view import Lattice, View
 
     solid = Solid.of(_BOX)
-    seen = View.checked(**_VIEW, roll=0.0, slant_range=None)
-    points = solid.along(seen)
-    lattice = Lattice.around(points, seen, 0.25)
-    sampled(solid, seen, lattice, points)
+    view = View.checked(**_VIEW, roll=0.0, slant_range=None)
+    points = solid.along(view)
+    lattice = Lattice.around(points, view, 0.25)
+    sampled(solid, view, lattice, points)
     facet = np.zeros(lattice.rows * lattice.columns, np.float32)
-    surface(solid, seen, lattice, points, facet)
+    surface(solid, view, lattice, points, facet)

@@ -1,7 +1,7 @@
 """Pixels that show a ship, as OpenGL's rasteriser fills them, without a depth pass.
 
-A pixel shows the ship if any facet that faces the sensor covers its centre, whichever is the
-nearest: silhouettes need neither depth nor facets.
+A pixel shows the ship if any facet that faces the sensor covers its centre: silhouettes need
+neither depth nor facets.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ def ship_mask(
 ) -> Mask:
     """Return the hits of the range image that OSMesa draws, in a fraction of the time.
 
-    Arguments are those of `ncti.render.range_image`. Mesa places vertices in float32 and snaps them
-    to 1/256 pixel; a centre on a border belongs to the facet on its right, or above if the border
-    is level. The same steps here make masks agree to the last pixel, but for the rounding of other
+    Arguments are as of `ncti.render.range_image`. Mesa places vertices in float32 and snaps them to
+    1/256 pixel; a centre on a border belongs to the facet on its right, or above if the border is
+    level. The same steps here make masks agree to the last pixel, except for the rounding of other
     processors or releases of Mesa.
     """
     require("pixel", pixel, positive=True)
@@ -79,7 +79,7 @@ def snapped(vertices: Singles, clip: Singles, shape: tuple[int, int]) -> Floats:
         nearer = np.float32(1.0) / w
         for axis in range(2):
             along = clip[axis, 0] * x + clip[axis, 1] * y + clip[axis, 2] * z + clip[axis, 3]
-            # The viewport: a product and a sum that are rounded together.
+            # The viewport transform: one rounding for product and sum.
             half = 0.5 * shape[1 - axis]
             window = np.float32(np.float64(along * nearer) * half + half)
             places[i, axis] = np.rint(np.float64(window - np.float32(0.5)) * (1 / SNAP)) * SNAP
@@ -110,7 +110,7 @@ def fill(
         lowest = np.ceil(max(min(y[0], min(y[1], y[2])), 0.0))
         highest = np.floor(min(max(y[0], max(y[1], y[2])), rows - 1.0))
         for row in range(int(lowest), int(highest) + 1):
-            # Columns between the sides: one that rises bounds the facet on the right.
+            # Columns between the sides: a rising side bounds the facet on the right.
             first, past = 0.0, float(columns)
             for c in range(3):
                 run, rise = x[c + 1] - x[c], y[c + 1] - y[c]

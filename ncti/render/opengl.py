@@ -11,14 +11,14 @@ from typing import Any
 from ncti.render.engine import EngineError
 
 _process: int | None = None
-"""Process that was bound."""
+"""Process in which PyOpenGL was bound."""
 
 
 def bind_platform(name: str) -> None:
-    """Make PyOpenGL load its functions from "osmesa" or "egl"; before pyrender is imported.
+    """Make PyOpenGL load its functions from "osmesa" or "egl"; call it before importing pyrender.
 
-    Raises `EngineError` if it is bound to another platform in this process, or was bound before
-    this process was forked.
+    Raises `EngineError` if PyOpenGL is bound to another platform in this process, or was bound
+    before a fork.
     """
     global _process
     if _process not in (None, os.getpid()):
@@ -35,8 +35,8 @@ def bind_platform(name: str) -> None:
         )
     _process = os.getpid()
     os.environ["PYOPENGL_PLATFORM"] = name
-    # Mesa maps its cache of shaders into memory, and a full disk then ends the process (SIGBUS).
-    # Only depth is drawn, so the cache saves nothing.
+    # Mesa maps its shader cache into memory, and a full disk then ends the process (SIGBUS).
+    # The depth shader is trivial, so the cache saves nothing.
     os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
     if name == "osmesa":
         import OpenGL.osmesa
@@ -47,9 +47,9 @@ def bind_platform(name: str) -> None:
 
 
 def bound_platform() -> str | None:
-    """Return the platform that PyOpenGL loads its functions from, None before it is imported.
+    """Return the platform from which PyOpenGL loads its functions, None before it is imported.
 
-    Waits while another thread imports it: until that ends, the platform has no name.
+    Waits while another thread imports it, until when the platform has no name.
     """
     platform = sys.modules.get("OpenGL.platform")
     if platform is None:
@@ -62,10 +62,10 @@ def bound_platform() -> str | None:
 def mend_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
     """Add to PyOpenGL the parts of OSMesa that pyrender needs.
 
-    pyrender pins PyOpenGL 3.1.0, whose binding has no `OSMesaCreateContextAttribs`, needed for
-    OpenGL 3.3, none of its constants, and no hash of a context, by which pyrender and PyOpenGL keep
-    the objects of one. Later versions have these, but there too two handles of one context are not
-    equal, so that pyrender would compile its shaders anew for every image.
+    pyrender pins PyOpenGL 3.1.0, whose binding lacks `OSMesaCreateContextAttribs`, needed for
+    OpenGL 3.3, its constants, and the hash of a context, by which pyrender and PyOpenGL find a
+    context's objects. Later versions have these, but two handles of one context are still unequal,
+    so that pyrender would recompile its shaders for every image.
     """
     constants = {
         "OSMESA_DEPTH_BITS": 0x30,

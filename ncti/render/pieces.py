@@ -14,17 +14,17 @@ Floats = NDArray[np.float64]
 
 
 NOTHING = 1e-8
-"""Area, in squares of the spacing, below which a cell sees nothing."""
+"""Area, in squares of the spacing, below which a cell counts as empty."""
 
 ON_EDGE = 1e-9
-"""Distance [m] from the edge of a bin up to which a piece lies on it, and so in the bin
-behind, whatever the rounding."""
+"""Distance [m] from the edge of a bin up to which a piece lies on it, and so in the bin behind,
+regardless of rounding."""
 
 
 class Parts(NamedTuple):
     """Area of a ship by square cell and range bin.
 
-    `cell` (cell, 2) is column and row of the cells that see some of it, by rows; `area` (cell, bin)
+    `cell` (cell, 2) is column and row of the cells that see the ship, by rows; `area` (cell, bin)
     [m^2]; `strands` (16, bin) [m^2] the area of all cells by the lines 0, 16, 32 ..., by 1, 17, 33
     ..., and so on; `reach` the largest distance down-range from the ship origin, either way [m].
     """
@@ -51,8 +51,8 @@ class Depths(NamedTuple):
     """Parameters that turn the range along pieces into range bins.
 
     `curvature` is 1 / slant range of the view [1/m], 0 in the far field, with w = 1 / (1 -
-    curvature q); `wavefront` is 1 / slant range to which down-range is reckoned, 0 for plane waves;
-    `edge` is the down-range of the first bin's edge [m], `bin_width` [m].
+    curvature q); `wavefront` is the curvature of the wavefront that defines down-range, 0 for plane
+    waves; `edge` is the down-range of the first bin's edge [m], `bin_width` [m].
     """
 
     curvature: float
@@ -67,7 +67,7 @@ def sagitta(r: float, square: float, wavefront: float) -> float:
     """Return sqrt((R0 + r)^2 + s^2) - (R0 + r), free of cancellation, with wavefront = 1 / R0."""
     near = 1.0 / (1.0 + wavefront * r)
     e = wavefront * wavefront * square * near * near
-    if e < 1e-5:  # a series good to rounding, in place of a root
+    if e < 1e-5:  # a series, exact to rounding, instead of a root
         return 0.5 * wavefront * square * near * (1.0 - 0.25 * e * (1.0 - 0.5 * e))
     return wavefront * square * near / (1.0 + np.sqrt(1.0 + e))
 
@@ -86,7 +86,7 @@ def down_range(q: Any, x: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
 
 @inlined
 def nearest_place(q: Any, slope: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
-    """Return where on a line through q at x = 0 a surface is nearest; nowhere for plane waves."""
+    """Return the x of a line through q at x = 0 where a surface is nearest; inf for plane waves."""
     if wavefront == 0.0:
         return np.inf
     if curvature > 0.0:
@@ -136,8 +136,7 @@ def cells_reached(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
     """Return the numbers of the cells that pieces may reach, -1 for others, which get no memory.
 
-    Also returned are the cells, by rows, in which each piece begins and ends, and the number of
-    cells.
+    Also returns the cells, by rows, in which each piece begins and ends, and the number of cells.
     """
     (cos, sin), (columns, rows) = turn, shape
     pieces = len(line)
@@ -146,7 +145,7 @@ def cells_reached(
     for p in range(pieces):
         y = (line[p] + phase) * spacing
         across, up = origin[0] - y * sin, origin[1] + y * cos
-        # Rounding may put what is on a border past it.
+        # Rounding may move an end on a border past it.
         i = min(int(piece[p, 0] * cos + across), columns - 1)
         j = min(int(piece[p, 0] * sin + up), rows - 1)
         last_i = min(int(piece[p, 1] * cos + across), columns - 1)
@@ -170,53 +169,53 @@ def cells_seen(
     number: NDArray[np.int32], area: Floats, corner: tuple[float, float], columns: int, least: float
 ) -> tuple[NDArray[np.int64], Floats]:
     """Return the cells with more than the least area, by rows, and their area by range bin."""
-    seen = 0
+    count = 0
     for c in range(len(number)):
         if number[c] >= 0:
             total = 0.0
             for b in range(area.shape[1]):
                 total += area[number[c], b]
             if total > least:
-                seen += 1
+                count += 1
             else:
                 number[c] = -1
-    cell, kept = np.empty((seen, 2), np.int64), np.empty((seen, area.shape[1]))
+    cell, cell_area = np.empty((count, 2), np.int64), np.empty((count, area.shape[1]))
     n = 0
     for c in range(len(number)):
         if number[c] >= 0:
             cell[n, 0], cell[n, 1] = c % columns + int(corner[0]), c // columns + int(corner[1])
             for b in range(area.shape[1]):  # to assign a row takes numba seconds to compile
-                kept[n, b] = area[number[c], b]
+                cell_area[n, b] = area[number[c], b]
             n += 1
-    return cell, kept
+    return cell, cell_area
 
 
 @inlined
 def border(
-    at: Any,
+    current: Any,
     goal: Any,
     columns: int,
     y: float,
     turn: tuple[float, float],
     origin: tuple[float, float],
 ) -> tuple[float, Any]:
-    """Return where a line leaves a cell on its way to another, and the number of the next cell.
+    """Return the place where a line leaves a cell towards `goal`, and the number of the next cell.
 
-    Of a line at y [m] on a grid turned by a cosine and sine [cell/m], its ship origin at a place
-    from the lower left corner [cell].
+    The line is at `y` [m] on a grid turned by a cosine and sine [cell/m], with the ship origin at
+    `origin` from the lower left corner [cell].
     """
     (cos, sin), high, onward = turn, 0.0, goal
-    i, j, last_i, last_j = at % columns, at // columns, goal % columns, goal // columns
+    i, j, last_i, last_j = current % columns, current // columns, goal % columns, goal // columns
     if i != last_i:
         side = (i + 1 if last_i > i else i) - origin[0]
         high = (side + y * sin) / cos
-        onward = at + (1 if last_i > i else -1)
+        onward = current + (1 if last_i > i else -1)
     if j != last_j:
         side = (j + 1 if last_j > j else j) - origin[1]
         upper = (side - y * cos) / sin
         if i == last_i or upper < high:
             high = upper
-            onward = at + (columns if last_j > j else -columns)
+            onward = current + (columns if last_j > j else -columns)
     return high, onward
 
 
@@ -224,7 +223,7 @@ def border(
 def spread_over(
     area: Floats, into: Any, strands: Floats, strand: Any, share: float, near: float, far: float
 ) -> None:
-    """Add an area evenly to the bins between two ranges [bin], of a cell and of a strand."""
+    """Add an area evenly to the bins of a cell and a strand between two ranges [bin]."""
     m, n = int(near), int(far)
     if m == n:
         area[into, m] += share
@@ -252,11 +251,11 @@ def spread_along(
     end: tuple[float, float],
     depths: Depths,
 ) -> None:
-    """Add a part of a line to the bins between two ranges [bin]; range turns nowhere between.
+    """Add a part of a line to the bins between two ranges [bin]; range is monotone along it.
 
-    `start` is where it begins: the place, its range [bin], r and q there, and the slope of q along
-    the line; `end` has place and range. Range is e at X beyond the start where p X^2 + 2 h X + c =
-    0, the equation of a sphere about the sensor.
+    `start` has place, range [bin], r, q and the slope of q along the line at its beginning; `end`
+    has place and range. Range is e at X beyond the start where p X^2 + 2 h X + c = 0, the equation
+    of a sphere about the sensor.
     """
     curvature, wavefront, edge, bin_width, _ = depths
     low, before, r, q, slope = start
@@ -315,13 +314,13 @@ def bin_pieces(
     )
     area, strands = np.zeros((cells, bins)), np.zeros((STRANDS, bins))
     reach = 0.0
-    # Where a piece ends: four of five begin where the one before ended, at the same range.
+    # End of the previous piece: four pieces of five begin where the one before ended.
     x = y_before = q = np.nan
     before = 0.0
     for p in range(len(line)):
         y = (line[p] + phase) * spacing
         begin, end = piece[p, 0], piece[p, 1]
-        at, goal = first[p], last[p]
+        current, goal = first[p], last[p]
         strand = line[p] % STRANDS
         slope = (piece[p, 3] - piece[p, 2]) / (end - begin)
         low = begin
@@ -334,11 +333,13 @@ def bin_pieces(
         nearest = nearest_place(piece[p, 2] - slope * begin, slope, y, curvature, wavefront)
         while True:
             high, onward = end, goal
-            if at != goal:
-                high, onward = border(at, goal, columns, y, (cos, sin), (from_left, from_bottom))
+            if current != goal:
+                high, onward = border(
+                    current, goal, columns, y, (cos, sin), (from_left, from_bottom)
+                )
                 high = min(max(high, low), end)
-            into = number[at]
-            # Range falls along a line up to its nearest place, and grows from there on.
+            into = number[current]
+            # Range falls along a line up to its nearest place, and then grows.
             x = nearest if low < nearest < high else high
             while True:
                 start = (low, before, r, q, slope)
@@ -356,9 +357,9 @@ def bin_pieces(
                 if x == high:
                     break
                 x = high
-            if at == goal:
+            if current == goal:
                 break
-            at = onward
-    # Without what rounding alone puts into a cell.
-    cell, kept = cells_seen(number, area, (left, bottom), columns, NOTHING * spacing**2)
-    return cell, kept, strands, reach
+            current = onward
+    # Drop the cells that rounding alone has filled.
+    cell, cell_area = cells_seen(number, area, (left, bottom), columns, NOTHING * spacing**2)
+    return cell, cell_area, strands, reach

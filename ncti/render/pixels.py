@@ -1,7 +1,7 @@
 """Facets, rays and surfaces of the pixels of a view, as compiled loops.
 
-Most facets of a ship are smaller than a pixel or seen from behind, and no pixel centre is within
-them: an engine draws the same image without them.
+Most facets of a ship are smaller than a pixel or face away, and contain no pixel centre: an engine
+draws the same image without them.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ Floats = NDArray[np.float64]
 Index = int | np.integer[Any]
 
 BATCH = 256
-"""Facets tried at once, few enough that their corners stay in the first cache."""
+"""Facets per batch, few enough that their corners stay in L1."""
 
 ROWS = 4
-"""Rows of a facet that are tried at a time; four facets in five have no more."""
+"""Rows of a facet per test; four facets in five have no more."""
 
 COVERS, MORE = 1, 2
-"""State of a facet: it has a pixel centre in one of these rows; it has more rows."""
+"""State of a facet: it has a pixel centre in the rows tested; it has more rows."""
 
 
 @compiled
 def place(points: Floats, curvature: float, pixel: float, column: float, row: float) -> Floats:
     """Return (vertex, 2) positions of vertices, in pixels from the centre of pixel [0, 0].
 
-    `points` (3, vertex) [m] lie along the axes of the view; `curvature` is that of the wavefront
-    [1/m], `pixel` [m] the side of one, and `column`, `row` [pixel] the coordinates of the centre of
+    `points` (3, vertex) [m] are along the axes of the view; `curvature` [1/m] is the wavefront's,
+    `pixel` [m] the side of a pixel, and `column`, `row` [pixel] the coordinates of the centre of
     [0, 0].
     """
-    seen = np.empty((points.shape[1], 2))
-    for i in range(len(seen)):
+    positions = np.empty((points.shape[1], 2))
+    for i in range(len(positions)):
         scale = 1.0 / (pixel * (1.0 + curvature * points[2, i]))
-        seen[i, 0] = points[0, i] * scale - column
-        seen[i, 1] = points[1, i] * scale - row
-    return seen
+        positions[i, 0] = points[0, i] * scale - column
+        positions[i, 1] = points[1, i] * scale - row
+    return positions
 
 
 @compiled
@@ -54,24 +54,24 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     box, wider by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy
     x.
 
-    The loops of `_in_front` and `_covering` hold arithmetic alone, which compiles to vector
-    instructions; the loops between them look facets up and choose them.
+    The loops of `_in_front` and `_covering` contain only arithmetic, which compiles to vector
+    instructions; the loops between them gather and select facets.
     """
     chosen = np.empty(len(faces) + 1, np.int32)
-    # Typed, for a plain 0 would have what takes it as an argument compiled once more.
+    # Typed, as numba would compile functions again for a plain 0.
     number, begin = np.int64(0), np.int64(0)
     batch, candidate = np.empty((6, BATCH)), np.empty((6, BATCH + 1))
     facet, state = np.empty(BATCH + 1, np.int32), np.empty(BATCH, np.uint8)
     for start in range(0, len(faces), BATCH):
         size = min(BATCH, len(faces) - start)
-        # Look up the corners. Unsigned, for numba lets signed indices count from the end.
+        # Gather the corners. Indices are unsigned, as numba lets signed ones count from the end.
         for e in range(size):
             f = start + e
             i, j, k = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
             batch[0, e], batch[1, e] = seen[i, 0], seen[i, 1]
             batch[2, e], batch[3, e] = seen[j, 0], seen[j, 1]
             batch[4, e], batch[5, e] = seen[k, 0], seen[k, 1]
-        # Keep candidates by the bounding box, without a branch, which could not be predicted.
+        # Keep candidates by the bounding box, without an unpredictable branch.
         _in_front(batch, size, margin, state)
         candidates = begin
         for e in range(size):
@@ -79,7 +79,7 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
             for c in range(6):
                 candidate[c, candidates] = batch[c, e]
             candidates += state[e]
-        # Keep those with a centre between their sides.
+        # Keep candidates with a centre between their sides.
         _covering(candidate, begin, candidates, 0.0, margin, state)
         for e in range(candidates):
             tried = float(ROWS)
@@ -95,14 +95,14 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
 def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]) -> None:
     """Set the state of facets to 1 if they may face the sensor and their bounding box has a centre.
 
-    `corner` (6, facet) has column and row of three corners [pixel]; `state` (facet,) uint8 is
-    written.
+    `corner` (6, facet) has column and row of three corners [pixel]; `state` (facet,) uint8 is the
+    output.
     """
     for e in range(size):
         ax, ay, bx, by = corner[0, e], corner[1, e], corner[2, e], corner[3, e]
         cx, cy = corner[4, e], corner[5, e]
         left, right, low, high = _box(ax, ay, bx, by, cx, cy, margin)
-        # Twice the area, and what moved vertices may add to it.
+        # Twice the area, and the most that moved vertices may add to it.
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         turned = 2.0 * margin * (right - left + high - low)
         state[e] = (area >= -turned) & (np.floor(high) >= low) & (np.floor(right) >= left)
@@ -112,9 +112,10 @@ def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]
 def _covering(
     corner: Floats, begin: Index, end: Index, tried: float, margin: float, state: NDArray[np.uint8]
 ) -> None:
-    """Set the state of facets to COVERS, MORE, both or 0, by the next of their rows.
+    """Set the state of facets to COVERS, MORE, both or 0 by testing their next rows.
 
-    Facets from `begin` to before `end` have had `tried` rows tried; see `_in_front`.
+    Earlier calls have tested `tried` rows of the facets from `begin` to before `end`; see
+    `_in_front`.
     """
     for number in range(end - begin):
         e = np.uintp(begin + number)  # unsigned, as above
@@ -141,19 +142,19 @@ def _box(
 
 @inlined
 def _side(x: float, y: float, run: float, rise: float, margin: float) -> tuple[float, float, float]:
-    """Return columns a row of a side that is moved out by a margin, and its columns in row 0.
+    """Return columns per row of a side moved out by a margin, and its two bounds in row 0.
 
-    The first of these bounds a row on the left, the second on the right, and is infinite where the
-    side bounds nothing: one that rises bounds on the right, one that falls on the left, and one
-    along a row nowhere.
+    The first bounds a row on the left, the second on the right; a bound is infinite where the side
+    does not bound. A rising side bounds on the right, a falling one on the left, and one along a
+    row on neither.
     """
     level = abs(rise) < 1e-9
     per = 1.0 / rise
-    at = x + (margin * (abs(run) + abs(rise)) - run * y) * per
+    column = x + (margin * (abs(run) + abs(rise)) - run * y) * per
     return (
         0.0 if level else run * per,
-        -np.inf if (rise >= 0.0) | level else at,
-        np.inf if (rise <= 0.0) | level else at,
+        -np.inf if (rise >= 0.0) | level else column,
+        np.inf if (rise <= 0.0) | level else column,
     )
 
 
@@ -196,9 +197,9 @@ def rays(
     """Return flat pixel index (ray,), start and direction (ray, 3) of the rays of an image.
 
     `span` (row, 2) is the first column of each row, and one past the last; `origin` the coordinates
-    of the centre of pixel [0, 0] along column and row [m], `pixel` [m] the side of one; rays start
-    at the down-range `near` [m], that through the ship origin at `start` (3,) [m]. `curvature`
-    [1/m] is that of the wavefront; the far field has one direction for all.
+    of the centre of pixel [0, 0] along column and row [m], `pixel` [m] the side of a pixel. Rays
+    start at the down-range `near` [m], the ray through the ship origin at `start` (3,) [m].
+    `curvature` [1/m] is the wavefront's; in the far field all rays have one direction.
     """
     number = np.sum(span[:, 1] - span[:, 0])
     index = np.empty(number, np.int64)
@@ -234,10 +235,10 @@ def surface(
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
 
-    `facet` (row * col,) is seen by each pixel, below 0 for none; `lattice` has column and row of
-    the first pixel's centre [pixel] and the side of one [m]; `sight` (axes, curvature) those of the
-    view; `planes` normals, offsets and faces of `Solid`; `away` (vertex,) [m] is the down-range of
-    vertices.
+    `facet` (row * col,) is the facet of each pixel, below 0 for none; `lattice` has column and row
+    of the first pixel's centre [pixel] and the pixel side [m]; `sight` (axes, curvature) the
+    view's; `planes` normals, offsets and faces of `Solid`; `away` (vertex,) [m] is the down-range
+    of vertices.
     """
     (rows, columns), (first_column, first_row, pixel) = shape, lattice
     (axes, curvature), (normals, offsets, faces) = sight, planes
@@ -262,7 +263,7 @@ def surface(
             if a < STEEP:
                 first, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
                 r = min(max(r, min(first, two, three)), max(first, two, three))
-            if curvature == 0.0:  # w and t are 1, in a fifth less time
+            if curvature == 0.0:  # w and t are 1, which saves a fifth of the time
                 down_range[row, column] = r
                 slope = 1.0 / a
                 gradient[row, column, 0], gradient[row, column, 1] = slope * n_h, slope * n_v

@@ -115,7 +115,7 @@ def cast_rays(mesh: Mesh, origin: Floats, direction: Floats) -> RayHits:
         none = np.empty(0, dtype=np.intp)
         return RayHits(none, np.empty(0), none, np.empty(0))
     along = direction[near]
-    # An origin among masts is inside the sphere, and parts behind it are not seen.
+    # An origin among masts is inside the sphere; parts behind it are invisible.
     start = offset[near] + np.maximum(nearest[near] - radius - 1.0, 0.0)[:, None] * along
     facet = _embree.cast(solid, start.astype(np.float32), along.astype(np.float32))
     hit = np.flatnonzero(facet >= 0)
@@ -132,7 +132,7 @@ def _meet(
     # All facets face their rays, or are edge-on.
     cosine = np.maximum(-np.einsum("ij,ij->i", normal, direction), STEEPEST)
     distance = (np.einsum("ij,ij->i", normal, origin) - solid.offsets.take(facet)) / cosine
-    # A steep facet's plane leaves it quickly: distance is kept within the facet's own.
+    # A steep facet's plane departs from it quickly: clip the distance to the facet's extent.
     steep = np.flatnonzero(cosine < STEEP)
     corners = solid.vertices[solid.faces.take(facet[steep], axis=0)]
     corners -= (origin[steep] - solid.centre)[:, None]

@@ -1,4 +1,4 @@
-"""Views of enough samples: at a given pixel, or at a finer one where a ship looks small."""
+"""Views with enough samples: at a given pixel, or at a finer one where a ship looks small."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ncti.ships.shape import Mesh
 
 FINEST = 0.25
-"""Finest pixel of the given one: more would not pay for the few samples of a thin pole."""
+"""Finest pixel, relative to the given one; a finer one would gain little, as on a thin pole."""
 
 VISIBLE = 0.9
 """Largest visible share of the area that faces the sensor: 0.45 to 0.65 for ships seen end-on, up
@@ -45,7 +45,7 @@ class Sampling:
 
     See Also
     --------
-    range_image, line_image : What is drawn.
+    range_image, line_image : Draw the images.
 
     Notes
     -----
@@ -87,8 +87,8 @@ class Sampling:
         view: Any = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
         roll = self.rolled(aspect)
         if self.engine == LINES:
-            # Lines are halved until there are enough. Where that is certain, the first are not
-            # drawn alone.
+            # Halve the spacing until there are enough lines. Where a bound on the area shows that
+            # coarse lines are too few, start with finer ones.
             area, halvings = self._most_visible(mesh, aspect, depression), 0
             while self._is_short(area, self.pixel / 2**halvings):
                 halvings += 1
@@ -102,15 +102,15 @@ class Sampling:
             from ncti.render.mask import ship_mask as draw  # numba takes long to import
         else:
             draw = partial(range_image, engine=self.engine)
-        drawn = draw(mesh, pixel=self.pixel, roll=roll, **view)
-        hits = int(drawn.hit.sum())
+        image = draw(mesh, pixel=self.pixel, roll=roll, **view)
+        hits = int(image.hit.sum())
         if 0 < hits < self.samples:
             finer = self.pixel * max(math.sqrt(hits / self.samples), FINEST)
-            drawn = draw(mesh, pixel=finer, roll=roll, **view)
-        return drawn
+            image = draw(mesh, pixel=finer, roll=roll, **view)
+        return image
 
     def _is_short(self, area: float, spacing: float) -> bool:
-        """Return whether an area [m^2] has too few samples, and lines may be closer together."""
+        """Return whether an area [m^2] has too few samples and the spacing may be halved."""
         return area < self.samples * spacing**2 and spacing > FINEST * self.pixel
 
     def _most_visible(self, mesh: Mesh, aspect: float, depression: float) -> float:

@@ -37,7 +37,7 @@ class Solid:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Solid:
-        """Return the solid of a mesh, made once for each content of the mesh."""
+        """Return the solid of a mesh, cached by the content of the mesh."""
         key = hash(mesh)
         with _lock:
             solid = _kept.pop(key, None) or cls._prepare(mesh)
@@ -87,7 +87,7 @@ def surface(
 
     `points` (3, vertex) [m] are the vertices along the axes of the view, `facet` (row * col,) the
     facet of each pixel, -1 for none, where down-range is NaN. A facet that faces away counts as
-    edge-on: a rasteriser's grid turned it, at the outline.
+    edge-on: snapping to a rasteriser's grid has turned it, at the outline.
 
     A facet's plane n.q = c and a line of sight q = (H w, V w, r), w = 1 + k r, meet at
 
@@ -100,7 +100,7 @@ def surface(
 
     which cancels nowhere, whatever R0; in the far field down-range is the coordinate along `away`.
     At the silhouette a pixel centre may lie a little outside its facet (a rasteriser's vertices are
-    on a grid of 1/256 pixel), so r is kept within the facet's extent, which matters on a steep
+    on a grid of 1/256 pixel), so r is clipped to the facet's extent, which matters on a steep
     facet.
     """
     from ncti.render import pixels  # numba takes long to import
@@ -116,10 +116,10 @@ def surface(
 
 
 SNAP = 1 / 256
-"""Grid of a rasteriser's vertices [pixel], each of which goes to the nearest place on it."""
+"""Grid of a rasteriser's vertices [pixel], to which it rounds them."""
 
 ROUNDING = 2.0**-20
-"""Of a vertex's place computed in float32, over the ship's size: sixteen of its roundings."""
+"""Error of a vertex's place in float32, over the ship's size: sixteen roundings."""
 
 
 def sampled(
@@ -127,7 +127,7 @@ def sampled(
 ) -> NDArray[np.int32]:
     """Return the (facet,) facets that have a pixel centre, hidden ones included, as int32.
 
-    All others are seen from behind or lie between the centres, and drawing them changes nothing.
+    All others face away or lie between the centres, and drawing them changes nothing.
     """
     from ncti.render import pixels
 
@@ -140,18 +140,18 @@ def covered(
     """Return (row, 2) int64: first column of each row that may see the ship, and past the last."""
     from ncti.render.spans import spans
 
-    seen, faces, margin = _placed(solid, view, lattice, points)
-    return spans(seen, faces, lattice.shape, margin)
+    positions, faces, margin = _placed(solid, view, lattice, points)
+    return spans(positions, faces, lattice.shape, margin)
 
 
 def _placed(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
-    """Return places of vertices [pixel], facets, and how far engines move vertices [pixel]."""
+    """Return places of vertices [pixel], facets, and the distance engines move vertices [pixel]."""
     from ncti.render import pixels
 
     column, row = lattice.first_column + 0.5, lattice.first_row + 0.5
-    seen = pixels.place(points, view.curvature, lattice.pixel, column, row)
+    positions = pixels.place(points, view.curvature, lattice.pixel, column, row)
     size = lattice.rows + lattice.columns + (lattice.far - lattice.near) / lattice.pixel
     margin = SNAP / 2 + ROUNDING * size / (1.0 + view.curvature * lattice.near)
-    return seen, solid.faces, margin
+    return positions, solid.faces, margin

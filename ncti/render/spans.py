@@ -12,7 +12,7 @@ from ncti.compiled import compiled
 Floats = NDArray[np.float64]
 
 STRIP = 8
-"""Rows that share their first and last column on a ship: finding those of each row takes longer."""
+"""Rows that share their first and last column on a ship, to save time."""
 
 
 @compiled
@@ -21,7 +21,7 @@ def spans(
 ) -> NDArray[np.int64]:
     """Return (row, 2): the first column of each row that may see the ship, and one past the last.
 
-    Arguments are those of `ncti.render.pixels.sampled`, but facets count from either side.
+    Arguments are as of `ncti.render.pixels.sampled`, but facets count from either side.
     """
     rows, columns = shape
     strips = (rows - 1) // STRIP + 1
@@ -33,7 +33,7 @@ def spans(
         bx, by = seen[j, 0], seen[j, 1]
         cx, cy = seen[k, 0], seen[k, 1]
         first, last = _strips(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
-        if first == last:  # the whole width of so low a facet
+        if first == last:  # the whole width of a facet within one strip
             reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
             reach[first, 1] = max(reach[first, 1], max(ax, max(bx, cx)) + margin)
         elif first < last:

@@ -20,10 +20,10 @@ Floats = NDArray[np.float64]
 
 ANGLE = 1e-5
 """Angle between normals [rad] up to which adjacent facets are one surface: float32 vertices of a
-flat deck make some 1e-6 of it, and the plates of a round hull a thousand times that."""
+flat deck cause some 1e-6, and the plates of a round hull a thousand times as much."""
 
 FLAT = 1e-4
-"""Distance [m] up to which the vertices of a surface lie in its plane; else facets stay single."""
+"""Distance [m] up to which vertices lie in a surface's plane; otherwise facets stay single."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +59,16 @@ class Surfaces:
         return np.ptp(self.vertices, axis=0)
 
     def facing(self, towards: Floats) -> float:
-        """Return the area that faces a (3,) direction, seen from there [m^2].
+        """Return the projected area that faces a (3,) direction [m^2].
 
-        No less than is visible of a closed mesh.
+        It is an upper bound on the visible area of a closed mesh.
         """
-        seen = towards @ self._components
-        return float(np.maximum(seen, 0.0, out=seen).sum())
+        projected = towards @ self._components
+        return float(np.maximum(projected, 0.0, out=projected).sum())
 
     @cached_property
     def _components(self) -> Floats:
-        """(3, surface): area vectors, in the order in which a product of a direction reads them."""
+        """(3, surface): area vectors, contiguous in the order a product with a direction reads."""
         return np.ascontiguousarray(self.area.T)
 
     @classmethod
@@ -82,13 +82,13 @@ class Surfaces:
 
     @classmethod
     def _prepare(cls, solid: Solid) -> Surfaces:
-        place, same = np.unique(solid.vertices, axis=0, return_inverse=True)
-        faces, kept = _distinct(same.reshape(-1)[solid.faces])
+        vertices, index = np.unique(solid.vertices, axis=0, return_inverse=True)
+        faces, numbers = _distinct(index.reshape(-1)[solid.faces])
         if not len(faces):
             raise ValueError("mesh has only facets without area: at least one must have some.")
-        normals = solid.normals[kept]
+        normals = solid.normals[numbers]
         count = len(faces)
-        corner = place[faces]
+        corner = vertices[faces]
         area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
         moment = np.einsum("ij,ij->i", area, corner[:, 0] + solid.centre)
 
@@ -101,23 +101,23 @@ class Surfaces:
         paired = _pairs(low, high, ahead)
         left, right = facet[paired], facet[paired + 1]
 
-        surface = _merged(normals, faces, place, left, right)
+        surface = _merged(normals, faces, vertices, left, right)
         size = int(surface.max()) + 1
-        alone = np.ones(3 * count, dtype=bool)
-        alone[paired] = alone[paired + 1] = False
-        single = np.flatnonzero(alone & (low != high))
+        unpaired = np.ones(3 * count, dtype=bool)
+        unpaired[paired] = unpaired[paired + 1] = False
+        single = np.flatnonzero(unpaired & (low != high))
         boundary = np.flatnonzero(surface[left] != surface[right])
-        kept = np.append(paired[boundary], single)
-        own = surface[facet[single]]
+        edges = np.append(paired[boundary], single)
+        inner = surface[facet[single]]
         sides = (
-            np.append(surface[left[boundary]], np.where(ahead[single], own, size)),
-            np.append(surface[right[boundary]], np.where(ahead[single], size, own)),
+            np.append(surface[left[boundary]], np.where(ahead[single], inner, size)),
+            np.append(surface[right[boundary]], np.where(ahead[single], size, inner)),
         )
         return cls(
             solid.centre,
-            place,
+            vertices,
             np.ascontiguousarray(
-                np.stack([low[kept], high[kept], sides[0], sides[1]], axis=1), dtype=np.uint32
+                np.stack([low[edges], high[edges], sides[0], sides[1]], axis=1), dtype=np.uint32
             ),
             _sums(surface, area, size),
             np.asarray(np.bincount(surface, moment, size), dtype=np.float64),
@@ -126,13 +126,15 @@ class Surfaces:
 
 def _sums(surface: NDArray[np.intp], vectors: Floats, size: int) -> Floats:
     """Return the sum of the vectors of the facets of each surface."""
-    return np.stack([np.bincount(surface, part, size) for part in vectors.T], 1).astype(np.float64)
+    return np.stack([np.bincount(surface, component, size) for component in vectors.T], 1).astype(
+        np.float64
+    )
 
 
 def _distinct(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:
-    """Return facets with three corners, each once, and their numbers among those given.
+    """Return the distinct facets with three corners, and their numbers in `faces`.
 
-    Twice the same facet in one surface would begin twice on a line before it ends.
+    A duplicate facet in a surface would begin twice on a line before it ends.
     """
     first = np.argmin(faces, axis=1)[:, None]
     turned = np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1)
@@ -140,26 +142,26 @@ def _distinct(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[
     new = np.ones(len(faces), dtype=bool)
     new[1:] = (turned[order[1:]] != turned[order[:-1]]).any(axis=1)
     a, b, c = faces[order].T
-    kept = np.sort(order[new & (a != b) & (b != c) & (c != a)])
-    return faces[kept], kept
+    numbers = np.sort(order[new & (a != b) & (b != c) & (c != a)])
+    return faces[numbers], numbers
 
 
 def _pairs(
     low: NDArray[np.integer], high: NDArray[np.integer], ahead: NDArray[np.bool_]
 ) -> NDArray[np.intp]:
-    """Return the first of each two half-edges that run both ways between the same vertices.
+    """Return the first of each pair of opposite half-edges between the same vertices.
 
-    Where more than two share an edge, one to and one fro at most are a pair.
+    Where more than two share an edge, at most one in each direction form a pair.
     """
     same = (low[1:] == low[:-1]) & (high[1:] == high[:-1]) & (low[1:] != high[1:])
-    # sorted, those that run ahead come first: a pair is where they turn
+    # Sorted, half-edges that run ahead come first: a pair is where the direction changes.
     return np.flatnonzero(same & ahead[:-1] & ~ahead[1:])
 
 
 def _merged(
     n: Floats,
     faces: NDArray[np.integer],
-    place: Floats,
+    vertices: Floats,
     left: NDArray[np.integer],
     right: NDArray[np.integer],
 ) -> NDArray[np.intp]:
@@ -172,8 +174,8 @@ def _merged(
     flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
     pairs = coo_array((np.ones(flat.sum()), (left[flat], right[flat])), shape=(count, count))
     size, surface = connected_components(pairs, directed=False)
-    # Plates of a gentle curve may each be flat with the next, and the whole of them not.
-    corner = place[faces]
+    # Plates along a gentle curve may be coplanar with their neighbours, but not all together.
+    corner = vertices[faces]
     area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normal = _sums(surface, area, size)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)

@@ -1,4 +1,4 @@
-"""Lines shared out among threads; the result does not depend on their number."""
+"""Distribution of lines among threads; the result does not depend on their number."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 FEWEST = 64
-"""Fewest lines of a thread."""
+"""Fewest lines per thread."""
 
 
 def swept(
     crossings: Sequence[Any], *, surfaces: int, every: int = 0, kept: int = 0
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
-    """Return line, piece and surface of the pieces of all lines, swept by as many parts as threads.
+    """Return line, piece and surface of the pieces of all lines, one part of the lines per thread.
 
-    `crossings` are those of `cross`; the results those of `sweep` in `ncti.render.line_sweep`.
+    `crossings` are as of `cross` in `ncti.render.line_sweep`, and pieces as of `sweep`.
     """
     from ncti.render.line_sweep import sweep
 
@@ -32,11 +32,11 @@ def swept(
     inner = np.searchsorted(start, np.arange(1, parts) * start[-1] // parts)
     cuts = [0, *inner.tolist(), lines]
 
-    def part(number: int) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
+    def sweep_part(number: int) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
         first, last = cuts[number], cuts[number + 1]
         room = 1
-        while True:  # surfaces that run through one another make more pieces than crossings
-            whole, line, piece, surface = sweep(
+        while True:  # intersecting surfaces make more pieces than crossings
+            complete, line, piece, surface = sweep(
                 start[first : last + 1],
                 crossing,
                 surfaces,
@@ -45,22 +45,22 @@ def swept(
                 np.int64(every),
                 np.int64(kept),
             )
-            if whole:
+            if complete:
                 return line, piece, surface
             room *= 4
 
     if parts == 1:
-        return part(0)
-    each = zip(*_pool(parts, os.getpid()).map(part, range(parts)), strict=True)
-    line, piece, surface = (np.concatenate(parts_of) for parts_of in each)
+        return sweep_part(0)
+    results = zip(*_pool(parts, os.getpid()).map(sweep_part, range(parts)), strict=True)
+    line, piece, surface = (np.concatenate(parts_of) for parts_of in results)
     return line, piece, surface
 
 
 def thread_count() -> int:
-    """Return the number of threads: that of OMP_NUM_THREADS, or of the process's processors."""
-    given = os.environ.get("OMP_NUM_THREADS", "")
-    if given.isdigit() and int(given):
-        return int(given)
+    """Return the number of threads: OMP_NUM_THREADS, or the number of the process's processors."""
+    setting = os.environ.get("OMP_NUM_THREADS", "")
+    if setting.isdigit() and int(setting):
+        return int(setting)
     affinity = getattr(os, "sched_getaffinity", None)  # Linux has it
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 

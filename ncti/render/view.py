@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 from ncti.checks import require
 
 ROLL = math.degrees(math.atan((math.sqrt(5) - 1) / 2))
-"""Roll of the lattice [deg], 31.72: its tangent is the golden ratio's inverse, of all numbers the
-one hardest to approximate by fractions, so a ship's level and upright edges cross the pixels at
-evenly spread phases and point sampling converges several times faster than on a level lattice."""
+"""Roll of the lattice [deg], 31.72: its tangent is the inverse of the golden ratio, the number
+hardest to approximate by fractions, so a ship's level and upright edges cross the pixels at evenly
+spread phases and point sampling converges several times faster than on a level lattice."""
 
 FAR_FIELD = 1.5
 """Error of drawing the far field at a finite range, over reach / range; see `far_field_error`."""
 
 ACROSS = 0.2
-"""Part of a distance across the line of sight that counts as reach; see `far_field_error`."""
+"""Share of a distance across the line of sight that counts as reach; see `far_field_error`."""
 
 MAX_SIDE = 16384
 """Longest side of an image [pixel]: the largest framebuffer that Mesa's software renderer has."""
@@ -74,7 +74,7 @@ class View:
     def checked(
         cls, *, aspect: float, depression: float, roll: float, slant_range: float | None
     ) -> View:
-        """Return the view of some angles [deg] and a slant range [m], all within their ranges."""
+        """Return the view from angles [deg] and a slant range [m], after checking their ranges."""
         require("aspect", aspect, minimum=-360.0, maximum=360.0)
         require("depression", depression, minimum=0.0, maximum=90.0)
         require("roll", roll, minimum=-360.0, maximum=360.0)
@@ -89,7 +89,7 @@ class View:
         return 0.0 if self.slant_range is None else 1.0 / self.slant_range
 
     def check_clear(self, nearest: float) -> None:
-        """Raise `ValueError` if the ship, whose nearest point is given [m], reaches the sensor."""
+        """Raise `ValueError` if the ship, with its nearest point at `nearest` [m], is too near."""
         if self.slant_range is not None and self.slant_range <= -nearest:
             raise ValueError(
                 f"slant_range is {self.slant_range:g} m, and the ship reaches {-nearest:g} m "
@@ -114,7 +114,7 @@ def turn_of(roll: float) -> tuple[float, float]:
 
 
 def check_made_at(made_at: float | None, slant_range: float) -> None:
-    """Raise `ValueError` unless an image is of the far field, or made at a slant range [m]."""
+    """Raise `ValueError` unless an image is of the far field, or drawn at a slant range [m]."""
     if made_at is not None and not math.isclose(made_at, slant_range):
         raise ValueError(
             f"slant_range is {slant_range!r}, but must be the {made_at!r} m at which the range "
@@ -184,8 +184,8 @@ class Lattice:
 
     Pixel centres are at odd multiples of half a pixel from the line of sight through the ship
     origin: the lattice is fixed to the ship, and the image is the part of it that the ship covers.
-    `pixel` [m] is the side of one, `first_column` and `first_row` are indices in the unbounded
-    lattice, and `near` and `far` [m] the down-range coordinates that the ship lies between.
+    `pixel` [m] is the side of a pixel, `first_column` and `first_row` are indices in the unbounded
+    lattice, and `near` and `far` [m] the down-range coordinates between which the ship lies.
     """
 
     pixel: float
@@ -204,8 +204,8 @@ class Lattice:
         view.check_clear(nearest)
         first, last = low, high
         if view.slant_range is not None:
-            seen = points[:2] / (1.0 + view.curvature * points[2])
-            first, last = seen.min(axis=1), seen.max(axis=1)
+            projected = points[:2] / (1.0 + view.curvature * points[2])
+            first, last = projected.min(axis=1), projected.max(axis=1)
         left, bottom = (math.floor(first[axis] / pixel) for axis in (0, 1))
         right, top = (math.ceil(last[axis] / pixel) for axis in (0, 1))
         columns, rows = max(right - left, 1), max(top - bottom, 1)
@@ -217,7 +217,7 @@ class Lattice:
         margin = 0.01 * float((high - low).max())
         near, far = nearest - margin, farthest + margin
         if view.slant_range is not None:
-            # Halfway to the sensor at most: the near plane stays in front of it.
+            # At most halfway to the sensor, so that the near plane stays in front of it.
             near = max(near, (nearest - view.slant_range) / 2)
         return cls(pixel, left, bottom, columns, rows, near=near, far=far)
 

@@ -25,7 +25,7 @@ from ncti.ships.surfaces import (
 )
 from ncti.ships.welding import APART, counted, welded
 
-MOST_OPENINGS = 10_000  # whose planes are sought
+MOST_OPENINGS = 10_000  # to which planes are fitted
 MOST_OPEN = 0.05  # of the surface, up to which openings are closed on request
 FLAT = 1e-7  # volume over surface and longest extent, up to which a body has no inside
 WITHIN = 1e-6  # of a body's volume, which rounding leaves outside the body around it
@@ -63,11 +63,11 @@ class Body:
 
     @property
     def turned(self) -> Body:
-        """The same with all facets facing the other way."""
+        """The body with all facets reversed."""
         return Body(self.vertices, self.faces[:, ::-1])
 
     def solid(self, where: str = "") -> Manifold:
-        """Return it as a solid; refuse it (`ShipError`) if it is none."""
+        """Return the body as a solid; raise `ShipError` if it is not one."""
         faces = np.array(self.faces, dtype=np.uint64)
         solid = Manifold(Mesh64(np.array(self.vertices), faces))
         if solid.status() != Error.NoError or not solid.num_tri():
@@ -75,7 +75,7 @@ class Body:
         return solid
 
     def joined(self, other: Body) -> Body:
-        """Return both as one."""
+        """Return the union of facets of both bodies."""
         return Body(
             np.concatenate([self.vertices, other.vertices]),
             np.concatenate([self.faces, other.faces + len(self.vertices)]),
@@ -90,7 +90,7 @@ class Body:
 
 @dataclass
 class Workshop:
-    """Name and units of a mesh while its bodies are separated, and the faults mended so far."""
+    """Name and units of a mesh for messages, and the faults mended so far."""
 
     where: str  # name of the mesh in messages
     locate: Callable[[Floats], Floats] | None  # from [m] to the file's coordinates
@@ -117,9 +117,9 @@ def closed_bodies(
 ) -> tuple[list[Body], tuple[str, ...]]:
     """Return the closed bodies of a mesh, wound outward, and its mended faults.
 
-    Bodies with a volume come first. `vertices` (vertex, 3) [m] and `faces` (facet, 3) are all
-    different; z = 0 is the waterline. `where` names the mesh in messages, and `locate` turns points
-    into the file's coordinates there. `repair` closes openings of at most `MOST_OPEN` of the
+    Bodies with a volume come first. `vertices` (vertex, 3) [m] and `faces` (facet, 3) have no
+    duplicates; z = 0 is the waterline. `where` names the mesh in messages, and `locate` turns
+    points into the file's coordinates there. `repair` closes openings of at most `MOST_OPEN` of the
     surface, and any below the waterline. Faults are text, as "1 of 2 bodies inside out". Refuses
     (`ShipError`) a mesh that is open or has a side that is both inner and outer.
     """
@@ -135,10 +135,10 @@ def closed_bodies(
     members = _distinct(surface.faces, members, work)
     if surface.is_pinched or len(members) > 1:
         surface = surface.split()
-    found = _outward([_body(surface, facets) for facets in members], work)
+    bodies = _outward([_body(surface, facets) for facets in members], work)
     if surface.is_pinched:
-        found = [_unpinched(body, where) for body in found]
-    return found, tuple(work.faults)
+        bodies = [_unpinched(body, where) for body in bodies]
+    return bodies, tuple(work.faults)
 
 
 def _body(surface: Surface, facets: NDArray[np.int64]) -> Body:
@@ -147,7 +147,7 @@ def _body(surface: Surface, facets: NDArray[np.int64]) -> Body:
 
 
 def _unpinched(body: Body, where: str) -> Body:
-    """Return a body in which two facets meet at each edge, though it touches itself along one."""
+    """Return a body in which exactly two facets meet at each edge, also where it touches itself."""
     if not surface_of(body.vertices, body.faces).is_pinched:
         return body
     if body.volume:
@@ -159,16 +159,16 @@ def _unpinched(body: Body, where: str) -> Body:
 
 
 def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
-    """Return facets wound as those around them, the fewer of a body turned."""
-    one, other, opposed = neighbours(len(vertices), faces)
+    """Return facets wound alike within each body, reversing the minority."""
+    first, second, opposed = neighbours(len(vertices), faces)
     if opposed.all():
         return faces
-    # Each facet twice, as it is and turned: neighbours are linked where they are wound alike.
+    # Each facet has two nodes, as read and reversed; links join neighbours of equal winding.
     count = len(faces)
     turned = np.where(opposed, 0, count)
     labels = components(
-        np.concatenate([one, one + count]),
-        np.concatenate([other + turned, other + count - turned]),
+        np.concatenate([first, first + count]),
+        np.concatenate([second + turned, second + count - turned]),
         2 * count,
     ).reshape(2, count)
     if one_sided := np.flatnonzero(labels[0] == labels[1]).tolist():
@@ -178,8 +178,8 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
             "outer side."
         )
     sizes = np.bincount(labels[0], minlength=labels.max() + 1)
-    here, there = sizes[labels]
-    wrong = (here < there) | ((here == there) & (labels[0] > labels[1]))
+    size, turned_size = sizes[labels]
+    wrong = (size < turned_size) | ((size == turned_size) & (labels[0] > labels[1]))
     place = work.place(vertices[faces[wrong][0]])
     work.faults.append(
         f"{counted(int(wrong.sum()), 'facet')} wound the other way than those around "
@@ -189,9 +189,9 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
 
 
 def _welded(surface: Surface, work: Workshop) -> Surface:
-    """Return a surface welded along open edges, or as it is if that leaves it with one side.
+    """Return a surface welded along open edges, or unchanged if welding makes it one-sided.
 
-    Slivers beside an opening may be folded onto each other by it.
+    Welding may fold slivers beside an opening onto each other.
     """
     closer, faults = welded(surface)
     try:
@@ -203,7 +203,7 @@ def _welded(surface: Surface, work: Workshop) -> Surface:
 
 
 def _without_openings(surface: Surface, work: Workshop) -> Surface:
-    """Return a split surface whose openings are closed; refuse it if they may not be."""
+    """Return a split surface with its openings closed; refuse openings that may not be closed."""
     corner, edges = surface.faces.ravel(), surface.open
     rim, ends = np.unique([corner[edges], corner[following(edges)]], return_inverse=True)
     starts, stops = ends.reshape(2, -1)
@@ -211,27 +211,27 @@ def _without_openings(surface: Surface, work: Workshop) -> Surface:
     if number > MOST_OPENINGS:
         many = f"{len(edges):,} edges in {number:,} openings"
         raise ShipError(f"{work.where} is open along {many}, but must be a closed surface.")
-    found = openings(surface)
+    holes = openings(surface)
     distance = APART * float(np.ptp(surface.vertices, axis=0).max())
-    wide = np.flatnonzero(2 * found.areas > distance * found.perimeters)
-    slits = len(found.loops) - len(wide)
-    closed = surface_of(surface.vertices, np.concatenate([surface.faces, *found.patches]))
+    wide = np.flatnonzero(2 * holes.areas > distance * holes.perimeters)
+    slits = len(holes.loops) - len(wide)
+    closed = surface_of(surface.vertices, np.concatenate([surface.faces, *holes.patches]))
     if closed.open.size:
         raise ShipError(f"{work.where} is open at {work.place(closed.corners)}, where no plane is.")
     if slits:
         work.faults.append(f"{counted(slits, 'slit')} less than {1000 * distance:.2g} mm wide")
     if len(wide):
-        work.faults.append(_opening(surface, found, wide, work))
+        work.faults.append(_opening(surface, holes, wide, work))
     return closed
 
 
-def _opening(surface: Surface, found: Openings, wide: NDArray[np.int64], work: Workshop) -> str:
-    """Return the sentence on openings; refuse the surface if they may not be closed."""
-    areas, loops = found.areas[wide], [found.loops[number] for number in wide]
+def _opening(surface: Surface, holes: Openings, wide: NDArray[np.int64], work: Workshop) -> str:
+    """Describe the openings in words; refuse the surface if they may not be closed."""
+    areas, loops = holes.areas[wide], [holes.loops[number] for number in wide]
     water = APART * float(np.ptp(surface.vertices, axis=0).max())
-    seen = np.array([surface.vertices[loop, 2].max() > water for loop in loops])
-    whole = float(triangle_areas(surface.corners).sum() + found.areas.sum())
-    share = float(areas[seen].sum()) / whole
+    above_water = np.array([surface.vertices[loop, 2].max() > water for loop in loops])
+    total_area = float(triangle_areas(surface.corners).sum() + holes.areas.sum())
+    share = float(areas[above_water].sum()) / total_area
     largest = int(np.argmax(areas))
     measures = (
         f"{counted(len(loops), 'opening')} (above water {100 * share:.2g} % of its surface; the "
@@ -254,7 +254,7 @@ def _opening(surface: Surface, found: Openings, wide: NDArray[np.int64], work: W
 def _distinct(
     faces: Faces, members: list[NDArray[np.int64]], work: Workshop
 ) -> list[NDArray[np.int64]]:
-    """Return the facets of each body, of equal bodies once."""
+    """Return the facets of each distinct body."""
     if len(members) == 1:
         return members
     known: dict[bytes, NDArray[np.int64]] = {}
@@ -267,34 +267,36 @@ def _distinct(
 
 
 def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
-    """Return bodies turned outward, each with its cavities, and those without inside at the end."""
-    given, flat = [one for one in bodies if one.volume], [one for one in bodies if not one.volume]
-    inverse = sum(one.volume for one in given) < 0
-    outward = [one if one.volume > 0 else one.turned for one in given]
-    bounds = np.array([one.bounds for one in outward]).reshape(-1, 2, 3)
-    kept, cavities, wrong = [], [], []
-    for number, (body, one) in enumerate(zip(given, outward, strict=True)):
+    """Return bodies turned outward, each with its cavities, followed by flat bodies."""
+    solids, flat = [body for body in bodies if body.volume], [b for b in bodies if not b.volume]
+    inverse = sum(body.volume for body in solids) < 0
+    outward = [body if body.volume > 0 else body.turned for body in solids]
+    bounds = np.array([body.bounds for body in outward]).reshape(-1, 2, 3)
+    outer, cavities, wrong = [], [], []
+    for number, (body, turned) in enumerate(zip(solids, outward, strict=True)):
         around = []
         if (body.volume < 0) != inverse:
-            # Most bodies are told apart by their bounds; only the others are compared as solids.
-            larger = (bounds[:, 0] <= one.bounds[0]) & (bounds[:, 1] >= one.bounds[1])
-            others = np.flatnonzero(larger.all(axis=1)).tolist()
-            around = [k for k in others if k != number and one.is_within(outward[k], work.where)]
+            # Bounds exclude most bodies; only the candidates left are compared as solids.
+            larger = (bounds[:, 0] <= turned.bounds[0]) & (bounds[:, 1] >= turned.bounds[1])
+            candidates = np.flatnonzero(larger.all(axis=1)).tolist()
+            around = [
+                k for k in candidates if k != number and turned.is_within(outward[k], work.where)
+            ]
         if len(around) % 2:
             cavities.append((number, around))
         else:
-            kept.append(number)
+            outer.append(number)
         if (body.volume < 0) != (len(around) % 2 == 1):
             wrong.append(number)
-    whole = dict(zip(kept, (outward[number] for number in kept), strict=True))
+    containers = dict(zip(outer, (outward[number] for number in outer), strict=True))
     for number, around in cavities:
-        container = min((k for k in around if k in whole), key=lambda k: outward[k].volume)
-        whole[container] = whole[container].joined(outward[number].turned)
+        container = min((k for k in around if k in containers), key=lambda k: outward[k].volume)
+        containers[container] = containers[container].joined(outward[number].turned)
     if wrong:
-        place = work.place(given[wrong[0]].vertices)
+        place = work.place(solids[wrong[0]].vertices)
         work.faults.append(
             "its whole surface inside out"
             if len(wrong) == len(bodies)
             else f"{len(wrong)} of {len(bodies)} bodies inside out (the first at {place})"
         )
-    return [*whole.values(), *flat]
+    return [*containers.values(), *flat]

@@ -16,10 +16,10 @@ from ncti.ships.errors import ShipError, shown
 from ncti.ships.lofting import union
 from ncti.ships.sheets import Component, Part, Sheet
 
-HOUSE_SINK = 0.45  # bases go this far [m], at most, into a deck that may slope under them
-MOUNT_SINK = 0.15  # and mounts this far into their platform
-PART_SINK = 0.03  # and a template's parts into each other
-SLIVER = 1e-4  # surfaces may move by this [m] to rid crossings of bars of slivers
+HOUSE_SINK = 0.45  # greatest depth [m] of a base in a deck, which may slope under it
+MOUNT_SINK = 0.15  # depth [m] of a mount in its platform
+PART_SINK = 0.03  # depth [m] of a template's parts in each other
+SLIVER = 1e-4  # tolerance [m] of the simplification that removes slivers where bars cross
 
 MAKERS: dict[str, Callable[..., Manifold]] = {
     "box": solids.box,
@@ -67,7 +67,7 @@ class Ship:
     beam: float
 
 
-def _made(part: Part, sink: float) -> Manifold:
+def _primitive(part: Part, sink: float) -> Manifold:
     sizes = dict(part.sizes)
     if part.stands:
         sizes.setdefault("sink", sink)
@@ -77,13 +77,14 @@ def _made(part: Part, sink: float) -> Manifold:
 @lru_cache(maxsize=256)
 def equipment(parts: tuple[Part, ...], *, azimuth: float, sink: float = MOUNT_SINK) -> Manifold:
     """Return equipment about its mount axis, pointing to `azimuth` [deg, 90 to starboard]."""
-    made = [
-        _made(part, sink if part.at[2] == 0 else PART_SINK).translate(part.at) for part in parts
+    primitives = [
+        _primitive(part, sink if part.at[2] == 0 else PART_SINK).translate(part.at)
+        for part in parts
     ]
     cos, sin = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
-    # Columns: where u (ahead), v (to its right) and w (up) point in sheet axes.
+    # Columns: directions of u (ahead), v (to its right) and w (up) in sheet axes.
     turn = np.array([[-cos, sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, 0]])
-    return union(made).transform(turn)
+    return union(primitives).transform(turn)
 
 
 def _windows(sheet: Sheet, component: Component) -> Manifold:
@@ -114,11 +115,11 @@ def _single(sheet: Sheet, component: Component) -> Manifold:
             return fence(**sizes)
         case "windows":
             return _windows(sheet, component)
-    return _made(component, min(HOUSE_SINK, sizes.get("height", 0.0) / 4))
+    return _primitive(component, min(HOUSE_SINK, sizes.get("height", 0.0) / 4))
 
 
 def copies_of(sheet: Sheet, component: Component) -> list[Manifold]:
-    """Return the copies of a component where the sheet puts them, without mirror images."""
+    """Return the copies of a component at the sheet's places, without mirror images."""
     single = _single(sheet, component)
     if single.status() != Error.NoError or single.volume() <= 0:
         raise ShipError(
@@ -139,8 +140,7 @@ def piece(sheet: Sheet, component: Component) -> Piece:
 def build(sheet: Sheet) -> Ship:
     """Build a ship from its sheet: one watertight solid in ship axes, clipped at the waterline.
 
-    Refuses (`ShipError`) a component that floats: a part of it touches neither the hull nor
-    anything attached to it.
+    Refuses (`ShipError`) a component with any part that is not connected to the hull.
     """
     hull = sheet.hull.solid()
     pieces = [piece(sheet, component) for component in sheet.components]
@@ -156,7 +156,7 @@ def build(sheet: Sheet) -> Ship:
 
 
 def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
-    """Return the outer shell: hidden cavities are filled, and detached components refused."""
+    """Return the outer shell: fill hidden cavities, and refuse detached components."""
     shells = [shell for shell in solid.decompose() if shell.volume() > 0]
     if not shells:
         raise ShipError(

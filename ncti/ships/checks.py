@@ -15,7 +15,7 @@ Check = Callable[[Any], Any]
 
 
 class Refused(Exception):
-    """Error of a value that is not allowed; its message says what is allowed."""
+    """Error of a value that is not allowed; its message names the allowed values."""
 
 
 def number(value: Any, low: float = -1000.0, high: float = 1000.0) -> float:

@@ -15,6 +15,6 @@ class Ship(trimesh.Trimesh):
     """
 
     def _repr_html_(self) -> str:
-        about = self.metadata
-        remarks = (*about["findings"], *about["faults"])
-        return figure(about["name"], np.asarray(self.vertices), np.asarray(self.faces), remarks)
+        metadata = self.metadata
+        remarks = (*metadata["findings"], *metadata["faults"])
+        return figure(metadata["name"], np.asarray(self.vertices), np.asarray(self.faces), remarks)

@@ -8,8 +8,8 @@ import yaml
 
 from ncti.ships.errors import ShipError, shown
 
-# The packaged sheets have up to 2,300 values, nested 6 deep. An alias counts each time it is
-# used: a few lines of aliases to aliases stand for more values than fit into memory.
+# The packaged sheets have up to 2,300 values, nested 6 deep. Every use of an alias counts: a few
+# lines of aliases to aliases stand for more values than fit into memory.
 MOST_VALUES = 50_000
 DEEPEST = 30
 LONGEST = 10_000  # characters of one value
@@ -17,26 +17,26 @@ LONGEST = 10_000  # characters of one value
 # The loader of libyaml, if PyYAML has it, takes a tenth of the time.
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-MERGE = "tag:yaml.org,2002:merge"  # of a key '<<', whose values own ones may replace
+MERGE = "tag:yaml.org,2002:merge"  # of the key '<<', whose values a mapping's own keys override
 
 
 class _Twice(Exception):
-    """A mapping has a key more than once, of which YAML libraries silently take the last."""
+    """Duplicate key in a mapping; YAML libraries silently take the last value."""
 
 
 class _Loader(LOADER):  # type: ignore[valid-type, misc]
-    """A loader that refuses keys given twice."""
+    """A loader that refuses duplicate keys."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         """Return the mapping of a node."""
-        own = [key for key, _ in node.value if key.tag != MERGE]
-        seen = set()
-        for key in own:
+        keys = [key for key, _ in node.value if key.tag != MERGE]
+        names = set()
+        for key in keys:
             if isinstance(key, yaml.ScalarNode):
                 name = self.construct_object(key)
-                if name in seen:
+                if name in names:
                     raise _Twice(f"{shown(name)} is given twice (line {key.start_mark.line + 1})")
-                seen.add(name)
+                names.add(name)
         return super().construct_mapping(node, deep)
 
 
@@ -55,15 +55,15 @@ def read(where: str, text: str) -> Any:
         raise ShipError(f"{where}: {twice}.") from None
     except Exception as error:  # constructors of tags may raise anything
         line = getattr(getattr(error, "problem_mark", None), "line", None)
-        at = "" if line is None else f" (line {line + 1})"
-        raise ShipError(f"{where}: is not valid YAML{at}.") from None
+        position = "" if line is None else f" (line {line + 1})"
+        raise ShipError(f"{where}: is not valid YAML{position}.") from None
 
 
 def _check_size(where: str, text: str) -> None:
-    """Refuse texts that would take long to build, before anything is built."""
+    """Refuse texts that would take long to construct, from their events alone."""
     values = 0
     size_of: dict[str | None, int | None] = {}  # by anchor; None while it is still open
-    opened: list[tuple[str | None, int]] = []  # anchors, and how many values came before
+    opened: list[tuple[str | None, int]] = []  # anchor, and number of values before it
     for event in yaml.parse(text, LOADER):
         match event:
             case yaml.AliasEvent(anchor=anchor):

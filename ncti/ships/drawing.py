@@ -59,8 +59,10 @@ def spans_at(columns: Floats, vertices: Floats, faces: NDArray[np.integer]) -> l
     column = order[place]
     facet = facet[column.argsort(kind="stable")]
     ends = np.bincount(column, minlength=len(columns)).cumsum()
-    met = np.split(facet, ends[:-1])
-    return [_united(*_crossed(x, corners[those])) for x, those in zip(columns, met, strict=True)]
+    by_column = np.split(facet, ends[:-1])
+    return [
+        _united(*_crossed(x, corners[facets])) for x, facets in zip(columns, by_column, strict=True)
+    ]
 
 
 def _crossed(x: float, corners: Floats) -> tuple[Floats, Floats]:
@@ -81,6 +83,6 @@ def _united(low: Floats, high: Floats) -> Floats:
     if not len(low):
         return np.empty((0, 2))
     order = low.argsort()
-    low, reached = low[order], np.maximum.accumulate(high[order])
-    apart = np.flatnonzero(low[1:] > reached[:-1] + 1e-9)
-    return np.stack([low[np.r_[0, apart + 1]], reached[np.r_[apart, len(low) - 1]]], axis=-1)
+    low, reach = low[order], np.maximum.accumulate(high[order])
+    gaps = np.flatnonzero(low[1:] > reach[:-1] + 1e-9)
+    return np.stack([low[np.r_[0, gaps + 1]], reach[np.r_[gaps, len(low) - 1]]], axis=-1)

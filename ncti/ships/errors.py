@@ -9,7 +9,7 @@ LONGEST = 1000  # characters of a message
 
 
 class ShipError(ValueError):
-    """Error of a ship that cannot be loaded, in one sentence with the value and what is allowed.
+    """Error of a ship that cannot be loaded: one sentence with the value and the allowed ones.
 
     Names and paths are a user's own, so characters that cannot be printed are escaped.
 
@@ -40,7 +40,7 @@ def printable(text: str) -> str:
 def shown(value: Any) -> str:
     """Return a value as text of at most 60 characters, in a time independent of its size.
 
-    An alias in YAML is a few bytes and may stand for millions of values.
+    A YAML alias takes a few bytes but may expand to millions of values.
     """
     return _Short().repr(value)[:60]
 

@@ -14,8 +14,8 @@ Floats = NDArray[np.float64]
 class MonotoneCubic:
     """Piecewise cubic that is monotone wherever its knots are.
 
-    The slopes are those of Fritsch and Butland (doi:10.1137/0905021), as in SciPy's
-    `PchipInterpolator`, to the bit; but `scipy.interpolate` takes most of a second to import.
+    It has the slopes of Fritsch and Butland (doi:10.1137/0905021), bit for bit those of SciPy's
+    `PchipInterpolator`, without importing `scipy.interpolate`, which takes most of a second.
     """
 
     x: Floats  # (knot,)
@@ -41,13 +41,13 @@ class MonotoneCubic:
         return cls(x, y, slopes)
 
     def __call__(self, x: ArrayLike) -> Floats:
-        """Return the curves at some places between the knots, (..., curve)."""
+        """Return the curves (..., curve) at `x` between the knots."""
         x = np.asarray(x, float)
         piece = np.clip(np.searchsorted(self.x, x, side="right") - 1, 0, len(self.x) - 2)
         h, s = np.diff(self.x)[piece, None], (x - self.x[piece])[..., None]
         start, end = self.slopes[piece], self.slopes[piece + 1]
         square = s * s
-        with np.errstate(over="ignore", invalid="ignore"):  # of knots at one place, nearly
+        with np.errstate(over="ignore", invalid="ignore"):  # knots may nearly coincide
             mean = (self.y[piece + 1] - self.y[piece]) / h
             excess = (start + end - 2 * mean) / h
             curved = ((mean - start) / h - excess) * square

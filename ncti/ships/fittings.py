@@ -21,7 +21,7 @@ def along_edge(hull: Hull, edge: tuple[float, float], *, inset: float, pitch: fl
 
 
 def _stretch(path: Points, pitch: float) -> Points:
-    """Return nodes along a path about `pitch` apart, its corners among them."""
+    """Return nodes along a path about `pitch` apart, including its corners."""
     nodes = [path[:1]]
     for before, after in pairwise(path):
         count = max(1, round(float(np.linalg.norm(after - before)) / pitch))

@@ -27,9 +27,9 @@ class Hull:
 
     `loa` [m] is the length overall. `stations` (n, 4) [m] have distance from the stem, height of
     the weather deck at side, half-breadth at the deck and at the waterline, NaN where the section
-    does not reach the water. `stem_foot` [m] is the distance from the stem's head to where it meets
-    the water, `transom_head` [m] the height of the transom's upper edge, the aftermost point, and
-    `transom_angle` [deg] that to the vertical; its foot is further forward.
+    does not reach the water. `stem_foot` [m] is the distance from the stem's head to its waterline
+    point, `transom_head` [m] the height of the transom's upper edge, the aftermost point, and
+    `transom_angle` [deg] the transom's angle to the vertical, with its foot further forward.
     """
 
     loa: float
@@ -74,10 +74,10 @@ class Hull:
     def solid(self) -> Manifold:
         """Return the hull from the waterline to the weather deck."""
         every_metre = np.arange(0, self.loa)
-        given = self.stations[:, 0]
-        fresh = np.abs(every_metre[:, None] - given).min(axis=1) > 0.05
+        station_x = self.stations[:, 0]
+        fresh = np.abs(every_metre[:, None] - station_x).min(axis=1) > 0.05
         # Half a metre past the transom's head, for the transom's plane to cut.
-        x = np.sort(np.concatenate([every_metre[fresh], given, [self.loa + 0.5]]))
+        x = np.sort(np.concatenate([every_metre[fresh], station_x, [self.loa + 0.5]]))
         half_deck, deck = self.deck_edge(x)
         wet = self.stations[~np.isnan(self.stations[:, 3]), 0]
         half_water = self._waterline(np.clip(x, wet[0], wet[-1]))[:, 0]

@@ -47,7 +47,7 @@ LONGEST_LABEL = 100  # characters
 
 @dataclass(frozen=True)
 class _Source:
-    """Content of a sheet or mesh file, and which variant of a sheet it stands for."""
+    """Content of a sheet or mesh file, and the variant of the sheet if it is one."""
 
     name: str
     suffix: str
@@ -197,17 +197,17 @@ def ship_mesh(
     """Return the mesh of `load` without importing trimesh; raises as `load` does."""
     source, transform = _find(name_or_path), transform or Transform()
     ship, diagnosis, faults = _solid(source, transform, cache)
-    about = {
+    attributes = {
         "name": source.name,
         "digest": transform.digest(source.digest),
         "loa": ship.loa,
         "beam": ship.beam,
         "variant_of": source.variant.base if source.variant else None,
         "findings": diagnosis.findings,
-        "mend": _whole(transform, diagnosis),
+        "mend": _corrected(transform, diagnosis),
         "faults": faults,
     }
-    return ShipMesh(ship.vertices, ship.faces, about)
+    return ShipMesh(ship.vertices, ship.faces, attributes)
 
 
 def variants(
@@ -274,13 +274,13 @@ def variants(
     """
     if name not in names():
         raise ShipError(f"name {shown(name)} must be one of {', '.join(names())}.")
-    for what, value, least in (("count", count, 1), ("seed", seed, 0)):
+    for key, value, least in (("count", count, 1), ("seed", seed, 0)):
         if (
             isinstance(value, bool)
             or not isinstance(value, Integral)
             or not least <= value < 10**18
         ):
-            raise ShipError(f"{what} {shown(value)} must be a whole number of at least {least}.")
+            raise ShipError(f"{key} {shown(value)} must be a whole number of at least {least}.")
     try:
         scale = checks.number(scale, low=LEAST_SCALE, high=MOST_SCALE)
     except checks.Refused as allowed:
@@ -382,7 +382,7 @@ def describe(
 
     Notes
     -----
-    Where more than two facets meet at an edge of a file, bodies that touch are told apart; bodies
+    Bodies that touch are separated where more than two facets meet at an edge of a file; bodies
     that are inside out are turned, and vertices along open edges merged that differ by less than
     1e-5 of the longest extent. All bodies are united.
 
@@ -415,14 +415,14 @@ def describe(
         ship.vertices,
         ship.faces,
         diagnosis.findings,
-        _whole(transform, diagnosis),
+        _corrected(transform, diagnosis),
         faults,
     )
 
 
-def _whole(given: Transform, diagnosis: Diagnosis) -> Transform | None:
-    """Return the transform of a file, with the faults that a given one leaves corrected."""
-    return None if diagnosis.mend is None else given.then(diagnosis.mend)
+def _corrected(transform: Transform, diagnosis: Diagnosis) -> Transform | None:
+    """Return the transform of a file that also corrects the diagnosed faults, if there are any."""
+    return None if diagnosis.mend is None else transform.then(diagnosis.mend)
 
 
 def _solid(
@@ -523,7 +523,7 @@ def _content(path: Path, megabytes: int) -> bytes:
 
 
 def _open_without_waiting(path: str, flags: int) -> int:
-    # In case a pipe has replaced the file since it was checked.
+    # A pipe may have replaced the file since the check.
     return os.open(path, flags | os.O_NONBLOCK)
 
 
@@ -541,7 +541,7 @@ def _templates() -> bytes:
 
 @memoised
 def _builder() -> bytes:
-    """Return the dependencies of a mesh besides its sheet: this package, the solid modeller."""
+    """Return hashes of the code that builds a mesh: this package and the solid modeller."""
     modules = sorted(
         (entry.name, entry.read_bytes())
         for entry in resources.files("ncti.ships").iterdir()

@@ -24,7 +24,7 @@ SMALLEST, LARGEST = 1.0, 1000.0  # extent of anything that may pass for a ship i
 
 UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
 UNITS["kilometres"] = 1000.0
-SHORTEST_SHIP, LONGEST_SHIP = 10.0, 460.0  # [m]; what a unit is guessed by
+SHORTEST_SHIP, LONGEST_SHIP = 10.0, 460.0  # [m]; bounds for guessing the unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +71,9 @@ def place(
 def _in_ship_frame(
     parts: list[trimesh.Trimesh], transform: Transform, where: str
 ) -> list[trimesh.Trimesh]:
-    """Return transformed geometries; refuse those that are no ship by their size."""
+    """Return transformed geometries; refuse sizes that no ship has."""
     if not transform.is_identity:
-        with np.errstate(all="ignore"):  # what is not finite is refused below
+        with np.errstate(all="ignore"):  # coordinates that are not finite are refused below
             for part in parts:
                 part.vertices = transform.apply(part.vertices)
     if not all(np.isfinite(part.vertices).all() for part in parts):
@@ -89,7 +89,7 @@ def _in_ship_frame(
 def _bodies(
     parts: list[trimesh.Trimesh], transform: Transform, where: str
 ) -> tuple[list[Body], tuple[str, ...]]:
-    """Return the closed bodies of geometries, and their faults that are mended."""
+    """Return the closed bodies of geometries, and the faults mended in them."""
     import trimesh
 
     merged = [_merged(part) for part in parts]
@@ -112,33 +112,33 @@ def _above_water(
     bodies: list[Body], transform: Transform, where: str, faults: tuple[str, ...]
 ) -> Placed:
     """Return the union of bodies above the waterline."""
-    whole = reduce(Body.joined, bodies)
-    low, high = (float(height) for height in whole.bounds[:, 2])
-    diagnosis = diagnose(whole.vertices, whole.faces)
+    merged = reduce(Body.joined, bodies)
+    low, high = (float(height) for height in merged.bounds[:, 2])
+    diagnosis = diagnose(merged.vertices, merged.faces)
     if high <= 0:
         mend = diagnosis.mend and transform.then(diagnosis.mend)
         findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
         advice = f" ({{{mend}}} would correct that)" if mend else ""
         raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")
-    given = [body for body in bodies if body.volume]
-    if not given:
+    solid_bodies = [body for body in bodies if body.volume]
+    if not solid_bodies:
         raise ShipError(f"{where} has no inside, but must be the surface of a solid.")
-    if len(given) > 1 or low < 0:
-        solid = union([body.solid(where) for body in given])
+    if len(solid_bodies) > 1 or low < 0:
+        solid = union([body.solid(where) for body in solid_bodies])
         if low < 0:
             solid = solid.trim_by_plane((0, 0, 1), 0)
         plates = [body for body in bodies if not body.volume and body.bounds[0, 2] >= 0]
-        whole = reduce(Body.joined, plates, Body.of(solid))
+        merged = reduce(Body.joined, plates, Body.of(solid))
     return Placed(
-        np.array(whole.vertices, dtype=np.float64),
-        np.array(whole.faces, dtype=np.int32),
+        np.array(merged.vertices, dtype=np.float64),
+        np.array(merged.faces, dtype=np.int32),
         diagnosis,
         faults,
     )
 
 
 def _check_size(extent: float, scale: float, where: str) -> None:
-    """Refuse a mesh that is no ship in metres, and name the units in which it would be one."""
+    """Refuse a mesh too small or large for a ship in metres, and suggest fitting units."""
     if SMALLEST <= extent <= LARGEST:
         return
     guesses = ", ".join(
@@ -146,9 +146,9 @@ def _check_size(extent: float, scale: float, where: str) -> None:
         for name, unit in UNITS.items()
         if SHORTEST_SHIP <= extent * unit <= LONGEST_SHIP and scale == 1.0
     )
-    own = "in its own unit" if scale == 1.0 else f"with scale {scale:g}"
+    unit_note = "in its own unit" if scale == 1.0 else f"with scale {scale:g}"
     raise ShipError(
-        f"{where} is {extent:g} across {own}, but must be in metres, {SMALLEST:g} to "
+        f"{where} is {extent:g} across {unit_note}, but must be in metres, {SMALLEST:g} to "
         f"{LARGEST:g} m{f' ({guesses})' if guesses else ''}."
     )
 
@@ -182,7 +182,7 @@ def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
 
 
 def _is_binary_stl(data: bytes) -> bool:
-    """Return whether the length is that of a header of 80 bytes, a count and facets of 50 bytes."""
+    """Return whether the length fits a header of 80 bytes, a count and facets of 50 bytes."""
     return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 

@@ -1,7 +1,7 @@
 """Signs that a mesh is not in the ship frame, and the transform that would put it there.
 
-A ship is long, alike on both sides, and sparse at the top: areas of its cross-sections along the
-three axes show which of them is which. Everything is relative to the mesh's own size.
+A ship is long, alike on both sides, and sparse at the top: areas of its cross-sections identify
+the three axes. Everything is relative to the mesh's own size.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SHORT = 0.5  # length of the lowest sections over that of the highest, below whi
 FINER = 1.3  # ratio of sections at both ends from which the finer one is taken as the bow
 OFF_CENTRE = 0.25  # distance of the origin from the middle, of length or beam
 AFLOAT = 0.005  # height of the lowest point above the water, of the height, that rounding leaves
-LEAST_LIFT = 0.005  # that is worth a word, as offsets are given to 0.01 m [m]
+LEAST_LIFT = 0.005  # least height [m] reported, as offsets are rounded to 0.01 m
 KEEL = 0.75  # area of the lowest section over that of one higher, below which the lowest is a keel
 DRAUGHT = 1 / 3  # of the beam, where it is not known
 
@@ -47,7 +47,7 @@ def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
     `vertices` (vertex, 3) [m] include those below the waterline; `faces` (facet, 3) are of a closed
     mesh. The vertical axis is the one along which areas of sections are least symmetric; its upper
     end has short sections. The longer of the two others is the length, and the bow its finer end,
-    which is a guess. A box is as symmetric along all of its axes, and only its extents count.
+    which is a guess. A box is equally symmetric along all axes, so only its extents count.
 
     Not found: a bow that points aft, a mirror image, a ship on its side that is as symmetric that
     way, and a flat-bottomed hull that stands on its keel.
@@ -55,8 +55,8 @@ def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
     if not len(vertices) or not (np.ptp(vertices, axis=0) > 0).all():
         return Diagnosis()
     turn, findings = _turn(vertices, faces)
-    shift, others = _shift(turn.apply(vertices), faces, turn.up)
-    findings += others
+    shift, origin_findings = _shift(turn.apply(vertices), faces, turn.up)
+    findings += origin_findings
     if not findings:
         return Diagnosis()
     offset = [round(value, 2) for value in shift]
@@ -72,7 +72,7 @@ def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list
     if (vertical, along, down) == (2, 0, False):
         return Transform(), []
     end = max(1, round(ENDS * SECTIONS))
-    first, last = (float(areas[along][part].mean()) for part in (slice(end), slice(-end, None)))
+    first, last = (float(areas[along][ends].mean()) for ends in (slice(end), slice(-end, None)))
     # Positive where both ends are alike.
     backward = last > FINER * first
     up, forward = (
@@ -89,7 +89,7 @@ def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list
 
 
 def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, int]:
-    """Return the axes that are the vertical one and the length: z and x if they may be."""
+    """Return the vertical and the longitudinal axis: z and x unless the shape excludes them."""
     least = int(np.argmax(asymmetry))
     vertical = 2
     # A length may be as unlike at its ends, but no height is the longest of three in a hull.
@@ -150,8 +150,8 @@ def _origin_along(low: float, high: float) -> str:
 def _off_the_water(low: float, high: float, up: str) -> list[str]:
     """Return the finding on a mesh whose ends in ship axes are both above z = 0, or both below.
 
-    It is said of the mesh as it is given: one that is upside down hangs above the water where the
-    ship that it is turned into would be under it.
+    It describes the mesh as given: an upside-down mesh floats above the water where the upright
+    ship would be under it.
     """
     if up[-1] != "z":
         if low > 0:
@@ -171,15 +171,15 @@ def _distance(metres: float) -> str:
 
 
 def _has_keel(vertices: Floats, faces: NDArray[np.integer]) -> bool:
-    """Return whether the lowest section is much smaller than those above, as that of a keel."""
+    """Return whether the lowest section is much smaller than one above, as at a keel."""
     low, above = section_areas(vertices, faces, 2, places=np.array([BOTTOM, ABOVE_BOTTOM]))
     return bool(low < KEEL * above)
 
 
 def _asymmetry(areas: Floats) -> float:
     """Return the share of volume that would have to move to make both ends alike, 0 to 1."""
-    whole = float(areas.sum())
-    return float(np.abs(areas - areas[::-1]).sum()) / (2 * whole) if whole > 0 else 0.0
+    total = float(areas.sum())
+    return float(np.abs(areas - areas[::-1]).sum()) / (2 * total) if total > 0 else 0.0
 
 
 def section_areas(
@@ -221,7 +221,7 @@ def section_areas(
 
 
 def _sum_beyond(places: Floats, weights: Floats, cuts: Floats) -> Floats:
-    """Return the sum of weights at places beyond each of some ascending cuts."""
+    """Return for each of the ascending cuts the sum of weights at places beyond it."""
     number = np.searchsorted(cuts, places, side="left")
     inside = np.bincount(number, weights, len(cuts) + 1).astype(np.float64)
     beyond: Floats = np.cumsum(inside[::-1])[::-1][1:]

@@ -1,7 +1,7 @@
 """Variants of ships: sheets perturbed within their stated uncertainty.
 
-Components that touch in a sheet have to touch in its variants. So the sheet's space is warped as a
-whole first, and components are then moved on their carriers. A variant is built as any sheet.
+Components that touch in a sheet must touch in its variants. So one warp moves the sheet's whole
+space first, and components then move on their carriers. A variant is built like any sheet.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ LEAST_SCALE, MOST_SCALE = 0.001, 4.0  # beyond, warps would fold
 LEAST_SIZE, MOST_SIZE = 0.5, 2.0
 LIMIT = 2.0  # sigmas that no place or size goes beyond
 ACROSS, UPWARD = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
-MODES = 6  # half waves along the ship of what its parts have in common
-SHEER_MODES = 2  # of heights, so that what stands on two neighbours goes on standing on both
-MAST = 10.0  # height [m] from which on heights may be off by all of their sigma
+MODES = 6  # half waves along the ship of the displacement common to its parts
+SHEER_MODES = 2  # of heights, so that a component on two neighbours still stands on both
+MAST = 10.0  # height [m] from which heights vary by their full sigma
 OFFSETS = 0.03  # sigma of half-breadths, relative: 0.2 m of generic lines
 KEPT = 0.5  # share of its contact with its carrier that a moved component keeps, at least
 HALVINGS = 5
 
-# Sizes along x, y and z of what is stretched with the space about it. Equipment is not: it is of
-# a type whose sizes are known, and neither are bars and bodies of revolution.
+# Sizes along x, y and z of primitives that stretch with the space about them. Equipment does not,
+# as the sizes of its type are known, nor do bars and bodies of revolution.
 ALONG = ("length", "top_length", "top_shift")
 BREADTH = ("width", "top_width")
 STRETCHED = ("box", "prism", "poly", "lattice", "recess", "step", "yard", "cyl", "pole")
@@ -45,7 +45,7 @@ FREE = ("box", "prism", "cyl", "pole", "sphere", "yard")
 
 
 def no_variant(name: str) -> ShipError:
-    """Return the error of a name that has '@', but is not that of a variant."""
+    """Return the error of a name with '@' that names no variant."""
     return ShipError(
         f"variant {shown(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
         "SHIP@SEED.NUMBERxSCALEsSIZE, without needless digits."
@@ -66,13 +66,13 @@ class Variant:
     size: float = 1.0
 
     def __str__(self) -> str:
-        scaled = "" if self.scale == 1 else f"x{self.scale:g}"
-        sized = "" if self.size == 1 else f"s{self.size:g}"
-        return f"{self.base}@{self.seed}.{self.number}{scaled}{sized}"
+        scale_suffix = "" if self.scale == 1 else f"x{self.scale:g}"
+        size_suffix = "" if self.size == 1 else f"s{self.size:g}"
+        return f"{self.base}@{self.seed}.{self.number}{scale_suffix}{size_suffix}"
 
     @classmethod
     def read(cls, name: str) -> Variant | None:
-        """Return the variant of a name that has the form of one; `ShipError` if it is none."""
+        """Return the variant that a name with '@' stands for, or None; refuse malformed ones."""
         factors = r"(?:x([\d.]{1,10}))?(?:s([\d.]{1,10}))?"
         match = re.fullmatch(rf"([^@]*)@(\d{{1,18}})\.(\d{{1,18}}){factors}", name)
         if match is None:
@@ -84,19 +84,19 @@ class Variant:
             variant = None
         if variant is None or str(variant) != name or variant.number < 1:
             raise no_variant(name)
-        for what, factor, low, high in (
+        for key, factor, low, high in (
             ("scale", variant.scale, LEAST_SCALE, MOST_SCALE),
             ("size", variant.size, LEAST_SIZE, MOST_SIZE),
         ):
             if not low <= factor <= high:
                 raise ShipError(
-                    f"variant {shown(name)} has the {what} {factor:g}, but must have one between "
+                    f"variant {shown(name)} has the {key} {factor:g}, but must have one between "
                     f"{low:g} and {high:g}."
                 )
         return variant
 
     def stream(self, attempt: int) -> np.random.Generator:
-        """Return the random stream of a try, the same for any scale and size."""
+        """Return the random stream of an attempt, the same for any scale and size."""
         ship = int.from_bytes(hashlib.sha256(self.base.encode()).digest()[:8])
         return np.random.default_rng([ship, self.seed, self.number, attempt])
 
@@ -106,7 +106,7 @@ class Carriage:
     """Tree over the components of a sheet by which each carries others; the hull is its root.
 
     `order` has the numbers of all components, each after its carrier; `carrier` the number of each
-    one's, -1 for the hull; `contact` the volume that each copy shares with it [m^3].
+    component's carrier, -1 for the hull; `contact` the volume that each copy shares with it [m^3].
     """
 
     order: tuple[int, ...]
@@ -114,7 +114,7 @@ class Carriage:
     contact: tuple[Floats, ...]
 
     def feet(self) -> tuple[int, ...]:
-        """Return for each component the one below it, or itself, that stands on the hull."""
+        """Return for each component its ancestor, or itself, that stands on the hull."""
         feet = list(range(len(self.order)))
         for number in self.order:
             if self.carrier[number] >= 0:
@@ -143,10 +143,10 @@ def _bounds(solids: list[Manifold]) -> Floats:
 
 
 def carriage(sheet: Sheet) -> Carriage:
-    """Return the carriers of a ship's components: each hangs on its strongest contacts.
+    """Return the carriers of a ship's components by their strongest contacts.
 
-    It is the spanning tree of most common volume, grown from the hull (Prim's algorithm). Cuts
-    carry nothing. The hull carries a component that touches nothing.
+    They form the maximum spanning tree by common volume, grown from the hull (Prim's algorithm).
+    Cuts carry nothing. The hull carries a component that touches nothing.
     """
     count = len(sheet.components)
     solids = [copies_of(sheet, component) for component in sheet.components]
@@ -244,7 +244,7 @@ class _Warp:
         return np.sign(y) * moved
 
     def lines(self) -> Hull:
-        """Return the hull as it is moved."""
+        """Return the warped hull."""
         x, deck, half, water = self.hull.stations.T
         stations = np.column_stack(
             [
@@ -281,13 +281,13 @@ def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, f
 
 
 def _warped(component: Component, warp: _Warp, column: float) -> Component:
-    """Return a component where the warp puts it, and as the warp stretches it.
+    """Return a component moved and stretched by the warp.
 
-    `column` is the place along the ship [m] of its carrier on the hull: heights and breadths move
-    as there, so that components on top of one another stay so.
+    `column` is the place along the ship [m] of its carrier on the hull: the warp there moves
+    heights and breadths, so that stacked components stay stacked.
     """
     (x, y, z), sizes = component.at, dict(component.sizes)
-    at = (
+    position = (
         float(warp.x(x)) if "x" in component.place else x,
         float(warp.y(column, y)) if "y" in component.place else y,
         float(warp.z(column, z)) if "z" in component.place else z,
@@ -312,18 +312,18 @@ def _warped(component: Component, warp: _Warp, column: float) -> Component:
     px, py = np.add(component.offsets, (x, y)).T
     moved = np.column_stack([warp.x(px), warp.y(column, py)])
     offsets = tuple((float(dx), float(dy)) for dx, dy in moved - moved[0])
-    return replace(component, at=at, sizes=sizes, offsets=offsets)
+    return replace(component, at=position, sizes=sizes, offsets=offsets)
 
 
 def _moved(component: Component, shift: Floats) -> Component:
     """Return a component moved by (x, y, z) [m]."""
     sizes = dict(component.sizes)
-    own = [axis in component.place for axis in "xyz"]
+    movable = [axis in component.place for axis in "xyz"]
     if "outline" in sizes:
         sizes["outline"] = sizes["outline"] + shift[:2]
     if "path" in sizes:
         sizes["path"] = sizes["path"] + shift
-    x, y, z = map(float, component.at + np.where(own, shift, 0))
+    x, y, z = map(float, component.at + np.where(movable, shift, 0))
     return replace(component, at=(x, y, z), sizes=sizes)
 
 
@@ -360,12 +360,12 @@ def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale:
     sigma, feet, carriers = scale * borne.sigmas(sheet), borne.feet(), set(borne.carrier)
     places = np.clip(rng.standard_normal((len(sigma), 2)), -LIMIT, LIMIT) * [1, ACROSS]
     sizes = np.clip(rng.standard_normal(len(sigma)), -LIMIT, LIMIT)
-    moves, made, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
+    moves, components, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
 
     def placed(number: int, move: Floats) -> Component:
         component, column = sheet.components[number], _middle(sheet.components[feet[number]])
         plan = move if feet[number] == number else moves[feet[number]]
-        # The deck where the foot now stands, against where the warp alone would put it.
+        # Rise of the deck from the place that the warp alone gives the foot to its final place.
         _, before = sheet.hull.deck_edge(column)
         _, after = fresh.hull.deck_edge(warp.x(column) + plan[0])
         rise = float(after - warp.z(column, before))
@@ -380,36 +380,36 @@ def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale:
         reach = _bounds(copies)[:, :2]
         if (reach[0] < low).any() or (reach[1] > high).any():
             return False
-        kept = _shared(copies, solids[borne.carrier[number]])
-        return bool((kept >= KEPT * borne.contact[number]).all())
+        contact = _shared(copies, solids[borne.carrier[number]])
+        return bool((contact >= KEPT * borne.contact[number]).all())
 
     for number in borne.order:
         component, carrier = sheet.components[number], borne.carrier[number]
         base = moves[carrier] if carrier >= 0 else np.zeros(2)
         below = max(common, sigma[carrier]) if carrier >= 0 else common
-        own = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
+        shift = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
         if _is_amidships(component):
-            base, own = base * [1, 0], own * [1, 0]
+            base, shift = base * [1, 0], shift * [1, 0]
         if component.cuts or "edge" in component.sizes:
-            own[:] = 0.0  # their place is that of the deck's edge, or of what they are cut from
-        if own.any():
+            shift[:] = 0.0  # the deck's edge, or the body they are cut from, fixes their place
+        if shift.any():
             unmoved = copies_of(fresh, placed(number, base))
             room = _bounds([*hull, *unmoved])[:, :2]
-            halved = (own / 2**halving for halving in range(HALVINGS))
+            halved = (shift / 2**halving for halving in range(HALVINGS))
             tried = ((move, copies_of(fresh, placed(number, base + move))) for move in halved)
             fitting = (move for move, copies in tried if holds(number, room, copies))
-            own = next(fitting, np.zeros(2))
-        moves[number] = base + own
-        made[number] = placed(number, moves[number])
+            shift = next(fitting, np.zeros(2))
+        moves[number] = base + shift
+        components[number] = placed(number, moves[number])
         if number in carriers:
-            solids[number] = copies_of(fresh, made[number])
-    return replace(fresh, components=tuple(made))
+            solids[number] = copies_of(fresh, components[number])
+    return replace(fresh, components=tuple(components))
 
 
 def build_variant(sheet: Sheet, borne: Carriage, variant: Variant) -> Ship:
-    """Return the ship of the first try that builds; `ShipError` if none does.
+    """Return the ship of the first attempt that builds; `ShipError` if none does.
 
-    The stream of a try is keyed by ship, seed, number and try.
+    Ship, seed, number and attempt key the stream of an attempt.
     """
     for attempt in range(TRIES):
         try:

@@ -36,4 +36,4 @@ class ShipMesh:
 
 
 Mesh: TypeAlias = "trimesh.Trimesh | ShipMesh"
-"""What views are drawn of."""
+"""Mesh of which views are drawn."""

@@ -1,7 +1,7 @@
 """Reading of ship sheets into checked, frozen dataclasses; `sheets/README.md` has the rules.
 
-Errors in a sheet are found here, before any solid is made: a `ShipError` names the value and what
-is allowed.
+Errors in a sheet are found here, before any solid is built: a `ShipError` names the value and the
+allowed ones.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Part:
 
     @property
     def place(self) -> str:
-        """Those of x, y and z that position it."""
+        """Names of the coordinates, among x, y and z, that position it."""
         return PRIMITIVES[self.prim].place
 
     @property
@@ -97,7 +97,7 @@ def _mapping(where: str, value: Any, needs: frozenset[str]) -> dict[str, Any]:
 
 
 def _known(where: str, value: Any, keys: tuple[frozenset[str], frozenset[str]]) -> dict[str, Any]:
-    """Return a mapping with all keys of the first set, and no others but of the second."""
+    """Return a mapping that has all keys of the first set, and others only of the second."""
     mapping = _mapping(where, value, keys[0])
     for key in sorted(mapping.keys() - keys[0] - keys[1], key=str):
         allowed = ", ".join(sorted(keys[0] | keys[1]))
@@ -105,14 +105,14 @@ def _known(where: str, value: Any, keys: tuple[frozenset[str], frozenset[str]]) 
     return mapping
 
 
-def _sizes(where: str, prim: str, given: Mapping[str, Any]) -> dict[str, Any]:
+def _sizes(where: str, prim: str, entry: Mapping[str, Any]) -> dict[str, Any]:
     spec = PRIMITIVES[prim]
-    for key in sorted(spec.needs - given.keys()):
+    for key in sorted(spec.needs - entry.keys()):
         raise ShipError(f"{where}: '{key}' is missing; {prim} needs {spec.describe()}.")
-    for key in sorted(given.keys() - spec.needs - spec.may, key=str):
+    for key in sorted(entry.keys() - spec.needs - spec.may, key=str):
         known = ", ".join(sorted(spec.needs | spec.may))
         raise ShipError(f"{where}: {shown(key)} is not a key of {prim}, which knows {known}.")
-    sizes = {KEYS[key].parameter: _value(where, key, given[key], KEYS[key].check) for key in given}
+    sizes = {KEYS[key].parameter: _value(where, key, entry[key], KEYS[key].check) for key in entry}
     if prim == "bulwark" and sizes["end"] <= sizes["edge"][1]:
         raise ShipError(f"{where}: 'x_end' is {sizes['end']:g}, but must be aft of 'edge'.")
     if prim in ("rail", "net") and ("path" in sizes) == ("edge" in sizes):
@@ -126,9 +126,9 @@ def _prim(where: str, value: Any, known: Mapping[str, Primitive]) -> str:
     return value
 
 
-def _templates(where: str, given: Any) -> dict[str, tuple[Part, ...]]:
+def _templates(where: str, value: Any) -> dict[str, tuple[Part, ...]]:
     templates = {}
-    for name, entry in _mapping(f"{where}: templates", given, frozenset()).items():
+    for name, entry in _mapping(f"{where}: templates", value, frozenset()).items():
         place = f"{where}: template {shown(name)}"
         parts = _known(place, entry, TEMPLATE)["parts"]
         if not isinstance(parts, list) or not parts:
@@ -141,15 +141,15 @@ def _template_part(where: str, part: Any) -> Part:
     if not isinstance(part, list) or len(part) != 5:
         raise ShipError(f"{where}: a part must be [prim, u, v, w, sizes], not {shown(part)}.")
     prim = _prim(where, part[0], PARTS)
-    at = tuple(
+    position = tuple(
         _value(where, key, value, checks.number)
         for key, value in zip("uvw", part[1:4], strict=True)
     )
-    return Part(prim, at, _sizes(where, prim, _mapping(where, part[4], frozenset())))
+    return Part(prim, position, _sizes(where, prim, _mapping(where, part[4], frozenset())))
 
 
-def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Component | None:
-    entry = _mapping(where, given, frozenset({"name", "prim", "src"}))
+def _component(where: str, value: Any, templates: Mapping[str, Any]) -> Component | None:
+    entry = _mapping(where, value, frozenset({"name", "prim", "src"}))
     name = _value(where, "name", entry["name"], checks.text)
     where = f"{where} {shown(name)}"
     place_sigma, size_sigma = _uncertainty(_value(where, "src", entry["src"], checks.text))
@@ -174,8 +174,10 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
         raise ShipError(f"{where}: 'n' is {count}, so 'dx_n' must be their distance in metres.")
     offsets = [(k * pitch, 0.0) for k in range(count)]
     if "repeat" in entry:
-        again = _value(where, "repeat", entry["repeat"], partial(checks.points, columns=2, rows=1))
-        offsets += [(float(px) - x, float(py) - y) for px, py in again]
+        repeats = _value(
+            where, "repeat", entry["repeat"], partial(checks.points, columns=2, rows=1)
+        )
+        offsets += [(float(px) - x, float(py) - y) for px, py in repeats]
     component = Component(
         prim=prim,
         at=(x, y, z),
@@ -191,7 +193,7 @@ def _component(where: str, given: Any, templates: Mapping[str, Any]) -> Componen
 
 
 def _uncertainty(src: str) -> tuple[float, float]:
-    """Return the uncertainty of place [m] and sizes (relative), that of the least certain tag."""
+    """Return the uncertainty of place [m] and sizes (relative) of the least certain tag."""
     tags = [UNCERTAINTY[tag] for tag in re.findall(r"\b[PMGE]\b", src)]
     place, size = np.max(tags or [UNCERTAINTY["E"]], axis=0)
     return float(place), float(size)
@@ -228,9 +230,9 @@ def _hull(where: str, sheet: Mapping[str, Any]) -> Hull:
     return Hull(loa, stations, stem_foot, head_z, angle)
 
 
-def _stations(where: str, given: Any) -> np.ndarray:
+def _stations(where: str, table: Any) -> np.ndarray:
     where = f"{where}: stations"
-    if not isinstance(given, list) or any(not isinstance(s, list) or len(s) != 4 for s in given):
+    if not isinstance(table, list) or any(not isinstance(s, list) or len(s) != 4 for s in table):
         raise ShipError(f"{where} must be a list of [x, deck z, half-breadth, half-breadth at WL].")
     height = partial(checks.number, low=0.3, high=50.0)
     breadth = partial(checks.number, low=0.01, high=50.0)
@@ -241,7 +243,7 @@ def _stations(where: str, given: Any) -> np.ndarray:
             _value(where, "half-breadth", half, breadth),
             np.nan if water is None else _value(where, "half-breadth at WL", water, breadth),
         )
-        for x, deck, half, water in given
+        for x, deck, half, water in table
     ]
     stations = np.array(rows).reshape(-1, 4)
     wet = np.flatnonzero(~np.isnan(stations[:, 3]))

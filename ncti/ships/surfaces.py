@@ -42,11 +42,11 @@ class Surface:
         return components(linked // 3, self.partners[linked] // 3, len(self.faces))
 
     def split(self) -> Surface:
-        """Return it with separate vertices where facets meet that are no neighbours."""
+        """Return the surface with vertices shared by neighbouring facets only."""
         linked = np.flatnonzero(self.partners >= 0)
-        mine, theirs = linked, self.partners[linked]
-        starts = np.concatenate([mine, following(mine)])
-        ends = np.concatenate([following(theirs), theirs])
+        edges, partners = linked, self.partners[linked]
+        starts = np.concatenate([edges, following(edges)])
+        ends = np.concatenate([following(partners), partners])
         corner = components(starts, ends, self.faces.size)
         vertices = np.empty((int(corner.max()) + 1, 3))
         vertices[corner] = self.vertices[self.faces.ravel()]
@@ -54,20 +54,20 @@ class Surface:
 
 
 def surface_of(vertices: Floats, faces: Faces) -> Surface:
-    """Return the surface of facets; where more than two meet, those that bound the same solid."""
+    """Return the surface of facets; where more than two meet, partners bound the same solid."""
     ends, order, starts, counts = _sorted_edges(len(vertices), faces)
     partners = np.full(len(ends), -1)
-    one, other = _in_twos(order, starts, counts)
-    opposed = ends[one, 0] != ends[other, 0]
-    one, other = one[opposed], other[opposed]
+    first, second = _in_twos(order, starts, counts)
+    opposed = ends[first, 0] != ends[second, 0]
+    first, second = first[opposed], second[opposed]
     line = np.repeat(np.arange(len(counts)), counts)
-    several = np.repeat(counts > 2, counts)
-    if several.any():
-        patches = components(one // 3, other // 3, len(faces))
-        opening, closing = _around_solid(vertices, faces, order[several], line[several], patches)
-        one, other = np.concatenate([one, opening]), np.concatenate([other, closing])
-    partners[one], partners[other] = other, one
-    return Surface(vertices, faces, partners, is_pinched=bool(several.any()))
+    crowded = np.repeat(counts > 2, counts)
+    if crowded.any():
+        patches = components(first // 3, second // 3, len(faces))
+        opening, closing = _around_solid(vertices, faces, order[crowded], line[crowded], patches)
+        first, second = np.concatenate([first, opening]), np.concatenate([second, closing])
+    partners[first], partners[second] = second, first
+    return Surface(vertices, faces, partners, is_pinched=bool(crowded.any()))
 
 
 def neighbours(
@@ -75,8 +75,8 @@ def neighbours(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Return the two facets of each edge that has two, and whether they are wound alike."""
     ends, order, starts, counts = _sorted_edges(count, faces)
-    one, other = _in_twos(order, starts, counts)
-    return one // 3, other // 3, ends[one, 0] != ends[other, 0]
+    first, second = _in_twos(order, starts, counts)
+    return first // 3, second // 3, ends[first, 0] != ends[second, 0]
 
 
 def _sorted_edges(
@@ -104,19 +104,19 @@ def _around_solid(
     line: NDArray[np.int64],
     patches: NDArray[np.int32],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return pairs of edges on a line between whose facets there is solid.
+    """Return pairs of edges on a line whose facets enclose solid between them.
 
     Going round a line, a facet whose edge runs backward opens a solid and one whose edge runs
-    forward closes the one opened last, as brackets do. A patch of facets that are neighbours
-    elsewhere is matched by itself if as many of it open as close. Of coincident facets, those that
-    close come first; of equal ones, copies of a body are matched in the order of the file.
+    forward closes the one opened last, like brackets. A patch of facets that are neighbours
+    elsewhere is matched by itself if as many of its facets open as close. Among coincident facets,
+    closing ones come first; copies of a body are matched in the order of the file.
     """
     start, end = faces.ravel()[edges], faces.ravel()[following(edges)]
     apex = faces.ravel()[before(edges)]
     closes = start < end
     patch = patches[edges // 3].astype(np.int64)
-    own = np.unique(line * len(faces) + patch, return_inverse=True)[1]
-    balanced = np.bincount(own, np.where(closes, 1, -1))[own] == 0
+    line_patch = np.unique(line * len(faces) + patch, return_inverse=True)[1]
+    balanced = np.bincount(line_patch, np.where(closes, 1, -1))[line_patch] == 0
     line = np.unique(np.stack([line, np.where(balanced, patch, -1)]), axis=1, return_inverse=True)[
         1
     ]
@@ -131,43 +131,45 @@ def _around_solid(
     angle = np.arctan2(np.einsum("ij,ij->i", out, side), np.einsum("ij,ij->i", out, reference))
     angle = np.where(angle < -ALIKE, angle + 2 * np.pi, angle)
     by_angle = np.lexsort((angle, line))
-    apart = (np.diff(angle[by_angle], prepend=0) > ALIKE) | (np.diff(line[by_angle], prepend=0) > 0)
+    is_first = (np.diff(angle[by_angle], prepend=0) > ALIKE) | (
+        np.diff(line[by_angle], prepend=0) > 0
+    )
     group = np.empty(len(edges), np.int64)
-    group[by_angle] = np.cumsum(apart)
-    left = np.lexsort((np.where(closes, -edges, edges), ~closes, group))
+    group[by_angle] = np.cumsum(is_first)
+    remaining = np.lexsort((np.where(closes, -edges, edges), ~closes, group))
     opening, closing = [], []
-    while len(left):
-        # Of each facet, the next one round its line.
-        after = np.roll(np.arange(len(left)), -1)
-        first = np.flatnonzero(np.diff(line[left], prepend=-1))
-        last = np.append(first[1:], len(left)) - 1
+    while len(remaining):
+        # The next facet round each facet's line.
+        after = np.roll(np.arange(len(remaining)), -1)
+        first = np.flatnonzero(np.diff(line[remaining], prepend=-1))
+        last = np.append(first[1:], len(remaining)) - 1
         after[last] = first
-        pairs = np.flatnonzero(~closes[left] & closes[left[after]])
+        pairs = np.flatnonzero(~closes[remaining] & closes[remaining[after]])
         if not len(pairs):
             break
-        opening.append(edges[left[pairs]])
-        closing.append(edges[left[after[pairs]]])
-        left = np.delete(left, np.concatenate([pairs, after[pairs]]))
+        opening.append(edges[remaining[pairs]])
+        closing.append(edges[remaining[after[pairs]]])
+        remaining = np.delete(remaining, np.concatenate([pairs, after[pairs]]))
     return np.concatenate([*opening, edges[:0]]), np.concatenate([*closing, edges[:0]])
 
 
 def following(edges: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the edges that follow some in their facets."""
+    """Return the next edge in the facet of each edge."""
     return edges - edges % 3 + (edges + 1) % 3
 
 
 def before(edges: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the edges before some in their facets, which begin at the corner opposite."""
+    """Return the previous edge in the facet of each edge; it begins at the opposite corner."""
     return edges - edges % 3 + (edges + 2) % 3
 
 
-def components(one: NDArray[np.int64], other: NDArray[np.int64], count: int) -> NDArray[np.int32]:
+def components(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     """Return the number of the component of each node of a graph, given the ends of its links."""
     # Imported where they are used: scipy takes a quarter of a second.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    links = coo_array((np.ones(len(one), bool), (one, other)), shape=(count, count))
+    links = coo_array((np.ones(len(start), bool), (start, end)), shape=(count, count))
     labels: NDArray[np.int32] = connected_components(links, directed=False)[1]
     return labels
 

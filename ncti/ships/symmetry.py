@@ -14,8 +14,8 @@ THINNEST = 1e-3
 
 BALANCED = 1e-4
 """Greatest centre of mass [m] and products of inertia over mass [m^2] that rounding leaves of a
-symmetric ship with vertices in float32. One whose rounding left more would be drawn from both
-sides, which costs time and no accuracy."""
+symmetric ship with vertices in float32. A ship above it is drawn from both sides, which costs time
+but no accuracy."""
 
 
 def is_symmetric(mesh: trimesh.Trimesh) -> bool:
@@ -70,18 +70,18 @@ def is_symmetric(mesh: trimesh.Trimesh) -> bool:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    # Copies, for it takes no array that is read-only.
+    # Copies, as manifold3d takes no read-only arrays.
     solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
     if solid.num_tri() != len(mesh.faces):  # plates without thickness are no solids
         return False
-    alone = (solid - solid.mirror((0.0, 1.0, 0.0))).to_mesh64()
-    faces = np.asarray(alone.tri_verts, dtype=np.intp)
-    place = np.asarray(alone.vert_properties)[:, :3]
+    difference = (solid - solid.mirror((0.0, 1.0, 0.0))).to_mesh64()
+    faces = np.asarray(difference.tri_verts, dtype=np.intp)
+    vertices = np.asarray(difference.vert_properties)[:, :3]
     links = np.concatenate([faces[:, :2], faces[:, 1:]])
-    joined = coo_array((np.ones(len(links)), links.T), shape=(len(place), len(place)))
+    joined = coo_array((np.ones(len(links)), links.T), shape=(len(vertices), len(vertices)))
     part = connected_components(joined, directed=False)[1][faces[:, 0]]
     # Corners from the first one of all: volumes of small parts far from the origin would cancel.
-    a, b, c = (place - place[:1])[faces].transpose(1, 0, 2)
+    a, b, c = (vertices - vertices[:1])[faces].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     volume = np.bincount(part, np.einsum("ij,ij->i", a, normal) / 6)
     surface = np.bincount(part, np.linalg.norm(normal, axis=1) / 2)

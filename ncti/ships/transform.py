@@ -112,23 +112,23 @@ class Transform:
         return back @ self.axes
 
     def then(self, other: Transform) -> Transform:
-        """Return the one transform that equals this one followed by another."""
+        """Return the composition of this transform followed by another."""
         axes = other.axes @ self.axes
         shift = other.scale * (other.axes @ np.array(self.offset)) + np.array(other.offset)
         return Transform(
-            up=_named(axes[2]),
-            forward=_named(axes[0]),
+            up=_axis_name(axes[2]),
+            forward=_axis_name(axes[0]),
             scale=self.scale * other.scale,
             offset=shift.round(9).tolist(),
             repair=self.repair or other.repair,
         )
 
     def digest(self, content: str) -> str:
-        """Return the hash of a transformed mesh, given that of the mesh; its own by identity."""
+        """Return the hash of a transformed mesh from the mesh's own, which identity keeps."""
         if self.is_identity:
             return content
-        given = repr((content, self.up, self.forward, self.scale, self.offset, self.repair))
-        return hashlib.sha256(given.encode()).hexdigest()
+        text = repr((content, self.up, self.forward, self.scale, self.offset, self.repair))
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def __str__(self) -> str:
         """Return the differences from the identity, as a configuration has them: "up: y"."""
@@ -153,7 +153,7 @@ def _unit(axis: str) -> NDArray[np.float64]:
     return unit
 
 
-def _named(unit: Any) -> str:
-    """Return the name of the axis that a unit vector is along."""
+def _axis_name(unit: Any) -> str:
+    """Return the name of the axis along a unit vector."""
     place = int(np.abs(unit).argmax())
     return ("-" if unit[place] < 0 else "") + "xyz"[place]

@@ -118,8 +118,8 @@ PRINCIPAL = (
 TEMPLATE = (frozenset({"parts"}), frozenset({"desc", "overall_lwh", "src", "unc", "note"}))
 REMARKS = frozenset({"name", "prim", "src", "unc", "note", "ir", "fitted"})
 COPIES = frozenset({"mirror", "repeat", "n", "dx_n"})
-# Sigma of a place along x [m] where a line does not state it (`unc`), which is what most lines of
-# the tag state, and of sizes, relative: the 10 to 20 % to which they are good are two of it.
+# Sigma of a place along x [m] where a line does not state it (`unc`), as most lines of the tag
+# state it, and relative sigma of sizes: half of the 10 to 20 % within which they are known.
 UNCERTAINTY = {
     "P": (0.5, 0.0),  # published
     "M": (0.6, 0.05),  # scaled from a model of the published length

@@ -11,17 +11,14 @@ from ncti.ships.surfaces import Floats, Surface, before, components, following, 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-APART = 1e-5  # of the longest extent, up to which vertices along open edges are one
+APART = 1e-5  # of the longest extent, up to which vertices along open edges are merged
 MOST_PAIRS = 20_000_000  # of vertices, or of an edge and a vertex, that are compared
-SAMPLED = 200  # of which the number of pairs is estimated
-MOST_PASSES = 10  # over open edges that others' vertices lie on
+SAMPLED = 200  # points from which the number of pairs is estimated
+MOST_PASSES = 10  # over open edges with vertices of other facets on them
 
 
 def welded(surface: Surface) -> tuple[Surface, list[str]]:
-    """Return a surface in which close vertices along open edges are one, and edges end at them.
-
-    Also returns its faults.
-    """
+    """Merge close vertices along open edges and end edges at them; return surface and faults."""
     from scipy.spatial import cKDTree  # slow to import
 
     vertices, faces = surface.vertices, surface.faces
@@ -35,30 +32,30 @@ def welded(surface: Surface) -> tuple[Surface, list[str]]:
     if len(pairs):
         group = components(pairs[:, 0], pairs[:, 1], len(rim))
         first = np.unique(group, return_index=True)[1]
-        kept = np.arange(len(vertices))
-        kept[rim] = rim[first[group]]
-        faces = kept[faces]
+        representative = np.arange(len(vertices))
+        representative[rim] = rim[first[group]]
+        faces = representative[faces]
         faces = faces[(np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)]
         faults.append(
             f"{counted(len(rim) - len(first), 'vertex', 'vertices')} less than "
             f"{1000 * distance:.2g} mm from another, both on open edges"
         )
         surface = surface_of(vertices, faces)
-    met = 0
+    total = 0
     for _ in range(MOST_PASSES):
-        surface, found = _ended_at_vertices(surface, distance)
-        met += found
-        if not found:
+        surface, count = _ended_at_vertices(surface, distance)
+        total += count
+        if not count:
             break
-    if met:
-        faults.append(f"{counted(met, 'vertex', 'vertices')} on open edges of other facets")
+    if total:
+        faults.append(f"{counted(total, 'vertex', 'vertices')} on open edges of other facets")
     return surface, faults
 
 
 def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]:
     """Return a surface with facets cut where a vertex of another lies on their open edge.
 
-    Of a facet with several such edges one is cut. Returns the number of vertices met, too.
+    It cuts one edge of a facet with several such edges, and also returns the number of vertices.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -71,39 +68,39 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     tree = cKDTree(vertices[rim])
     if not len(edges) or not _are_few(tree, middle, length / 2):
         return surface, 0
-    near = tree.query_ball_point(middle, length / 2)
-    row = np.repeat(np.arange(len(edges)), [len(one) for one in near])
-    met = rim[np.concatenate([np.asarray(one, np.int64) for one in near])]
-    place = np.einsum("ij,ij->i", vertices[met] - start[row], along[row]) / length[row]
-    off = vertices[met] - start[row] - (place / length[row])[:, None] * along[row]
+    neighbours = tree.query_ball_point(middle, length / 2)
+    row = np.repeat(np.arange(len(edges)), [len(indices) for indices in neighbours])
+    vertex = rim[np.concatenate([np.asarray(indices, np.int64) for indices in neighbours])]
+    place = np.einsum("ij,ij->i", vertices[vertex] - start[row], along[row]) / length[row]
+    offset = vertices[vertex] - start[row] - (place / length[row])[:, None] * along[row]
     inside = (place > distance) & (length[row] - place > distance)
-    inside &= (np.linalg.norm(off, axis=1) <= distance) & (met != corner[before(edges[row])])
-    row, met, place = row[inside], met[inside], place[inside]
+    inside &= (np.linalg.norm(offset, axis=1) <= distance) & (vertex != corner[before(edges[row])])
+    row, vertex, place = row[inside], vertex[inside], place[inside]
     if not len(row):
         return surface, 0
     first = np.unique(edges[row] // 3, return_index=True)[1]
     chosen = np.isin(row, row[first])
-    row, met, place = row[chosen], met[chosen], place[chosen]
+    row, vertex, place = row[chosen], vertex[chosen], place[chosen]
     order = np.lexsort((place, row))
-    row, met = row[order], met[order]
+    row, vertex = row[order], vertex[order]
     begins = np.flatnonzero(np.diff(row, prepend=-1))
     # The parts of an edge: from its start to the first vertex, between vertices, to its end.
     cut = edges[row[begins]]
-    ends = np.insert(met, np.append(begins[1:], len(met)), corner[following(cut)])
-    starts = np.insert(met, begins, corner[cut])
-    apex = np.repeat(corner[before(cut)], np.diff(begins, append=len(met)) + 1)
+    ends = np.insert(vertex, np.append(begins[1:], len(vertex)), corner[following(cut)])
+    starts = np.insert(vertex, begins, corner[cut])
+    apex = np.repeat(corner[before(cut)], np.diff(begins, append=len(vertex)) + 1)
     parts = np.column_stack([starts, ends, apex])
     faces = np.concatenate([np.delete(surface.faces, cut // 3, axis=0), parts])
-    return surface_of(vertices, faces), len(met)
+    return surface_of(vertices, faces), len(vertex)
 
 
 def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:
     """Return whether the neighbours of points can be compared; a soup of facets has too many."""
-    some = slice(None, None, len(points) // SAMPLED + 1)
-    counts = tree.query_ball_point(points[some], radius[some], return_length=True)
+    sample = slice(None, None, len(points) // SAMPLED + 1)
+    counts = tree.query_ball_point(points[sample], radius[sample], return_length=True)
     return float(counts.mean()) * len(points) <= MOST_PAIRS
 
 
-def counted(number: int, one: str, several: str = "") -> str:
-    """Return a number of things as text; `several` is the plural, which ends in s by default."""
-    return f"{number:,} {one if number == 1 else several or f'{one}s'}"
+def counted(number: int, singular: str, plural: str = "") -> str:
+    """Return a number of things as text; `plural` ends in s by default."""
+    return f"{number:,} {singular if number == 1 else plural or f'{singular}s'}"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["flight", "infrared_image", "range_profile"]
 
 MODULES = {"flight": "flights", "infrared_image": "images", "range_profile": "profiles"}
-"""Module of each function, imported when it is first asked for: a profile needs no flights."""
+"""Module of each function, imported on first access: a profile needs no flights."""
 
 
 def __getattr__(name: str) -> Any:

@@ -20,9 +20,9 @@ from ncti.simulate.subject import Ship, check_known, coordinates, generator, see
 if TYPE_CHECKING:
     import xarray as xr
 
-GIVEN = {"slant_range", "ship_heading", "cnr"}  # otherwise than by the names of a flight
+GIVEN = {"slant_range", "ship_heading", "cnr"}  # fields of a flight that have other arguments
 PARAMETERS = (frozenset(field.name for field in fields(Flight)) - GIVEN) | {"cnr_db"}
-AZIMUTHS = ("aircraft_heading", "offset")  # whose sum is that of the line of sight
+AZIMUTHS = ("aircraft_heading", "offset")  # their sum is the azimuth of the line of sight
 INTENSITY, TEMPERATURE = "intensity over noise power", "temperature above the sea"  # of plots
 
 
@@ -120,7 +120,7 @@ def flight(
 
 
 def _raw(scan: Scan) -> xr.Dataset:
-    """Return the raw images, those of the passive detectors as one, with short labels."""
+    """Return the raw images with short labels, the passive detectors integrated into one image."""
     images = scan.to_xarray()
     infrared = ("line", "sample"), time_delay_integrate(scan.infrared), images.infrared.attrs
     images = images.drop_dims("detector").assign(infrared=infrared)

@@ -145,8 +145,8 @@ def range_profile(
     ``profile.plot()`` draws it, and ``profile.expected.plot()`` adds the expected profile. The
     ship ends where the expected profile does:
 
-    >>> seen = profile.down_range[profile.expected > 1]
-    >>> float(seen.max() - seen.min())
+    >>> bins = profile.down_range[profile.expected > 1]
+    >>> float(bins.max() - bins.min())
     110.0
     """
     aspects = _checked_aspects(aspect)
@@ -163,17 +163,21 @@ def range_profile(
     mesh = mesh_of(ship)
     views = [
         View.checked(
-            aspect=each, depression=depression, roll=roll_at(each), slant_range=slant_range
+            aspect=bearing, depression=depression, roll=roll_at(bearing), slant_range=slant_range
         )
-        for each in aspects
+        for bearing in aspects
     ]
     _check_fits(mesh, views, beam, pulse_width)
-    how: dict[str, Any] = {"tolerance": accuracy, "pulse_width": pulse_width, "spacing": SPACING}
-    extents = [extent_within(mesh, view, beam=beam, **how) for view in views]
+    options: dict[str, Any] = {
+        "tolerance": accuracy,
+        "pulse_width": pulse_width,
+        "spacing": SPACING,
+    }
+    extents = [extent_within(mesh, view, beam=beam, **options) for view in views]
     averaged, expected = zip(
         *(
-            _above_floor(extent, frames, generator(rng, aspect=each), signal)
-            for extent, each in zip(extents, aspects, strict=True)
+            _above_floor(extent, frames, generator(rng, aspect=bearing), signal)
+            for extent, bearing in zip(extents, aspects, strict=True)
         ),
         strict=True,
     )
@@ -219,9 +223,9 @@ def _labelled(
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
-    down_range, *both = profiles
+    down_range, *curves = profiles
     single = coords["aspect"][1].ndim == 0
-    averaged, expected = (each[0] if single else np.stack(each) for each in both)
+    averaged, expected = (rows[0] if single else np.stack(rows) for rows in curves)
     dims = ("aspect", "down_range")[-averaged.ndim :]
     label = {"units": "1", "long_name": "amplitude above the noise floor"}
     coords["down_range"] = labelled("down_range", down_range, "m", "down-range")
@@ -230,7 +234,7 @@ def _labelled(
 
 
 def _checked_aspects(aspect: ArrayLike) -> list[float]:
-    """Return aspects [deg] as a list; raise `ValueError` if they are none, or out of range."""
+    """Return aspects [deg] as a list; raise `ValueError` if it is empty or out of range."""
     require_all("aspect", aspect, minimum=-360.0, maximum=360.0)
     if np.ndim(aspect) > 1 or np.size(aspect) == 0:
         raise ValueError(f"aspect has shape {np.shape(aspect)}, but must be one number or a list")
@@ -239,9 +243,9 @@ def _checked_aspects(aspect: ArrayLike) -> list[float]:
 
 
 def _check_binning(beam: Beam, pulse_width: float) -> None:
-    """Raise `ValueError` for a window of too many bins, or a pulse [s] that they miss."""
+    """Raise `ValueError` for a window of too many bins, or a pulse [s] too short for them."""
     bins_of(beam.window, beam.bin_width)
-    # A hair less than the shortest pulse is a rounding of it.
+    # The shortest pulse may be rounded down.
     shortest = shortest_pulse(beam.bin_width) * (1 - 1e-9)
     require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
 
@@ -256,7 +260,7 @@ def _check_fits(mesh: Mesh, views: Sequence[View], beam: Beam, pulse_width: floa
 
 
 def _check_memory(mesh: Mesh, view: View, ifov: float, bins: int) -> None:
-    """Raise `ValueError` if a ship takes too many IFOVs of some range bins."""
+    """Raise `ValueError` if a ship covers too many IFOVs for `bins` range bins."""
     across, up, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
     nearest = float(view.slant_range or 0.0) - depth / 2
     places = bins * across * up / (ifov * nearest) ** 2

@@ -28,7 +28,7 @@ KEPT = 8
 """Ships kept: the packaged ones and two of the user's, as of `ncti.render`."""
 
 SPACING = 0.25
-"""Distance between lines [m] that views start from, as the pixel of sweeps."""
+"""Largest distance between lines of a view [m], equal to the pixel of sweeps."""
 
 
 NEAREST, FARTHEST = 1e3, 1e9
@@ -42,7 +42,7 @@ def check_sight(slant_range: float, ifov: float) -> None:
     """Raise `ValueError` unless slant range [m] and width of a beam [rad] are within bounds."""
     require("slant_range", slant_range, minimum=NEAREST, maximum=FARTHEST)
     require("ifov", ifov, positive=True, maximum=1.0)
-    if ifov * slant_range < NARROWEST * (1 - 1e-9):  # a hair less is a rounding of it
+    if ifov * slant_range < NARROWEST * (1 - 1e-9):  # a margin for rounding
         raise ValueError(
             f"ifov is {ifov!r} rad, but must be at least {NARROWEST / slant_range:.3g} rad, "
             f"{NARROWEST:g} m at a slant range of {slant_range:g} m"
@@ -50,7 +50,7 @@ def check_sight(slant_range: float, ifov: float) -> None:
 
 
 def check_known(given: Iterable[str], known: Iterable[str], what: str) -> None:
-    """Raise `ValueError` for the first name that is given and not known."""
+    """Raise `ValueError` for the first unknown name."""
     if unknown := sorted(set(given) - set(known)):
         raise ValueError(
             f"{unknown[0]} is no parameter of {what}, but must be one of {', '.join(sorted(known))}"
@@ -60,8 +60,8 @@ def check_known(given: Iterable[str], known: Iterable[str], what: str) -> None:
 def mesh_of(ship: Ship) -> Mesh:
     """Return the mesh of a ship, which is a name, a path, or the mesh itself.
 
-    Meshes of names and paths are kept while their files have the same content, and are not for
-    callers of this package, who might change them.
+    Meshes of names and paths are cached by the content of their files. Callers of this package must
+    not get them, as they might change them.
     """
     if isinstance(ship, str | Path):
         return _loaded(ship, digest(ship))
@@ -81,7 +81,7 @@ def mesh_of(ship: Ship) -> Mesh:
 
 
 def trimesh_of(ship: Ship) -> trimesh.Trimesh:
-    """Return the mesh of a ship as `mesh_of`, for flights, which read more of it."""
+    """Return the mesh of `mesh_of` as a trimesh, for flights, which read more of it."""
     mesh = mesh_of(ship)
     return mesh.to_trimesh() if isinstance(mesh, ShipMesh) else mesh
 
@@ -109,14 +109,14 @@ def coordinates(mesh: Mesh, *, aspect: Any, **single: float) -> dict[str, Any]:
     xarray makes the title of a plot from those that are single values, in at most 50 characters.
     """
     dims = ("aspect",) if np.ndim(aspect) else ()
-    found = {
+    coords = {
         "ship": ((), mesh.metadata.get("name", "mesh"), {"long_name": "ship"}),
         "aspect": labelled(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
     }
     for name, value in single.items():
         factor, unit, label = SINGLE[name]
-        found[name] = labelled((), round(value * factor, 9), unit, label)
-    return found
+        coords[name] = labelled((), round(value * factor, 9), unit, label)
+    return coords
 
 
 def roll_at(aspect: float) -> float:
@@ -134,7 +134,7 @@ def check_frames(frames: int) -> int:
 
 
 def generator(rng: int | np.random.Generator, *, aspect: float) -> np.random.Generator:
-    """Return the source of randomness of one view.
+    """Return the random generator of one view.
 
     A seed gives each aspect its own stream, so that a result does not depend on the other aspects
     simulated; a generator is used as it is.
@@ -151,7 +151,7 @@ def generator(rng: int | np.random.Generator, *, aspect: float) -> np.random.Gen
 
 
 def seed_of(rng: int | np.random.Generator) -> dict[str, int]:
-    """Return the seed as an attribute; none for a generator."""
+    """Return the seed as an attribute, or nothing for a generator."""
     return {} if isinstance(rng, np.random.Generator) else {"seed": int(rng)}
 
 

@@ -26,14 +26,14 @@ def parabola(aspect, curvature=0.02):
 def test_a_parabola_has_its_own_tangent_and_half_its_second_difference(aspect):
     """Exact for polynomials of the second degree, but for the slope at open ends."""
     aspect = np.array(aspect, dtype=float)
-    found = cells(parabola(aspect), np.zeros(len(aspect)), aspect, WHITE)
+    computed = cells(parabola(aspect), np.zeros(len(aspect)), aspect, WHITE)
     bins = np.linspace(0.5, 1.5, BINS)
     before, behind = np.diff(aspect)[:-1], np.diff(aspect)[1:]
     moment = (before**3 + behind**3) / (12 * (before + behind))
     slope = 0.1 + 0.02 * (aspect[1:-1] - 40)
-    np.testing.assert_allclose(found.tangent[1:-1], np.outer(np.sqrt(moment) * slope, bins))
+    np.testing.assert_allclose(computed.tangent[1:-1], np.outer(np.sqrt(moment) * slope, bins))
     step = np.concatenate([[before[0]], (before + behind) / 2, [behind[-1]]])
-    np.testing.assert_allclose(found.residual, np.outer(0.02 * step**2 / 2, bins), rtol=1e-9)
+    np.testing.assert_allclose(computed.residual, np.outer(0.02 * step**2 / 2, bins), rtol=1e-9)
 
 
 def test_the_band_of_a_residual_is_positive_semidefinite():
@@ -42,12 +42,12 @@ def test_the_band_of_a_residual_is_positive_semidefinite():
     dense = factor @ factor.T
     band = np.stack([np.append(np.diag(dense, -lag), np.zeros(lag)) for lag in range(7)])
     along = mean_correlation(band[None])
-    made = residual_band(rng.exponential(size=BINS), along)
-    whole = sum(
-        np.diag(made[lag, : BINS - lag], -lag) + np.diag(made[lag, : BINS - lag], lag)
+    residual = residual_band(rng.exponential(size=BINS), along)
+    matrix = sum(
+        np.diag(residual[lag, : BINS - lag], -lag) + np.diag(residual[lag, : BINS - lag], lag)
         for lag in range(1, 7)
-    ) + np.diag(made[0])
-    assert np.linalg.eigvalsh(whole).min() > -1e-10 * made.max()
+    ) + np.diag(residual[0])
+    assert np.linalg.eigvalsh(matrix).min() > -1e-10 * residual.max()
 
 
 # What is calibrated
@@ -68,10 +68,10 @@ def taught(spacing, error, noise=0.5):
     means = smooth_ships(aspect)
     count = means.shape[0] * len(aspect)
     band = np.full((count, 1, BINS), noise**2)
-    given = means.reshape(count, BINS), band, np.repeat([0, 1, 2], len(aspect))
+    templates = means.reshape(count, BINS), band, np.repeat([0, 1, 2], len(aspect))
     classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0, template_error=error)
-    at = np.tile(aspect, 3)
-    return classifier.fit(*given, 0.0, aspect=at, rng=np.random.default_rng(5))
+    aspects = np.tile(aspect, 3)
+    return classifier.fit(*templates, 0.0, aspect=aspects, rng=np.random.default_rng(5))
 
 
 def fresh(count=120, frames=16, noise=0.5):
@@ -86,20 +86,20 @@ def test_probabilities_at_fresh_aspects_are_not_too_sure():
 
     Of 360 answers the share that is wrong is below the mean claim plus 3 standard errors.
     """
-    seen = fresh().reshape(-1, BINS)
+    samples = fresh().reshape(-1, BINS)
     true = np.repeat([0, 1, 2], 120)
-    found = {}
+    results = {}
     for error in (0.0, None):
-        posterior = taught(12.0, error).posterior(seen, 16)
+        posterior = taught(12.0, error).posterior(samples, 16)
         wrong = np.mean(posterior.argmax(axis=1) != true)
         claimed = 1 - posterior.max(axis=1)
         spread = 3 * np.sqrt(np.mean(claimed * (1 - claimed)) / len(true)) + 3 / len(true)
         negative_log_likelihood = -np.log(
             np.maximum(posterior[np.arange(360), true], 1e-300)
         ).mean()
-        found[error] = wrong - claimed.mean() - spread, negative_log_likelihood
-    assert found[0.0][0] > 0 > found[None][0]
-    assert found[None][1] < 0.2 * found[0.0][1]
+        results[error] = wrong - claimed.mean() - spread, negative_log_likelihood
+    assert results[0.0][0] > 0 > results[None][0]
+    assert results[None][1] < 0.2 * results[0.0][1]
 
 
 def test_errors_are_calibrated_on_averages_of_sixteen_frames(monkeypatch):
@@ -107,17 +107,17 @@ def test_errors_are_calibrated_on_averages_of_sixteen_frames(monkeypatch):
 
     The mean square of 480 normals scatters by 6.5 %; five of that are allowed.
     """
-    density, seen = GaussianTemplates.density, []
+    density, calls = GaussianTemplates.density, []
 
     def noted(self, template, samples, frames, priors):
-        seen.append((samples, frames))
+        calls.append((samples, frames))
         return density(self, template, samples, frames, priors)
 
     monkeypatch.setattr(GaussianTemplates, "density", noted)
     noise = 0.5
     means = taught(12.0, None, noise=noise).mean_[:, 0]
-    assert {float(count) for _, frames in seen for count in frames} == {16.0}
-    samples = np.unique(np.concatenate([each for each, _ in seen]), axis=0)
+    assert {float(count) for _, frames in calls for count in frames} == {16.0}
+    samples = np.unique(np.concatenate([drawn for drawn, _ in calls]), axis=0)
     assert samples.size == 480
     nearest = np.square(samples[:, None] - means).sum(axis=2).min(axis=1)
     assert nearest.sum() / samples.size == pytest.approx(noise**2 / 16, rel=5 * 0.065)
@@ -137,7 +137,7 @@ def test_the_likely_outlier_fraction_is_that_of_a_search_of_all(added):
     def likelihood(p):
         return np.log((1 - tried) * p + tried / 4)
 
-    wanted = [
+    expected = [
         tried[
             np.argmax(
                 sum(w * likelihood(p) for w, p in zip(row, sure, strict=True))
@@ -147,7 +147,7 @@ def test_the_likely_outlier_fraction_is_that_of_a_search_of_all(added):
         for row in weight
     ]
     np.testing.assert_allclose(
-        likely_outlier_fraction(sure, 4, weight, added=added), wanted, rtol=2e-3
+        likely_outlier_fraction(sure, 4, weight, added=added), expected, rtol=2e-3
     )
 
 
@@ -169,12 +169,12 @@ def test_outlier_fractions_of_each_template():
     scores = np.random.default_rng(8).normal(size=(5, 4))
     outlier_fractions = np.array([0.0, 0.2, 1.0, 1.0])
     relative = np.exp(scores) / np.exp(scores).mean(axis=1, keepdims=True)
-    found = with_outliers(scores, [0, 0, 1, 1], outlier_fraction=outlier_fractions)
+    mixed = with_outliers(scores, [0, 0, 1, 1], outlier_fraction=outlier_fractions)
     np.testing.assert_allclose(
-        found, np.log((1 - outlier_fractions) * relative + outlier_fractions), rtol=1e-9
+        mixed, np.log((1 - outlier_fractions) * relative + outlier_fractions), rtol=1e-9
     )
-    for wrong, said in (([0.1, 0.2], "has shape"), (1.1, "is 1.1"), (-0.1, "is -0.1")):
-        with pytest.raises(ValueError, match=rf"^outlier_fraction {said}"):
+    for wrong, fault in (([0.1, 0.2], "has shape"), (1.1, "is 1.1"), (-0.1, "is -0.1")):
+        with pytest.raises(ValueError, match=rf"^outlier_fraction {fault}"):
             with_outliers(scores, [0, 0, 1, 1], outlier_fraction=wrong)
 
 
@@ -185,9 +185,9 @@ def mistaken(samples, share, seed, distance=3.0):
     """Log densities of looks at four templates, of which a share is of any other template."""
     rng = np.random.default_rng(seed)
     truth = rng.integers(4, size=samples)
-    shown = np.where(rng.random(samples) < share, rng.integers(4, size=samples), truth)
-    seen = distance * np.eye(4)[shown] + rng.normal(size=(samples, 4))
-    return -((seen[:, None] - distance * np.eye(4)) ** 2).sum(axis=2) / 2, truth
+    template = np.where(rng.random(samples) < share, rng.integers(4, size=samples), truth)
+    looks = distance * np.eye(4)[template] + rng.normal(size=(samples, 4))
+    return -((looks[:, None] - distance * np.eye(4)) ** 2).sum(axis=2) / 2, truth
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])

@@ -19,8 +19,8 @@ IN_ORDER = {"Haswell", "Zen"}
 
 def same_bits() -> bool:
     """Whether all BLAS libraries of this process are known to keep the bits in blocks."""
-    blas = [found for found in threadpool_info() if found["user_api"] == "blas"]
-    return bool(blas) and all(found.get("architecture") in IN_ORDER for found in blas)
+    blas = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    return bool(blas) and all(library.get("architecture") in IN_ORDER for library in blas)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -30,12 +30,12 @@ def _one_thread():
         yield
 
 
-def assert_products(found, plain, features):
+def assert_products(product, plain, features):
     """The same bits, or what as many terms of unit vectors can differ by where these are summed."""
     if same_bits():
-        np.testing.assert_array_equal(found, plain)
-    atol = 2 * features * np.finfo(found.dtype).eps
-    np.testing.assert_allclose(found, plain, rtol=0, atol=atol)
+        np.testing.assert_array_equal(product, plain)
+    atol = 2 * features * np.finfo(product.dtype).eps
+    np.testing.assert_allclose(product, plain, rtol=0, atol=atol)
 
 
 @given(count=st.integers(0, 3000), half=st.integers(1, 500))
@@ -64,8 +64,8 @@ def test_a_product_in_single_precision_needs_blocks_of_96(
         polar(rng.standard_normal((count, features)))[0].astype(np.float32)
         for count in (samples, templates)
     )
-    found = np.concatenate([X[rows] @ T.T for rows in row_blocks(samples, 96 * times)])
-    assert_products(found, X @ T.T, features)
+    product = np.concatenate([X[rows] @ T.T for rows in row_blocks(samples, 96 * times)])
+    assert_products(product, X @ T.T, features)
 
 
 @settings(deadline=None, max_examples=40)

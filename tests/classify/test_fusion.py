@@ -21,8 +21,8 @@ def looks(rng, samples, *, sigma, size=6, templates=None):
     """True templates, and exact log densities of noisy looks at them."""
     templates = rng.normal(size=(20, size)) if templates is None else templates
     which = rng.integers(0, 20, samples)
-    seen = templates[which] + sigma * rng.normal(size=(samples, templates.shape[1]))
-    distance = ((seen[:, None] - templates) ** 2).sum(axis=2)
+    noisy = templates[which] + sigma * rng.normal(size=(samples, templates.shape[1]))
+    distance = ((noisy[:, None] - templates) ** 2).sum(axis=2)
     return which, -distance / (2 * sigma**2), templates
 
 
@@ -51,11 +51,11 @@ def test_templates_left_out_are_as_if_never_there(inverse_temperature):
     answers = label_posterior(inverse_temperature * scores, LABELS, exclude=hidden)[1]
     for row, (score, gone, answer) in enumerate(zip(scores, hidden, answers, strict=True)):
         few = score[None, ~gone]
-        classes, alone = label_posterior(inverse_temperature * few, LABELS[~gone])
-        wanted = np.zeros(4)
-        wanted[classes] = alone[0]
+        classes, posterior = label_posterior(inverse_temperature * few, LABELS[~gone])
+        expected = np.zeros(4)
+        expected[classes] = posterior[0]
         # Sums of 20 terms in another order, over rounding of differences of some 10.
-        np.testing.assert_allclose(answer, wanted, rtol=1e-13)
+        np.testing.assert_allclose(answer, expected, rtol=1e-13)
         same = label_posterior(inverse_temperature * scores[[row]], LABELS, exclude=gone)[1]
         np.testing.assert_allclose(same[0], answer, rtol=1e-13)
     assert answers[4, 1] == 0
@@ -70,18 +70,18 @@ def test_exact_densities_are_found_to_be_exact(scale):
     """
     rng = np.random.default_rng(1)
     which, logs, _ = looks(rng, 4000, sigma=1.5)
-    found, _ = fit_temperature_and_outliers(logs / scale, LABELS, LABELS[which])
-    assert found == pytest.approx(scale, rel=0.1)
+    factor, _ = fit_temperature_and_outliers(logs / scale, LABELS, LABELS[which])
+    assert factor == pytest.approx(scale, rel=0.1)
     # Nothing but the unit of the scores changes, so all are one number: to the search's tolerance.
-    alone, _ = fit_temperature_and_outliers(logs, LABELS, LABELS[which])
-    assert found == pytest.approx(scale * alone, rel=1e-4)
+    unscaled, _ = fit_temperature_and_outliers(logs, LABELS, LABELS[which])
+    assert factor == pytest.approx(scale * unscaled, rel=1e-4)
 
 
 def apart(rng, samples, distance):
     """Exact log densities of looks at two templates so many standard deviations apart."""
     truth = np.arange(samples) % 2
-    seen = truth * distance + rng.normal(size=samples)
-    return -((seen[:, None] - [0.0, distance]) ** 2) / 2, truth
+    noisy = truth * distance + rng.normal(size=samples)
+    return -((noisy[:, None] - [0.0, distance]) ** 2) / 2, truth
 
 
 def test_a_sensor_that_is_always_right_does_not_drown_another():
@@ -94,8 +94,8 @@ def test_a_sensor_that_is_always_right_does_not_drown_another():
     factor, outliers = fit_temperature_and_outliers(100 * logs, [0, 1], truth)
     sure = np.array([[0.0, -2.5 * np.log(126)]])
     wrong = with_outliers([[-3200.0 * factor, 0.0]], [0, 1], outlier_fraction=outliers)
-    both = label_posterior(fuse(sure, wrong, inverse_temperature=(1.0, 1.0)), [0, 1])[1]
-    assert both[0, 0] > 0.99
+    posterior = label_posterior(fuse(sure, wrong, inverse_temperature=(1.0, 1.0)), [0, 1])[1]
+    assert posterior[0, 0] > 0.99
 
 
 def test_calibrated_probabilities_come_true():
@@ -109,8 +109,8 @@ def test_calibrated_probabilities_come_true():
     which, logs, _ = looks(rng, 8000, sigma=1.5, templates=templates)
     _, posterior = label_posterior(factor * logs / 40, LABELS)
     posterior = (1 - outliers) * posterior + outliers / 4
-    named, certain = posterior.argmax(axis=1), posterior.max(axis=1)
-    right = named == LABELS[which]
+    answer, certain = posterior.argmax(axis=1), posterior.max(axis=1)
+    right = answer == LABELS[which]
     tenth = np.digitize(certain, np.arange(0.3, 1.0, 0.1))
     terms = []
     for k in np.unique(tenth):
@@ -126,14 +126,14 @@ def test_two_sensors_together_are_the_sensor_with_both_views():
     """Independent halves of one look: the sum of their scores is its own score."""
     rng = np.random.default_rng(4)
     templates = rng.normal(size=(20, 8))
-    seen = templates[rng.integers(0, 20, 50)] + rng.normal(size=(50, 8))
+    noisy = templates[rng.integers(0, 20, 50)] + rng.normal(size=(50, 8))
     halves = [
-        -((seen[:, None, part] - templates[:, part]) ** 2).sum(axis=2) / 2
-        for part in (slice(0, 3), slice(3, 8))
+        -((noisy[:, None, half] - templates[:, half]) ** 2).sum(axis=2) / 2
+        for half in (slice(0, 3), slice(3, 8))
     ]
-    whole = halves[0] + halves[1]
-    both = fuse(*halves, inverse_temperature=(1.0, 1.0))
-    np.testing.assert_allclose(np.diff(both, axis=1), np.diff(whole, axis=1), atol=1e-9)
+    joint = halves[0] + halves[1]
+    fused = fuse(*halves, inverse_temperature=(1.0, 1.0))
+    np.testing.assert_allclose(np.diff(fused, axis=1), np.diff(joint, axis=1), atol=1e-9)
 
 
 def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
@@ -143,10 +143,12 @@ def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
     labels, aspect = np.divmod(np.arange(ships * aspects), aspects)
     near = np.exp(-(((aspect[:, None] - aspect) / 5) ** 2)) * (labels[:, None] == labels)
     scores = (near + 0.3 * rng.standard_normal((phases, *near.shape))).astype(np.float32)
-    found = fit_held_out_phases(scores, labels, aspect)
+    fitted = fit_held_out_phases(scores, labels, aspect)
     unlike = np.where(aspect[:, None] == aspect, UNLIKE, scores)
-    for phase, constants in enumerate(found.T):
-        rows = [np.delete(one, phase, axis=0).reshape(-1, len(labels)) for one in (scores, unlike)]
+    for phase, constants in enumerate(fitted.T):
+        rows = [
+            np.delete(table, phase, axis=0).reshape(-1, len(labels)) for table in (scores, unlike)
+        ]
         truth = np.tile(labels, 2 * (phases - 1))
         weight = np.repeat([1 - FRESH, FRESH], len(truth) // 2)
         plain = fit_temperature_and_outliers(np.concatenate(rows), labels, truth, weight=weight)
@@ -162,5 +164,5 @@ def test_exact_templates_have_no_outliers():
 
 def test_a_silhouette_is_compared_with_templates_of_other_phases():
     maps = np.array([[[1, 0]], [[1, 1]]], np.float32)
-    found = similarity_between_phases(maps, maps)
-    np.testing.assert_allclose(found.ravel(), np.sqrt(0.5), rtol=1e-6)
+    similarity = similarity_between_phases(maps, maps)
+    np.testing.assert_allclose(similarity.ravel(), np.sqrt(0.5), rtol=1e-6)

@@ -97,12 +97,12 @@ def test_the_gradient_is_that_of_the_loss(seed, level):
         parameter = values(layers(network), i, name)
         slope = np.empty_like(parameter)
         for index in np.ndindex(parameter.shape):
-            kept = parameter[index]
+            value = parameter[index]
             losses = []
             for side in (1, -1):
-                parameter[index] = kept + side * h
+                parameter[index] = value + side * h
                 losses.append(network.loss_and_gradient(X, targets, level)[0])
-            parameter[index] = kept
+            parameter[index] = value
             # The gradient is of half the sum over outputs, the loss their mean.
             slope[index] = (losses[0] - losses[1]) / (2 * h) * outputs / 2
         assert np.abs(slope).max() > 1e-3, "there is something to compare"

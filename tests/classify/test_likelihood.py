@@ -48,21 +48,21 @@ def dense_covariance(
 def test_a_template_of_several_places_is_the_mean_of_one_template_a_place(gain_sigma, floor_sigma):
     """Equal priors: a sum of densities, not the best of them. Rounding of some hundred nats."""
     means, floor, dense = templates(count=4 * 3)
-    several, band = means.reshape(4, 3, BINS), lower_band(dense[:4])
-    how = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
+    by_place, band = means.reshape(4, 3, BINS), lower_band(dense[:4])
+    settings = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
     X = means[::5] + np.random.default_rng(1).standard_normal((3, BINS)) / 4
     for frames in (16, np.arange(1, 4)):
-        alone = [
-            GaussianTemplates(**how)
-            .fit(several[:, p], band, LABELS, floor)
+        single = [
+            GaussianTemplates(**settings)
+            .fit(by_place[:, p], band, LABELS, floor)
             .log_likelihood(X, frames)
             for p in range(3)
         ]
-        found = GaussianTemplates(**how).fit(several, band, LABELS, floor)
-        averaged = np.logaddexp.reduce(alone) - np.log(3)
-        np.testing.assert_allclose(found.log_likelihood(X, frames), averaged, rtol=1e-9)
+        joint = GaussianTemplates(**settings).fit(by_place, band, LABELS, floor)
+        averaged = np.logaddexp.reduce(single) - np.log(3)
+        np.testing.assert_allclose(joint.log_likelihood(X, frames), averaged, rtol=1e-9)
         np.testing.assert_allclose(
-            found.without([True, False, False, False]).log_likelihood(X, frames),
+            joint.without([True, False, False, False]).log_likelihood(X, frames),
             averaged[:, 1:],
             rtol=1e-9,
         )
@@ -73,16 +73,16 @@ def test_places_that_are_one_change_nothing_with_a_template_error():
     means, floor, dense = templates(count=6)
     labels, aspect = ["duncan"] * 3 + ["horne"] * 3, [0.0, 2.0, 4.0] * 2
     X = means[:3] + np.random.default_rng(2).standard_normal((3, BINS)) / 4
-    one, two = (
+    once, twice = (
         GaussianTemplates(template_error=0.3).fit(
-            seen, lower_band(dense), labels, floor, aspect=aspect
+            places, lower_band(dense), labels, floor, aspect=aspect
         )
-        for seen in (means, np.stack([means, means], axis=1))
+        for places in (means, np.stack([means, means], axis=1))
     )
     np.testing.assert_allclose(
-        two.log_likelihood(X, 16), one.log_likelihood(X, 16), rtol=1e-9, atol=1e-9
+        twice.log_likelihood(X, 16), once.log_likelihood(X, 16), rtol=1e-9, atol=1e-9
     )
-    np.testing.assert_allclose(two.peak(16), one.peak(16), rtol=1e-9)
+    np.testing.assert_allclose(twice.peak(16), once.peak(16), rtol=1e-9)
 
 
 @pytest.mark.parametrize("frames", [1, 4, 32])
@@ -105,10 +105,10 @@ def test_log_likelihood_is_that_of_a_dense_gaussian(
     logs = classifier.log_likelihood(X, frames)
     v = np.mean(np.diagonal(dense, axis1=1, axis2=2))
     for t, mean in enumerate(means):
-        whole = dense_covariance(
+        matrix = dense_covariance(
             mean - floor, dense[t], mean_variance=v, frames=frames, **parameters
         )
-        by_hand = stats.multivariate_normal(mean, whole).logpdf(X)
+        by_hand = stats.multivariate_normal(mean, matrix).logpdf(X)
         np.testing.assert_allclose(logs[:, t], by_hand, rtol=1e-10)
 
 
@@ -149,11 +149,11 @@ def test_probabilities_are_the_frequencies_of_the_model(frames):
     v = np.mean(np.diagonal(dense, axis1=1, axis2=2))
     X = np.empty((count, BINS))
     for t, mean in enumerate(means):
-        whole = dense_covariance(
+        matrix = dense_covariance(
             mean - floor, dense[t], mean_variance=v, frames=frames, **parameters
         )
         drawn = template == t
-        X[drawn] = rng.multivariate_normal(mean, whole, drawn.sum())
+        X[drawn] = rng.multivariate_normal(mean, matrix, drawn.sum())
     posterior = classifier.posterior(X, frames)
     np.testing.assert_allclose(posterior.sum(axis=1), 1.0, rtol=1e-12)
     for k, name in enumerate(classifier.classes_):
@@ -223,8 +223,8 @@ def test_whitening_solves_each_column_as_if_alone(seed, bins, lags, count):
     white = whiten(factor, columns)
     # Rounding of a backward stable solution: the factor is diagonally dominant.
     np.testing.assert_allclose(lower @ white, columns, rtol=0, atol=1e-13 * bins)
-    some = np.flatnonzero(rng.random(count) < 0.5)
-    np.testing.assert_array_equal(whiten(factor, columns[:, some]), white[:, some])
+    chosen = np.flatnonzero(rng.random(count) < 0.5)
+    np.testing.assert_array_equal(whiten(factor, columns[:, chosen]), white[:, chosen])
 
 
 @given(
@@ -243,10 +243,10 @@ def test_products_of_whitened_vectors_are_those_of_each_alone(seed, bins, lags, 
     bound = 1e-14 * bins * (1 + np.abs(white).max() ** 2) * (1 + np.abs(directions).sum())
     np.testing.assert_allclose(squared, (white**2).sum(axis=0), rtol=0, atol=bound)
     np.testing.assert_allclose(along, white.T @ directions, rtol=0, atol=bound)
-    some = rng.random(count) < 0.5
-    alone = band_products(factor, vectors[some], mean, directions)
-    np.testing.assert_array_equal(alone[0], squared[some])
-    np.testing.assert_array_equal(alone[1], along[some])
+    chosen = rng.random(count) < 0.5
+    products = band_products(factor, vectors[chosen], mean, directions)
+    np.testing.assert_array_equal(products[0], squared[chosen])
+    np.testing.assert_array_equal(products[1], along[chosen])
 
 
 def test_densities_are_those_of_the_whole_covariance_for_any_numbers_of_frames():
@@ -258,9 +258,9 @@ def test_densities_are_those_of_the_whole_covariance_for_any_numbers_of_frames()
     samples, scale = rng.standard_normal((7, BINS)), np.array([0.5, 2.0])
     unit = whiten(factor, directions)
     for frames in (np.full(7, 16.0), np.arange(1.0, 8.0)):
-        [found] = densities(factor, unit, samples, mean, frames, [scale])
+        [logs] = densities(factor, unit, samples, mean, frames, [scale])
         scaled = directions * scale
-        for sample, n, density in zip(samples, frames, found, strict=True):
-            whole = lower @ lower.T / n + scaled @ scaled.T
-            plain = stats.multivariate_normal(mean, whole).logpdf(sample)
+        for sample, n, density in zip(samples, frames, logs, strict=True):
+            matrix = lower @ lower.T / n + scaled @ scaled.T
+            plain = stats.multivariate_normal(mean, matrix).logpdf(sample)
             np.testing.assert_allclose(density, plain, rtol=1e-10)

@@ -12,19 +12,19 @@ from ncti.classify.misfit import log_fit
 
 @given(distance=st.floats(0, 1e3), bins=st.integers(2, 400))
 def test_is_the_upper_tail_of_chi_squared(distance, bins):
-    found = log_fit([[-distance / 2]], [0.0], bins)[0, 0]
+    fit = log_fit([[-distance / 2]], [0.0], bins)[0, 0]
     if (exact := chi2.sf(distance, bins)) > 1e-280:
-        assert found == pytest.approx(np.log(exact), rel=1e-9, abs=1e-12)
+        assert fit == pytest.approx(np.log(exact), rel=1e-9, abs=1e-12)
 
 
 def test_falls_on_where_the_tail_is_smaller_than_any_number():
     """The series begins within a part in a thousand, and falls for ever."""
     distance = np.geomspace(1.0, 1e9, 20_000)
-    found = log_fit(-distance[:, None] / 2, [0.0], 250)[:, 0]
-    assert np.isfinite(found).all()
-    assert (np.diff(found)[distance[1:] > 300] < 0).all()
-    small = found[1:] < -600
-    assert (np.diff(found)[small] / found[1:][small]).max() < 2e-3
+    fit = log_fit(-distance[:, None] / 2, [0.0], 250)[:, 0]
+    assert np.isfinite(fit).all()
+    assert (np.diff(fit)[distance[1:] > 300] < 0).all()
+    small = fit[1:] < -600
+    assert (np.diff(fit)[small] / fit[1:][small]).max() < 2e-3
 
 
 @pytest.mark.parametrize(("gain", "floor"), [(0.0, 0.0), (0.3, 2.0)])
@@ -50,11 +50,11 @@ def test_the_mean_of_a_template_is_its_peak():
     templates = GaussianTemplates(template_error=0.5)
     band = lower_band(np.stack([0.1 * np.eye(30)] * 3))
     templates.fit(means, band, ["a", "a", "a"], floor=0.0, aspect=[0.0, 10.0, 20.0])
-    own = np.diag(templates.log_likelihood(means, 7))
-    np.testing.assert_allclose(templates.peak(7), own, rtol=1e-12)
-    others = templates.log_likelihood(means + 0.01 * rng.normal(size=means.shape), 7)
-    assert (np.diag(others) < own).all()
-    assert not np.allclose(templates.peak(7, gain_sigma=0.0), own)
+    peaks = np.diag(templates.log_likelihood(means, 7))
+    np.testing.assert_allclose(templates.peak(7), peaks, rtol=1e-12)
+    beside = templates.log_likelihood(means + 0.01 * rng.normal(size=means.shape), 7)
+    assert (np.diag(beside) < peaks).all()
+    assert not np.allclose(templates.peak(7, gain_sigma=0.0), peaks)
 
 
 @pytest.mark.parametrize(

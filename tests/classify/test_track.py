@@ -25,22 +25,22 @@ def test_is_the_mass_of_a_cell(tracked, sigma):
 @given(tracked=st.floats(-360, 720))
 def test_without_error_it_is_the_nearest_template(tracked):
     """Of a full circle, whichever way the aspect is counted."""
-    at = np.arange(0.0, 360.0, 3.0)
-    prior = aspect_prior(at, np.full(at.size, "texas"), [tracked], sigma=0.0)[0]
-    apart = np.abs((at - tracked + 180) % 360 - 180)
+    aspects = np.arange(0.0, 360.0, 3.0)
+    prior = aspect_prior(aspects, np.full(aspects.size, "texas"), [tracked], sigma=0.0)[0]
+    distance = np.abs((aspects - tracked + 180) % 360 - 180)
     if (
-        np.partition(apart, 1)[:2].tolist() == sorted(apart)[:2]
-        and np.ptp(np.sort(apart)[:2]) > 0.1
+        np.partition(distance, 1)[:2].tolist() == sorted(distance)[:2]
+        and np.ptp(np.sort(distance)[:2]) > 0.1
     ):
-        assert prior.argmax() == apart.argmin()
+        assert prior.argmax() == distance.argmin()
         assert np.exp(prior).round(6).sum() == 1
 
 
 @given(shift=st.floats(-360, 360), sigma=st.floats(0.1, 90))
 def test_turning_everything_changes_nothing(shift, sigma):
-    at = np.arange(0.0, 360.0, 72.0)
-    turned = aspect_prior((at + shift) % 360, np.zeros(5), [(15.0 + shift) % 360], sigma=sigma)
-    before = aspect_prior(at, np.zeros(5), [15.0], sigma=sigma)
+    aspects = np.arange(0.0, 360.0, 72.0)
+    turned = aspect_prior((aspects + shift) % 360, np.zeros(5), [(15.0 + shift) % 360], sigma=sigma)
+    before = aspect_prior(aspects, np.zeros(5), [15.0], sigma=sigma)
     np.testing.assert_allclose(np.exp(turned), np.exp(before), atol=1e-9)
 
 
@@ -51,15 +51,15 @@ def test_posterior_by_hand_with_priors_and_templates_left_out():
     exclude = rng.random((6, 9)) < 0.3
     exclude[:, -2:] = True  # all of a label
     exclude[:, 0] = False
-    _, found = label_posterior(scores, labels, exclude=exclude, log_prior=prior)
+    _, posterior = label_posterior(scores, labels, exclude=exclude, log_prior=prior)
     weight = np.where(exclude, -np.inf, prior)
     of_label = np.full((6, 3), -np.inf)
     for label in (0, 1):
-        own = labels == label
-        whole = logsumexp(weight[:, own], axis=1)
-        of_label[:, label] = logsumexp(scores[:, own] + weight[:, own], axis=1) - whole
+        of_this = labels == label
+        total = logsumexp(weight[:, of_this], axis=1)
+        of_label[:, label] = logsumexp(scores[:, of_this] + weight[:, of_this], axis=1) - total
     expected = np.exp(of_label - logsumexp(of_label, axis=1, keepdims=True))
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(posterior, expected, rtol=1e-12)
 
 
 def test_constants_of_a_label_change_nothing():
@@ -68,8 +68,8 @@ def test_constants_of_a_label_change_nothing():
     labels = np.array(["a", "b", "a", "b", "b", "a"])
     more = np.where(labels == "a", 500.0, -900.0)
     answers = [
-        label_posterior(scores, labels, log_prior=one)[1]
-        for one in (prior, prior + more, np.zeros(6), 0.0)
+        label_posterior(scores, labels, log_prior=weights)[1]
+        for weights in (prior, prior + more, np.zeros(6), 0.0)
     ]
     np.testing.assert_allclose(answers[0], answers[1], rtol=1e-12)
     np.testing.assert_allclose(answers[2], answers[3], rtol=1e-12)
@@ -80,12 +80,12 @@ def test_a_track_tells_ships_apart_that_look_alike_at_other_aspects():
     means = np.array(
         [[0.0, 1, 0, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 1, 0, 0], [0, 1, 0, 0, 0, 0]]
     )
-    at, names = np.array([10.0, 40.0, 10.0, 40.0]), ["a", "a", "b", "b"]
+    aspects, names = np.array([10.0, 40.0, 10.0, 40.0]), ["a", "a", "b", "b"]
     band = lower_band(np.stack([0.01 * np.eye(6)] * 4))
     templates = GaussianTemplates().fit(means, band, names, floor=0.0)
     blind = templates.posterior(means[:1], 1)
     np.testing.assert_allclose(blind, 0.5, atol=1e-9)
-    prior = aspect_prior(at, names, [12.0], sigma=5.0)
+    prior = aspect_prior(aspects, names, [12.0], sigma=5.0)
     assert templates.posterior(means[:1], 1, log_prior=prior)[0, 0] > 0.95
     assert templates.predict(means[:1], 1, log_prior=prior) == ["a"]
 

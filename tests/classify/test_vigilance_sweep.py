@@ -28,21 +28,21 @@ def assert_same(training, tests, order, *, vigilance, learning_rate, max_passes)
         warnings.simplefilter("ignore")
         network.fit(training[order], classes[order])
     similarities = Similarities.of(training, tests)
-    found = cluster(
+    clusters = cluster(
         similarities,
         vigilance=vigilance,
         learning_rate=learning_rate,
         max_passes=max_passes,
         order=order,
     )
-    np.testing.assert_array_equal(found.labels[order], network.labels_)
-    assert (found.passes, found.converged) == (network.n_passes_, network.converged_)
-    np.testing.assert_array_equal(found.names(classes), network.category_labels_)
+    np.testing.assert_array_equal(clusters.labels[order], network.labels_)
+    assert (clusters.passes, clusters.converged) == (network.n_passes_, network.converged_)
+    np.testing.assert_array_equal(clusters.names(classes), network.category_labels_)
     category, similarity = network.match(tests)
-    ours, cosine = found.match(similarities)
+    ours, cosine = clusters.match(similarities)
     np.testing.assert_array_equal(ours, category)
     # Each presentation rounds some ten numbers of order 1.
-    rounding = 1e-15 * len(training) * found.passes
+    rounding = 1e-15 * len(training) * clusters.passes
     np.testing.assert_allclose(cosine, similarity, atol=1e-14 + rounding)
 
 
@@ -78,10 +78,13 @@ def test_samples_left_out_of_the_order_are_not_learned(features):
     """Whether there are more of them than features or not."""
     rng = np.random.default_rng(0)
     training, tests = rng.normal(size=(9, features)), rng.normal(size=(7, features))
-    every, few = Similarities.of(training, tests), Similarities.of(training[:4], tests)
-    found, alone = cluster(every, vigilance=0.9, order=np.arange(4)), cluster(few, vigilance=0.9)
-    np.testing.assert_array_equal(found.labels, [*alone.labels, *[-1] * 5])
-    (category, cosine), (other, same) = found.match(every), alone.match(few)
+    all_nine, few = Similarities.of(training, tests), Similarities.of(training[:4], tests)
+    clusters, of_few = (
+        cluster(all_nine, vigilance=0.9, order=np.arange(4)),
+        cluster(few, vigilance=0.9),
+    )
+    np.testing.assert_array_equal(clusters.labels, [*of_few.labels, *[-1] * 5])
+    (category, cosine), (other, same) = clusters.match(all_nine), of_few.match(few)
     np.testing.assert_array_equal(category, other)
     np.testing.assert_allclose(cosine, same, atol=1e-13)
 
@@ -92,10 +95,10 @@ def test_tests_may_come_later(features):
     training, tests, others = (rng.normal(size=(count, features)) for count in (12, 5, 7))
     later = Similarities.of(training)
     assert (later.test.shape, later.answers.shape) == ((0, min(features, 12)), (0,))
-    for shown in (tests, others):
-        at_once, found = Similarities.of(training, shown), later.to(shown)
+    for presented in (tests, others):
+        at_once, delayed = Similarities.of(training, presented), later.to(presented)
         for name in ("directions", "lengths", "test", "answers"):
-            np.testing.assert_array_equal(getattr(found, name), getattr(at_once, name))
+            np.testing.assert_array_equal(getattr(delayed, name), getattr(at_once, name))
     with pytest.raises(ValueError, match=rf"tests has shape \(5, 4\), .* \(test, {features}\)"):
         later.to(tests[:, :4])
 
@@ -104,10 +107,10 @@ def test_memory_is_in_proportion_to_the_vectors():
     def peak(count):
         vectors = np.random.default_rng(1).normal(size=(count, 12))
         tracemalloc.start()
-        found = cluster(Similarities.of(vectors), vigilance=0.95, max_passes=2)
+        clusters = cluster(Similarities.of(vectors), vigilance=0.95, max_passes=2)
         held = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        return held, len(found.weights)
+        return held, len(clusters.weights)
 
     (small, few), (large, many) = peak(500), peak(4_000)
     assert many < 8 * few  # categories, whose cosines to a block are held

@@ -60,8 +60,8 @@ def box(
         first, second = (normal + 1) % 3, (normal + 2) % 3
         # The face towards the sensor lies half a span nearer than the centre.
         near = middle - 0.5 * span.sum()
-        seen = abs(away[normal]) * size[first] * size[second]
-        area += parallelogram(near, span[first], span[second], seen, edges)
+        visible = abs(away[normal]) * size[first] * size[second]
+        area += parallelogram(near, span[first], span[second], visible, edges)
     return area
 
 

@@ -60,10 +60,10 @@ def after_pulse(area: Floats, pulse_width: float) -> Floats:
     return area @ np.exp(-8.0 * lag**2 / n_z**2)
 
 
-def error(found: Floats, truth: Floats, pulse_width: float) -> float:
+def error(area: Floats, truth: Floats, pulse_width: float) -> float:
     """Sum of absolute differences over the sum of the truth."""
     blurred = after_pulse(truth, pulse_width)
-    return float(np.abs(after_pulse(found, pulse_width) - blurred).sum() / blurred.sum())
+    return float(np.abs(after_pulse(area, pulse_width) - blurred).sum() / blurred.sum())
 
 
 def slope(pixels: ArrayLike, errors: ArrayLike) -> float:

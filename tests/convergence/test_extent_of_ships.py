@@ -80,11 +80,11 @@ def ifov_errors(views, pulse_width, *, extent=rendered):
     """Error of the extents of the single IFOVs, in every view."""
     errors = []
     for view in views:
-        found, exact = extent(*view), truth(*view)
-        cells = sorted({tuple(cell) for cell in (*found.cell, *exact.cell)})
+        computed, exact = extent(*view), truth(*view)
+        cells = sorted({tuple(cell) for cell in (*computed.cell, *exact.cell)})
         errors.append(
             metric.error(
-                on_cells(found.cell, metric.areas(found), cells),
+                on_cells(computed.cell, metric.areas(computed), cells),
                 on_cells(exact.cell, exact.area, cells),
                 pulse_width,
             )
@@ -123,9 +123,9 @@ def test_error_falls_with_the_pixel(pulse_width):
 def test_lines_err_by_less_than_a_thousandth():
     """After the pulse, at a quarter of a metre; and single IFOVs."""
     views = GRID + ANY
-    whole = ship_errors(views, metric.PULSE, extent=lined)
-    assert np.median(whole) < 0.001
-    assert whole.max() < 0.005
+    summed = ship_errors(views, metric.PULSE, extent=lined)
+    assert np.median(summed) < 0.001
+    assert summed.max() < 0.005
     single = ifov_errors(views, metric.PULSE, extent=lined)
     assert np.median(single) < 0.0017
     assert single.max() < 0.009
@@ -171,12 +171,12 @@ def most_misses(count, level=1e-3):
 def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(tolerance):
     """Stopping where the bound is small enough does not make it a worse bound."""
     rng = np.random.default_rng(round(1e5 * tolerance))
-    found = []
+    results = []
     for name, aspect, depression in ANY:
         pulse_width = rng.choice([0.0, 10e-9, metric.PULSE, 60e-9])
         bins = int(rng.choice([1, 2]))
-        how = {"pulse_width": pulse_width, "bin_width": float(bins)}
-        lines = lines_within(ship(name), View(aspect, depression), tolerance=tolerance, **how)
+        options = {"pulse_width": pulse_width, "bin_width": float(bins)}
+        lines = lines_within(ship(name), View(aspect, depression), tolerance=tolerance, **options)
         extent = range_extent(
             lines, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR, bin_width=float(bins)
         )
@@ -185,8 +185,8 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
         if pulse_width:
             response = target_response(pulse_width=pulse_width, bin_width=float(bins)) ** 2
             p, q = np.convolve(p, response), np.convolve(q, response)
-        found.append((np.abs(p - q).sum() / q.sum(), extent.error_after(pulse_width)))
-    errors, bars = np.array(found).T
+        results.append((np.abs(p - q).sum() / q.sum(), extent.error_after(pulse_width)))
+    errors, bars = np.array(results).T
     assert np.all(bars <= tolerance)
     assert np.sum(errors > bars) <= most_misses(len(ANY))
     assert np.sum(errors > tolerance) <= most_misses(len(ANY))
@@ -202,8 +202,8 @@ def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
     for name in ncti.ships.names():
         view = {"aspect": rng.uniform(0, 360), "depression": rng.uniform(0.5, 60)}
         view["slant_range"] = 10 ** rng.uniform(3.7, 5.3)
-        how = {"tolerance": tolerance, "pulse_width": metric.PULSE}
-        extent = extent_within(ship(name), View(**view), **how)
+        options = {"tolerance": tolerance, "pulse_width": metric.PULSE}
+        extent = extent_within(ship(name), View(**view), **options)
         exact = reference_range_extent(ship(name), bin_edges=metric.EDGES, **view).area[0]
         true = metric.error(metric.areas(extent).sum(axis=0), exact, metric.PULSE)
         assert extent.error_after(metric.PULSE) <= tolerance
@@ -234,8 +234,8 @@ def test_faces_across_the_sight_keep_a_tolerance_that_their_wavefront_bends(aspe
     """
     view = {"aspect": aspect, "depression": 0.0, "slant_range": 31e3}
     mesh = ship("duncan")
-    how = {"pulse_width": 0.0, "tolerance": tolerance}
-    extent = extent_within(mesh, View(**view), beam=Beam(ifov=0.03, bin_width=2.0), **how)
+    options = {"pulse_width": 0.0, "tolerance": tolerance}
+    extent = extent_within(mesh, View(**view), beam=Beam(ifov=0.03, bin_width=2.0), **options)
     edges = np.append(extent.down_range, extent.down_range[-1] + 2.0) - 1.0
     exact = reference_range_extent(mesh, bin_edges=edges, **view).area.sum(0)
     area = extent.fraction.sum(axis=0) * (extent.ifov * extent.slant_range) ** 2

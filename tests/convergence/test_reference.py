@@ -44,16 +44,16 @@ def test_box(aspect, depression):
     mesh = trimesh.creation.box(extents)
     mesh.apply_translation(centre)
     expected = closed_forms.box(extents, centre, aspect=aspect, depression=depression, edges=EDGES)
-    found = reference_range_extent(mesh, aspect=aspect, depression=depression, bin_edges=EDGES)
-    np.testing.assert_allclose(found.area[0], expected, rtol=0.0, atol=GRID_AREA)
+    extent = reference_range_extent(mesh, aspect=aspect, depression=depression, bin_edges=EDGES)
+    np.testing.assert_allclose(extent.area[0], expected, rtol=0.0, atol=GRID_AREA)
 
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (2.7, 0.0), (-1.3, 0.4), (15.0, -0.2)])
 def test_tilted_plate_in_every_cell(slope):
     """A plate's range grows linearly over it, so a bin is a strip and a cell cuts it short."""
     plate = rectangle(-4.0, 3.0, -2.0, 1.0, 0.3, slope, **VIEW)
-    found = reference_range_extent(plate, **VIEW, bin_edges=EDGES, side=2.5)
-    for cell, area in zip(found.cell, found.area, strict=True):
+    extent = reference_range_extent(plate, **VIEW, bin_edges=EDGES, side=2.5)
+    for cell, area in zip(extent.cell, extent.area, strict=True):
         (left, bottom), (right, top) = cell * 2.5, (cell + 1) * 2.5
         left, right = max(left, -4.0), min(right, 3.0)
         bottom, top = max(bottom, -2.0), min(top, 1.0)
@@ -63,8 +63,8 @@ def test_tilted_plate_in_every_cell(slope):
             middle - spans.sum() / 2, *spans, (right - left) * (top - bottom), EDGES
         )
         np.testing.assert_allclose(area, expected, rtol=0.0, atol=GRID_AREA)
-    assert len(found.cell) == 4 * 2
-    assert found.area.sum() == pytest.approx(21.0, abs=GRID_AREA)
+    assert len(extent.cell) == 4 * 2
+    assert extent.area.sum() == pytest.approx(21.0, abs=GRID_AREA)
 
 
 @pytest.mark.parametrize("slant_range", [None, 1e3, 100.0])
@@ -75,8 +75,8 @@ def test_sphere_is_approached_as_its_facets_shrink(slant_range):
     errors = []
     for subdivisions in (3, 4, 5):
         mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=10.0)
-        found = reference_range_extent(mesh, **VIEW, bin_edges=edges, slant_range=slant_range)
-        errors.append(np.abs(found.area[0] - expected).sum())
+        extent = reference_range_extent(mesh, **VIEW, bin_edges=edges, slant_range=slant_range)
+        errors.append(np.abs(extent.area[0] - expected).sum())
     ratios = np.divide(errors[:-1], errors[1:])
     assert np.all((ratios > 3.5) & (ratios < 4.5)), ratios
 
@@ -88,10 +88,10 @@ def test_outline_of_a_box_at_a_finite_range(aspect, depression, slant_range):
     mesh = trimesh.creation.box((60.0, 14.0, 9.0))
     h, v, r = closed_forms.axes_of(aspect, depression) @ mesh.vertices.T
     corners = np.stack([h, v], axis=1) / (1.0 + r[:, None] / slant_range)
-    found = reference_range_extent(
+    extent = reference_range_extent(
         mesh, aspect=aspect, depression=depression, bin_edges=EDGES, slant_range=slant_range
     )
-    assert found.area.sum() == pytest.approx(ConvexHull(corners).volume, abs=GRID_AREA)
+    assert extent.area.sum() == pytest.approx(ConvexHull(corners).volume, abs=GRID_AREA)
 
 
 @pytest.mark.parametrize(("slant_range", "width"), [(31e3, 0.003), (1e3, 0.05)])
@@ -103,9 +103,9 @@ def test_plate_across_the_line_of_sight_is_cut_along_circles(slant_range, width)
     disc = np.pi * radius**2
     edges, disc = edges[radius < 30.0], disc[radius < 30.0]
     bins = np.append(edges, 2.0)
-    found = reference_range_extent(plate, **VIEW, bin_edges=bins, slant_range=slant_range).area[0]
+    area = reference_range_extent(plate, **VIEW, bin_edges=bins, slant_range=slant_range).area[0]
     expected = np.diff(disc, append=3600.0)
-    assert np.abs(found - expected).sum() <= 1e-5 * 3600.0
+    assert np.abs(area - expected).sum() <= 1e-5 * 3600.0
 
 
 def boxes_at_odds() -> list[trimesh.Trimesh]:
@@ -125,11 +125,11 @@ def test_solids_that_intersect_look_like_their_union(aspect):
     view = {"aspect": aspect, "depression": 20.0, "bin_edges": EDGES, "side": 5.0}
     pile = reference_range_extent(trimesh.util.concatenate(solids), **view)
     union = reference_range_extent(trimesh.boolean.union(solids, engine="manifold"), **view)
-    seen = union.area.sum(axis=1) > GRID_AREA
-    np.testing.assert_array_equal(pile.cell[pile.area.sum(axis=1) > GRID_AREA], union.cell[seen])
+    visible = union.area.sum(axis=1) > GRID_AREA
+    np.testing.assert_array_equal(pile.cell[pile.area.sum(axis=1) > GRID_AREA], union.cell[visible])
     # The union's vertices are themselves rounded, to 1e-6 of its size at worst.
     np.testing.assert_allclose(
-        pile.area[pile.area.sum(axis=1) > GRID_AREA], union.area[seen], rtol=0.0, atol=1e-4
+        pile.area[pile.area.sum(axis=1) > GRID_AREA], union.area[visible], rtol=0.0, atol=1e-4
     )
 
 

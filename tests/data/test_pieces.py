@@ -49,16 +49,16 @@ def store(tmp_path_factory, cache):
 
 def test_rows_are_those_of_the_library_to_the_bit(store):
     path, _ = store
-    wanted = same(3 * ROWS_OF_A_PIECE)
+    expected = same(3 * ROWS_OF_A_PIECE)
     for chunks in (None, {}):
-        xr.testing.assert_equal(open_rows(path, chunks=chunks), wanted)
-    for ours, theirs in zip(ncti.load_xy(path), ncti.to_numpy(wanted), strict=True):
+        xr.testing.assert_equal(open_rows(path, chunks=chunks), expected)
+    for ours, theirs in zip(ncti.load_xy(path), ncti.to_numpy(expected), strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
 
 def test_more_pieces_compute_those_alone(store):
     _, finished = store
-    computed = {name: of.done for name, of in finished.progress.items() if "_rows" in name}
+    computed = {name: step.done for name, step in finished.progress.items() if "_rows" in name}
     assert computed == {"profile_rows": 2, "silhouette_rows": 2}
 
 
@@ -78,7 +78,7 @@ def test_rows_of_other_settings_stand_beside_one_another(tmp_path, cache):
         open_rows(tmp_path / "s.zarr")
     for free in (0, 100):
         rows = open_rows(tmp_path / "s.zarr", target_free_ifovs=free)
-        how = {"frames": 1, "target_free_ifovs": free, "pulse_width": 30 * 1e-9}
-        alone = ncti.dataset(["duncan"], 4, seed=0, **how)
-        xr.testing.assert_equal(rows, alone)
+        options = {"frames": 1, "target_free_ifovs": free, "pulse_width": 30 * 1e-9}
+        expected = ncti.dataset(["duncan"], 4, seed=0, **options)
+        xr.testing.assert_equal(rows, expected)
         assert set(ROWS) <= set(rows.coords)

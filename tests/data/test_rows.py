@@ -64,19 +64,19 @@ def test_what_is_drawn_does_not_depend_on_other_parameters(whole):
         np.testing.assert_array_equal(plain[name], whole[name])
     assert not np.array_equal(plain.gain, whole.gain)
     # noise too, up to the rounding of float32
-    noise, same = (each.profile - each.expected for each in (whole, plain))
+    noise, same = (dataset.profile - dataset.expected for dataset in (whole, plain))
     assert float(abs(noise - same).max()) <= 4 * FLOAT32 * float(whole.profile.max())
 
 
 def test_ships_have_equal_numbers_of_views():
     """In every block of views, whichever rows are asked for, in orders that differ."""
     ships = ["duncan", "texas", "horne"]
-    given = {"slant_range": 100e3, "frames": 1, "target_free_ifovs": 0, "rows_per_view": 2}
-    found = ncti.dataset(ships, 120, seed=3, **given).ship.values[::2].reshape(20, 3)
-    assert (np.sort(found, axis=1) == sorted(ships)).all()
-    assert len({*map(tuple, found)}) > 3  # of six; 20 of three or fewer have odds below 1e-4
-    part = ncti.dataset(ships, 7, first=17, seed=3, **given).ship.values
-    np.testing.assert_array_equal(part, np.repeat(found.reshape(-1), 2)[17:24])
+    options = {"slant_range": 100e3, "frames": 1, "target_free_ifovs": 0, "rows_per_view": 2}
+    names = ncti.dataset(ships, 120, seed=3, **options).ship.values[::2].reshape(20, 3)
+    assert (np.sort(names, axis=1) == sorted(ships)).all()
+    assert len({*map(tuple, names)}) > 3  # of six; 20 of three or fewer have odds below 1e-4
+    later = ncti.dataset(ships, 7, first=17, seed=3, **options).ship.values
+    np.testing.assert_array_equal(later, np.repeat(names.reshape(-1), 2)[17:24])
 
 
 def test_expected_profiles_are_those_of_a_simulation(monkeypatch):
@@ -84,9 +84,9 @@ def test_expected_profiles_are_those_of_a_simulation(monkeypatch):
     corner = partial(range_extent, shift=(0.0, 0.0))
     monkeypatch.setattr(ncti.data.views, "range_extent", lambda *a, shift, **k: corner(*a, **k))
     accuracy = 0.01  # which lines 0.25 m apart keep
-    kept = rows_of(12, gain=1.0, floor=0.0, rows_per_view=1, far_field_error=SHARE * accuracy)
+    rows = rows_of(12, gain=1.0, floor=0.0, rows_per_view=1, far_field_error=SHARE * accuracy)
     for row in range(12):
-        ours = kept.isel(row=row)
+        ours = rows.isel(row=row)
         theirs = ncti.simulate.range_profile(
             str(ours.ship.values),
             aspect=float(ours.aspect),
@@ -109,9 +109,9 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
     IFOVs, of which the covariance hardly depends.
     """
     count, directions = 3000, 20
-    how = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
-    how |= {"frames": (8, 12), "sensor": "range"}
-    rows = ncti.dataset(["duncan"], count, seed=11, rows_per_view=count, **{**MIXED, **how})
+    options = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
+    options |= {"frames": (8, 12), "sensor": "range"}
+    rows = ncti.dataset(["duncan"], count, seed=11, rows_per_view=count, **{**MIXED, **options})
     mesh = ncti.ships.load("duncan")
     lines = line_image(
         mesh,
@@ -132,8 +132,8 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
         expected = mean + float(rows.gain[k] - 1) * (mean - floor)
         expected += float(rows.floor[k]) * deviation
         np.testing.assert_allclose(rows.expected[k], expected, rtol=4 * FLOAT32)
-    for part in (rows.right, rows.up):
-        assert stats.kstest(part.values, "uniform").pvalue > LEVEL
+    for shift in (rows.right, rows.up):
+        assert stats.kstest(shift.values, "uniform").pvalue > LEVEL
     # Deviations of one frame, along eigenvectors of its covariance.
     variance, vectors = np.linalg.eigh(covariance)
     off = (rows.profile - rows.expected).values * np.sqrt(rows.frames.values)[:, None]
@@ -152,21 +152,21 @@ def test_silhouettes_without_noise_are_those_of_a_simulation():
     """Each at its own place on the pixels, the first of its stream; whole pixels do not matter."""
     nothing = {"nedt": 1e-3, "target_spread": 0.0, "sea_spread": 0.0}
     imager = replace(IMAGER, **nothing)
-    how = {"sensor": "infrared", "slant_range": [50e3, 100e3], "super_resolution": "perfect"}
-    rows = ncti.dataset(SHIPS, 8, seed=5, rows_per_view=2, imager=imager, **how)
+    options = {"sensor": "infrared", "slant_range": [50e3, 100e3], "super_resolution": "perfect"}
+    rows = ncti.dataset(SHIPS, 8, seed=5, rows_per_view=2, imager=imager, **options)
     for row in range(8):
-        kept = rows.isel(row=row)
+        ours = rows.isel(row=row)
         across, up = 2 * Recipe.rng(SimpleNamespace(seed=5), IMAGE, row).random(2) % 1
-        seen = ncti.simulate.infrared_image(
-            str(kept.ship.values),
-            aspect=float(kept.aspect),
-            slant_range=float(kept.slant_range),
+        image = ncti.simulate.infrared_image(
+            str(ours.ship.values),
+            aspect=float(ours.aspect),
+            slant_range=float(ours.slant_range),
             phase=(across, up),
             super_resolution="perfect",
             **nothing,
         )
-        wanted = silhouette_map(segment(seen.values, method="otsu"))
-        np.testing.assert_array_equal(kept.silhouette, wanted)
+        expected = silhouette_map(segment(image.values, method="otsu"))
+        np.testing.assert_array_equal(ours.silhouette, expected)
 
 
 def test_parameters_of_the_laser_radar_are_refused_without_it():
@@ -189,14 +189,14 @@ def test_uniform_numbers_are_uniform_and_independent():
 
 
 def test_values_are_drawn_as_they_are_given():
-    anything, whole = Bounds(), Bounds(1, 9, whole=True)
+    anything, integers = Bounds(), Bounds(1, 9, whole=True)
     uniform = UNIFORM[0]
     assert set(sampler("gain", 3.0, anything)(uniform)) == {3.0}
-    for several, bounds, values in (
+    for choices, bounds, values in (
         ([1.0, 5.0, 2.0], anything, (1, 2, 5)),
-        ((2, 4), whole, (2, 3, 4)),
+        ((2, 4), integers, (2, 3, 4)),
     ):
-        drawn, counts = np.unique(sampler("x", several, bounds)(uniform), return_counts=True)
+        drawn, counts = np.unique(sampler("x", choices, bounds)(uniform), return_counts=True)
         assert drawn.tolist() == [*values]
         assert stats.chisquare(counts).pvalue > LEVEL
     interval = sampler("x", (2.0, 6.0), anything)(uniform)

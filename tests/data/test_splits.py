@@ -33,11 +33,11 @@ class Drawn(dict):
     """What is drawn for the rows of a part, without building a ship."""
 
     def __init__(self, name, part, seed):
-        ships, given = recipe(name, part, seed=seed, ships=SHIPS)
+        ships, options = recipe(name, part, seed=seed, ships=SHIPS)
         numbers = np.arange(COUNTS[part])
-        super().__init__(parameters(numbers, len(ships), **given))
+        super().__init__(parameters(numbers, len(ships), **options))
         self["ship"] = np.array(ships)[self["ship"]]
-        self.seed, self.of = given["seed"], seed  # of the data set, and of the split
+        self.seed, self.of = options["seed"], seed  # of the data set, and of the split
 
     @property
     def views(self):
@@ -78,8 +78,8 @@ def test_seeds_have_no_view_and_no_draw_in_common():
         Drawn("aspect-random", part, seed) for part in ("train", "test") for seed in (0, 1, 2, 3)
     ]
     for what in ("views", "draws"):
-        several = [getattr(one, what) for one in parts]
-        assert sum(map(len, several)) == len(set().union(*several))
+        sets = [getattr(rows, what) for rows in parts]
+        assert sum(map(len, sets)) == len(set().union(*sets))
 
 
 def test_variants_are_learned_or_tested_but_not_both(splits):
@@ -120,8 +120,8 @@ def test_splits_of_one_training_draw_the_same(splits):
     for name, parts in splits.items():
         other = splits[trained_as(name)]["train"]
         assert parts["train"].seed == other.seed and parts["train"].views == other.views
-    one, other = (splits[name]["test"] for name in ("aspect-random", "sensor-shift"))
-    assert one.views == other.views and one.draws == other.draws
+    plain, other = (splits[name]["test"] for name in ("aspect-random", "sensor-shift"))
+    assert plain.views == other.views and plain.draws == other.draws
 
 
 @pytest.fixture(scope="module")
@@ -164,37 +164,37 @@ def test_the_moments_of_views_are_those_of_rows_at_the_same_place(number, monkey
 
 
 def test_the_card_has_the_version_and_the_date_of_the_citation(small):
-    about = ncti.data.card(small)
+    card = ncti.data.card(small)
     cited = yaml.safe_load(Path(__file__).parents[2].joinpath("CITATION.cff").read_text())
-    assert about["version"] == cited["version"]
-    assert about["datePublished"] == str(cited["date-released"])
+    assert card["version"] == cited["version"]
+    assert card["datePublished"] == str(cited["date-released"])
 
 
 def test_the_card_describes_the_files(small, tmp_path):
-    of = small
-    ncti.data.save(of, tmp_path)
-    about = json.loads((tmp_path / "croissant.json").read_text())
-    assert about == ncti.data.card(of)
-    for name, records in zip(("train", "test", "unknown"), about["recordSet"], strict=True):
+    split = small
+    ncti.data.save(split, tmp_path)
+    card = json.loads((tmp_path / "croissant.json").read_text())
+    assert card == ncti.data.card(split)
+    for name, records in zip(("train", "test", "unknown"), card["recordSet"], strict=True):
         lines = (tmp_path / f"{name}.jsonl").read_text().splitlines()
-        rows = getattr(of, name)
+        rows = getattr(split, name)
         assert len(lines) == rows.sizes["row"]
         assert {field["name"] for field in records["field"]} == {*json.loads(lines[0])}
         for line, row in zip(map(json.loads, lines), range(len(lines)), strict=True):
-            kept = np.array(line["profile"], dtype=np.float32)
-            np.testing.assert_array_equal(kept, rows.profile[row])
+            profile = np.array(line["profile"], dtype=np.float32)
+            np.testing.assert_array_equal(profile, rows.profile[row])
             assert line["ship"] == rows.ship[row] and line["aspect"] == rows.aspect[row]
 
 
 def test_the_card_is_valid(small, tmp_path):
     croissant = pytest.importorskip("mlcroissant", reason="mlcroissant is not installed")
-    of = small
-    ncti.data.save(of, tmp_path)
+    split = small
+    ncti.data.save(split, tmp_path)
     read = croissant.Dataset(jsonld=tmp_path / "croissant.json")
     assert not read.metadata.ctx.issues.errors
     records = list(read.records(record_set="unknown"))
-    assert [record["unknown/aspect"] for record in records] == of.unknown.aspect.values.tolist()
-    np.testing.assert_allclose(records[0]["unknown/profile"], of.unknown.profile[0], rtol=1e-6)
+    assert [record["unknown/aspect"] for record in records] == split.unknown.aspect.values.tolist()
+    np.testing.assert_allclose(records[0]["unknown/profile"], split.unknown.profile[0], rtol=1e-6)
 
 
 @pytest.mark.parametrize(

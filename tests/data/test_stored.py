@@ -30,14 +30,14 @@ def store(tmp_path_factory, cache):
 
 def answers(store, classifier, split, **where):
     """Names that a sweep gave to the views of a split, one ship after the other."""
-    given = opened(store, f"classification/{classifier}").sel(where)
+    stored = opened(store, f"classification/{classifier}").sel(where)
     known = np.array([ship != UNKNOWN for ship in SHIPS])
     learned = np.isin(ASPECTS, LEARNED)
     ships = ~known if split == "unknown" else known
     aspects = {"test": ~learned, "learned": learned, "unknown": learned | True}[split]
-    cells = given.predicted.isel(ship=ships, aspect=aspects).squeeze()
+    cells = stored.predicted.isel(ship=ships, aspect=aspects).squeeze()
     cells = cells.transpose("ship", "aspect", ...) if "ship" in cells.dims else cells
-    return given.ship.values[cells.values.astype(int).reshape(-1)].tolist()
+    return stored.ship.values[cells.values.astype(int).reshape(-1)].tolist()
 
 
 @pytest.mark.parametrize("split", SPLITS)
@@ -57,8 +57,8 @@ def test_a_clustering_network_answers_as_the_store_has_it(store, split):
         ("acn", {"pulse_width": 30.0, "frame_count": 2, "replicate": 0}),
         ("acn_infrared", {"super_resolution": "perfect", "frame_count": 8, "phase": 1}),
     ):
-        given = opened(store, f"classification/{classifier}")
-        network = AdaptiveClusteringNetwork(vigilance=float(given.vigilance.values.item()))
+        stored = opened(store, f"classification/{classifier}")
+        network = AdaptiveClusteringNetwork(vigilance=float(stored.vigilance.values.item()))
         network.fit(*ncti.load_xy(store, classifier, **where)[:2])
         X, *_ = ncti.load_xy(store, classifier, split, **where)
         assert network.predict(X).tolist() == answers(store, classifier, split, **where)
@@ -81,11 +81,11 @@ def test_splits_share_no_view_and_hold_all(store):
 
 
 def test_likelihoods_take_averages_as_they_are_stored(store):
-    kept = opened(store, "range_profile").averaged.sel(ship=UNKNOWN)
+    averages = opened(store, "range_profile").averaged.sel(ship=UNKNOWN)
     every = {"pulse_width": PULSES, "frame_count": FRAMES}
     X, *_ = ncti.load_xy(store, "likelihood", "unknown", **every)
-    kept = kept.transpose("aspect", "pulse_width", "replicate", "frame_count", "range", ...)
-    assert sorted(X.tolist()) == sorted(kept.values.reshape(X.shape).tolist())
+    averages = averages.transpose("aspect", "pulse_width", "replicate", "frame_count", "range", ...)
+    assert sorted(X.tolist()) == sorted(averages.values.reshape(X.shape).tolist())
 
 
 @pytest.mark.parametrize(

@@ -40,12 +40,17 @@ class Worker:
 
 def loaded(stream, workers, monkeypatch):
     """Batches as a loader takes them from its workers: in turn, until each has no more."""
-    parts = []
+    by_worker = []
     for number in range(workers):
         worker = Worker(number, workers)
         monkeypatch.setattr(ncti.data.torch, "get_worker_info", lambda worker=worker: worker)
-        parts.append([*pickle.loads(pickle.dumps(stream))])
-    return [part[turn] for turn in range(len(parts[0])) for part in parts if turn < len(part)]
+        by_worker.append([*pickle.loads(pickle.dumps(stream))])
+    return [
+        batches[turn]
+        for turn in range(len(by_worker[0]))
+        for batches in by_worker
+        if turn < len(batches)
+    ]
 
 
 def test_rows_by_number_are_those_of_load_xy(store, rows):
@@ -55,8 +60,8 @@ def test_rows_by_number_are_those_of_load_xy(store, rows):
         vector, label = rows[index]
         np.testing.assert_array_equal(vector, X[index].astype(np.float32))
         assert rows.classes[label] == y[index]
-    several = [30, 2, 2, 17]  # out of order, one of them twice
-    for index, (vector, label) in zip(several, rows.__getitems__(several), strict=True):
+    numbers = [30, 2, 2, 17]  # out of order, one of them twice
+    for index, (vector, label) in zip(numbers, rows.__getitems__(numbers), strict=True):
         np.testing.assert_array_equal(vector, X[index].astype(np.float32))
         assert rows.classes[label] == y[index]
     for beyond in (len(X), -len(X) - 1):
@@ -74,19 +79,19 @@ def test_batches_have_each_row_once_in_an_order_of_the_seed(rows, workers, monke
         stream.set_epoch(epoch)
         return loaded(stream, workers, monkeypatch)
 
-    alone, together = batches(4, 0, 1), batches(4, 0, workers)
-    for one, other in zip(alone, together, strict=True):
-        for ours, theirs in zip(one, other, strict=True):
+    single, together = batches(4, 0, 1), batches(4, 0, workers)
+    for first, second in zip(single, together, strict=True):
+        for ours, theirs in zip(first, second, strict=True):
             np.testing.assert_array_equal(ours, theirs)
-    every = np.concatenate([X for X, _ in together])
+    vectors = np.concatenate([X for X, _ in together])
     of_rows = np.stack([vector for vector, _ in rows])
-    np.testing.assert_array_equal(np.unique(every, axis=0), np.unique(of_rows, axis=0))
-    assert len(every) == len(rows)
+    np.testing.assert_array_equal(np.unique(vectors, axis=0), np.unique(of_rows, axis=0))
+    assert len(vectors) == len(rows)
     orders = [batches(*which, workers) for which in ((4, 0), (4, 1), (5, 0))]
-    for one, other in pairwise(orders):
-        assert any(not np.array_equal(a[1], b[1]) for a, b in zip(one, other, strict=True)) or any(
-            not np.array_equal(a[0], b[0]) for a, b in zip(one, other, strict=True)
-        )
+    for first, second in pairwise(orders):
+        assert any(
+            not np.array_equal(a[1], b[1]) for a, b in zip(first, second, strict=True)
+        ) or any(not np.array_equal(a[0], b[0]) for a, b in zip(first, second, strict=True))
 
 
 class Pieces:
@@ -124,13 +129,13 @@ def test_labels_are_those_of_the_classes_that_are_given(store):
 def test_a_loader_of_torch_reads_the_same(store, rows):
     data = pytest.importorskip("torch.utils.data")
     X, y, _ = ncti.load_xy(store)
-    whole = data.DataLoader(rows, batch_size=BATCH, num_workers=2)
-    vectors, labels = zip(*whole, strict=True)
+    batches = data.DataLoader(rows, batch_size=BATCH, num_workers=2)
+    vectors, labels = zip(*batches, strict=True)
     np.testing.assert_array_equal(np.concatenate(vectors), X.astype(np.float32))
     assert [rows.classes[label] for label in np.concatenate(labels)] == y.tolist()
     stream = RowStream(rows, batch_size=BATCH, seed=4)
     for workers in (0, 2, 3):
         loader = data.DataLoader(stream, batch_size=None, num_workers=workers)
         for ours, theirs in zip(stream, loader, strict=True):
-            for one, other in zip(ours, theirs, strict=True):
-                np.testing.assert_array_equal(one, other)
+            for array, expected in zip(ours, theirs, strict=True):
+                np.testing.assert_array_equal(array, expected)

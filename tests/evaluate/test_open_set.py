@@ -21,12 +21,12 @@ def test_auroc_is_that_of_scikit_learn_and_oscr_the_area_under_a_curve(seed):
     known, right = (rng.random(similarity.shape) < share for share in (0.7, 0.6))
     scores = open_set_scores(similarity, right, known)
     assert scores.auroc == pytest.approx(roc_auc_score(known.ravel(), similarity.ravel()))
-    named, through = [0.0], [0.0]
+    correct, through = [0.0], [0.0]
     for threshold in np.unique(similarity)[::-1]:
         accepted = similarity >= threshold
-        named.append((accepted & right)[known].mean())
+        correct.append((accepted & right)[known].mean())
         through.append(accepted[~known].mean())
-    assert scores.oscr == pytest.approx(np.trapezoid(named, through))
+    assert scores.oscr == pytest.approx(np.trapezoid(correct, through))
 
 
 @pytest.mark.parametrize("known", [[True, True], [False, False], []])

@@ -37,18 +37,18 @@ def test_fractions_are_counted_by_hand():
     dims = ("replicate", "ship", "aspect")
     classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
     table = tabulate(classified, learned, (0.0, 0.6, 1.0))
-    at = table.sel(aspects="learned")
+    row = table.sel(aspects="learned")
     # Learned aspects of known ships: six answers, as one view failed; four of unknown ones.
-    assert at.n_known == 6
-    assert at.n_unknown == 4
-    np.testing.assert_allclose(at.correct_known, [4 / 6, 4 / 6, 0])
-    np.testing.assert_allclose(at.rejected_known, [0, 0, 1])
-    np.testing.assert_allclose(at.rejected_unknown, [0, 2 / 4, 1])
-    at = table.sel(aspects="between")
-    assert (at.n_known, at.n_unknown) == (4, 2)
-    np.testing.assert_allclose(at.correct_known, [2 / 4, 1 / 4, 0])
-    np.testing.assert_allclose(at.rejected_known, [0, 3 / 4, 1])
-    np.testing.assert_allclose(at.rejected_unknown, [0, 1, 1])
+    assert row.n_known == 6
+    assert row.n_unknown == 4
+    np.testing.assert_allclose(row.correct_known, [4 / 6, 4 / 6, 0])
+    np.testing.assert_allclose(row.rejected_known, [0, 0, 1])
+    np.testing.assert_allclose(row.rejected_unknown, [0, 2 / 4, 1])
+    row = table.sel(aspects="between")
+    assert (row.n_known, row.n_unknown) == (4, 2)
+    np.testing.assert_allclose(row.correct_known, [2 / 4, 1 / 4, 0])
+    np.testing.assert_allclose(row.rejected_known, [0, 3 / 4, 1])
+    np.testing.assert_allclose(row.rejected_unknown, [0, 1, 1])
 
 
 def test_the_characteristic_is_counted_by_hand():
@@ -109,11 +109,11 @@ def test_draws_count_as_they_differ(draws):
     number = answers.correct[..., 0, 0].size - 1
     assert (table.n_known, table.n_unknown) == (number * 60, number * 40)
     known = answers.correct.isel(ship=slice(3)).values
-    whole = replicated_accuracy(known == 1, np.zeros(20), draws=len(draws), answered=known >= 0)
-    found = table.sel(test_vigilance=0)
-    np.testing.assert_allclose(found.correct_known, whole.fraction[-1])
-    np.testing.assert_allclose(found.correct_known_ci_low, whole.ci_low[-1])
-    np.testing.assert_allclose(found.correct_known_ci_high, whole.ci_high[-1])
+    accuracy = replicated_accuracy(known == 1, np.zeros(20), draws=len(draws), answered=known >= 0)
+    accepted = table.sel(test_vigilance=0)
+    np.testing.assert_allclose(accepted.correct_known, accuracy.fraction[-1])
+    np.testing.assert_allclose(accepted.correct_known_ci_low, accuracy.ci_low[-1])
+    np.testing.assert_allclose(accepted.correct_known_ci_high, accuracy.ci_high[-1])
     for name in FIGURES:
         assert (table[f"{name}_ci_low"] <= table[name]).all()
 
@@ -135,14 +135,14 @@ def many(aspects, draws=()):
 
 @pytest.mark.parametrize("draws", [(), (3,)])
 def test_levels_some_at_a_time_are_as_all_together(draws, monkeypatch):
-    whole = tabulate(*many(20, draws), np.linspace(0, 1, 11))
+    together = tabulate(*many(20, draws), np.linspace(0, 1, 11))
     for at_once in (1, 500, 2000):
         monkeypatch.setattr(rejection, "AT_ONCE", at_once)
         parts = tabulate(*many(20, draws), np.linspace(0, 1, 11))
         if not draws:  # all sums are of whole numbers
-            xr.testing.assert_identical(parts, whole)
+            xr.testing.assert_identical(parts, together)
         # Else those of 120 views are of quotients, which are added in the order of their memory.
-        xr.testing.assert_allclose(parts, whole, rtol=120 * np.finfo(float).eps, atol=1e-15)
+        xr.testing.assert_allclose(parts, together, rtol=120 * np.finfo(float).eps, atol=1e-15)
 
 
 def test_memory_of_rejections_does_not_grow_with_their_levels():

@@ -14,21 +14,23 @@ ASPECTS = np.arange(0.0, 91.0, 3.0)
 
 @given(arrays(bool, (4, 31)), arrays(bool, (4, 31)))
 def test_one_replicate_is_no_replicate(correct, answered):
-    one = evaluate.replicated_accuracy(correct[None], ASPECTS, answered=answered)
+    single = evaluate.replicated_accuracy(correct[None], ASPECTS, answered=answered)
     plain = evaluate.accuracy_by_aspect(correct, ASPECTS, answered=answered)
-    assert one.labels == plain.labels
+    assert single.labels == plain.labels
     for name in ("fraction", "ci_low", "ci_high", "n"):
-        np.testing.assert_allclose(getattr(one, name), getattr(plain, name), rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(
+            getattr(single, name), getattr(plain, name), rtol=1e-12, atol=1e-15
+        )
 
 
 @given(arrays(bool, (4, 31)), st.integers(2, 6))
 def test_equal_answers_are_worth_one(correct, replicates):
     """A classifier that no noise moves: as many answers as views."""
-    several = evaluate.replicated_accuracy(np.repeat(correct[None], replicates, axis=0), ASPECTS)
+    repeated = evaluate.replicated_accuracy(np.repeat(correct[None], replicates, axis=0), ASPECTS)
     plain = evaluate.accuracy_by_aspect(correct, ASPECTS)
-    np.testing.assert_allclose(several.ci_low, plain.ci_low, atol=1e-9)
-    np.testing.assert_allclose(several.ci_high, plain.ci_high, atol=1e-9)
-    np.testing.assert_array_equal(several.n, replicates * plain.n)
+    np.testing.assert_allclose(repeated.ci_low, plain.ci_low, atol=1e-9)
+    np.testing.assert_allclose(repeated.ci_high, plain.ci_high, atol=1e-9)
+    np.testing.assert_array_equal(repeated.n, replicates * plain.n)
 
 
 def worth_by_hand(groups):
@@ -38,11 +40,11 @@ def worth_by_hand(groups):
     within the groups, with one more view's sum of squares: all its answers alike, the rarer ones
     of all groups, against the mean of all. Then the design effect, and Student's quantile.
     """
-    every = [right for group in groups for view in group.values() for right in view.values()]
+    all_answers = [right for group in groups for view in group.values() for right in view.values()]
     kinds = len(next(iter(next(iter(groups[0].values())))))
     views = sum(map(len, groups))
-    share = np.mean(every)
-    rarer = len(every) / views * max(share, 1 - share) ** 2
+    share = np.mean(all_answers)
+    rarer = len(all_answers) / views * max(share, 1 - share) ** 2
     factors = [lambda view, draw: view, *(lambda view, draw, k=k: draw[k] for k in range(kinds))]
     squares, free = np.zeros(1 + kinds), np.zeros(1 + kinds)
     spread, sizes = np.zeros(1 + kinds), []
@@ -57,14 +59,16 @@ def worth_by_hand(groups):
             levels = {}
             for v, d, right in flat:
                 levels.setdefault(level_of(v, d), []).append(right)
-            squares[k] += sum(len(one) * (np.mean(one) - mean) ** 2 for one in levels.values())
+            squares[k] += sum(
+                len(level) * (np.mean(level) - mean) ** 2 for level in levels.values()
+            )
             free[k] += len(levels) - 1
-            sizes[-1].append(sum(len(one) ** 2 for one in levels.values()) / len(flat))
+            sizes[-1].append(sum(len(level) ** 2 for level in levels.values()) / len(flat))
             spread[k] += len(flat) - sizes[-1][-1]
     error = max(total - squares.sum(), 0) / (answers - free.sum())
     squares[0] += rarer
     variance = np.maximum(squares / free - error, 0) / (spread / free)
-    found = []
+    worth = []
     for group, size in zip(groups, sizes, strict=True):
         parts = np.array(size) * variance
         n = sum(map(len, group.values()))
@@ -72,8 +76,8 @@ def worth_by_hand(groups):
         freedom = max((error + parts.sum()) ** 2 / uncertain, 1) if uncertain else np.inf
         wider = stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)
         count = n * (error + variance.sum()) / (error + parts.sum()) / wider**2
-        found.append(max(count, 1))
-    return found, variance
+        worth.append(max(count, 1))
+    return worth, variance
 
 
 @pytest.mark.parametrize("draws", [(2,), (3,), (7,), (3, 4)])
@@ -89,7 +93,7 @@ def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentra
     answered = np.broadcast_to(rng.random((4, 31)) < 0.8, correct.shape).copy()
     if draws[0] > 2:
         answered[(1,) * len(draws)] = False  # a training that failed
-    found = evaluate.replicated_accuracy(correct, ASPECTS, draws=len(draws), answered=answered)
+    score = evaluate.replicated_accuracy(correct, ASPECTS, draws=len(draws), answered=answered)
     bins = [
         {
             (i, j): {
@@ -101,17 +105,17 @@ def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentra
         }
         for start, stop in ((0, 10), (10, 20), (20, 31))
     ]
-    whole = {view: answers for group in bins for view, answers in group.items()}
+    pooled = {view: answers for group in bins for view, answers in group.items()}
     worth, variance = worth_by_hand(bins)
-    overall, _ = worth_by_hand([whole])
+    overall, _ = worth_by_hand([pooled])
     assert concentration > 10 or variance[0] > 0
-    for k, (group, count) in enumerate(zip([*bins, whole], worth + overall, strict=True)):
+    for k, (group, count) in enumerate(zip([*bins, pooled], worth + overall, strict=True)):
         answers = [right for view in group.values() for right in view.values()]
         low, high = evaluate.wilson_interval(np.mean(answers) * count, count)
-        assert found.n[k] == len(answers)
-        assert found.fraction[k] == pytest.approx(np.mean(answers), abs=1e-12)
-        assert found.ci_low[k] == pytest.approx(low, abs=1e-9)
-        assert found.ci_high[k] == pytest.approx(high, abs=1e-9)
+        assert score.n[k] == len(answers)
+        assert score.fraction[k] == pytest.approx(np.mean(answers), abs=1e-12)
+        assert score.ci_low[k] == pytest.approx(low, abs=1e-9)
+        assert score.ci_high[k] == pytest.approx(high, abs=1e-9)
 
 
 @pytest.mark.parametrize("truth", [0.5, 0.7, 0.95])
@@ -126,13 +130,13 @@ def test_intervals_cover_the_truth(truth, concentration):
     rng = np.random.default_rng(1)
     shape = (4000, 1, 4, 31)
     chance = rng.beta(concentration * truth, concentration * (1 - truth), shape)
-    found = evaluate.replicated_accuracy(rng.random((4000, 4, 4, 31)) < chance, ASPECTS)
-    covered = ((found.ci_low <= truth) & (found.ci_high >= truth)).mean(axis=0)
+    score = evaluate.replicated_accuracy(rng.random((4000, 4, 4, 31)) < chance, ASPECTS)
+    covered = ((score.ci_low <= truth) & (score.ci_high >= truth)).mean(axis=0)
     assert np.all(covered > 0.95 - 4 * np.sqrt(0.95 * 0.05 / 4000))
     assert np.all(covered < (0.985 if truth < 0.9 else 0.995))
     # Taken as independent, they would not.
     n = 4 * 124
-    low, high = evaluate.wilson_interval(np.rint(found.fraction[:, -1] * n), n)
+    low, high = evaluate.wilson_interval(np.rint(score.fraction[:, -1] * n), n)
     independent = ((low <= truth) & (high >= truth)).mean()
     assert independent < covered[-1]
     if concentration < 5:
@@ -140,21 +144,23 @@ def test_intervals_cover_the_truth(truth, concentration):
 
 
 def test_no_answers_say_nothing():
-    found = evaluate.replicated_accuracy(np.zeros((3, 4, 31), bool), ASPECTS, answered=False)
-    assert np.isnan(found.fraction).all()
-    np.testing.assert_array_equal(found.n, 0)
-    np.testing.assert_array_equal(found.ci_low, 0.0)
-    np.testing.assert_array_equal(found.ci_high, 1.0)
+    score = evaluate.replicated_accuracy(np.zeros((3, 4, 31), bool), ASPECTS, answered=False)
+    assert np.isnan(score.fraction).all()
+    np.testing.assert_array_equal(score.n, 0)
+    np.testing.assert_array_equal(score.ci_low, 0.0)
+    np.testing.assert_array_equal(score.ci_high, 1.0)
 
 
 @given(arrays(bool, (3, 4, 31)), arrays(bool, (3, 4, 31)))
 def test_differences_change_sign_with_the_order_and_hold_within_their_ends(first, second):
-    one = evaluate.paired_difference(first, second, ASPECTS)
-    other = evaluate.paired_difference(second, first, ASPECTS)
-    np.testing.assert_allclose(one.fraction, -other.fraction)
-    np.testing.assert_allclose(one.ci_low, -other.ci_high, atol=1e-12)
-    assert (one.ci_low <= one.fraction).all() and (one.fraction <= one.ci_high).all()
-    assert (one.ci_low + 1e-12 >= -1).all() and (one.ci_high <= 1 + 1e-12).all()
+    forward = evaluate.paired_difference(first, second, ASPECTS)
+    backward = evaluate.paired_difference(second, first, ASPECTS)
+    np.testing.assert_allclose(forward.fraction, -backward.fraction)
+    np.testing.assert_allclose(forward.ci_low, -backward.ci_high, atol=1e-12)
+    assert (forward.ci_low <= forward.fraction).all() and (
+        forward.fraction <= forward.ci_high
+    ).all()
+    assert (forward.ci_low + 1e-12 >= -1).all() and (forward.ci_high <= 1 + 1e-12).all()
     same = evaluate.paired_difference(first, first, ASPECTS)
     assert (same.fraction == 0).all() and (same.ci_low < 0).all() and (same.ci_high > 0).all()
 
@@ -169,12 +175,12 @@ def test_intervals_of_paired_differences_cover(draws, alike, confidence):
     rng = np.random.default_rng(11)
     view = rng.beta(2.0, 1.0, (2000, 1, 2, 20))
     draw = rng.random((2000, draws, 2, 20))
-    own = np.where(rng.random(draw.shape) < alike, draw, rng.random(draw.shape))
-    found = evaluate.paired_difference(
-        draw < view, own < view + 0.2 * (1 - view), np.full(20, 45.0), confidence=confidence
+    second = np.where(rng.random(draw.shape) < alike, draw, rng.random(draw.shape))
+    difference = evaluate.paired_difference(
+        draw < view, second < view + 0.2 * (1 - view), np.full(20, 45.0), confidence=confidence
     )
     truth = 0.2 / 3
-    covered = int(((found.ci_low <= truth) & (truth <= found.ci_high))[:, -1].sum())
+    covered = int(((difference.ci_low <= truth) & (truth <= difference.ci_high))[:, -1].sum())
     assert stats.binom.cdf(covered, 2000, confidence) > 1e-4, covered
 
 
@@ -190,10 +196,10 @@ def test_cells_some_at_a_time_are_as_all_together(shape, draws, at_once, seed):
     correct = rng.random((*shape, *draws, 3, 13)) < rng.random()
     answered = rng.random((*draws, 3, 13)) < 0.9
     given_to = {"aspects": np.arange(13) * 9.0, "draws": len(draws), "answered": answered}
-    whole = evaluate.replicated_accuracy(correct, **given_to)
+    together = evaluate.replicated_accuracy(correct, **given_to)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(evaluate.replicates, "AT_ONCE", at_once)
         parts = evaluate.replicated_accuracy(correct, **given_to)
-    assert whole.fraction.shape == (*shape, len(whole.labels))
+    assert together.fraction.shape == (*shape, len(together.labels))
     for name in ("fraction", "ci_low", "ci_high", "n"):
-        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)
+        np.testing.assert_array_equal(getattr(parts, name), getattr(together, name), err_msg=name)

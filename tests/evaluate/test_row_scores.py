@@ -46,10 +46,10 @@ def test_the_order_of_rows_and_the_names_of_views_do_not_matter():
     view = rng().integers(0, 20, 200)
     correct, aspects = rng().random(200) < 0.6, 9.0 * view
     shuffled = rng().permutation(200)
-    one = grouped_accuracy(correct, aspects, view)
+    ordered = grouped_accuracy(correct, aspects, view)
     names = np.char.add("view ", view.astype(str))[shuffled]
-    other = grouped_accuracy(correct[shuffled], aspects[shuffled], names)
-    np.testing.assert_allclose(one.ci_low, other.ci_low, rtol=1e-12)
+    mixed = grouped_accuracy(correct[shuffled], aspects[shuffled], names)
+    np.testing.assert_allclose(ordered.ci_low, mixed.ci_low, rtol=1e-12)
 
 
 def test_intervals_cover_the_share_of_correlated_rows():
@@ -79,9 +79,9 @@ def test_stated_probabilities_that_are_true_are_calibrated_and_sharpened_ones_ar
     scores = score(truth, likely, **WHERE)
     # Every bin's share of right answers is within 4 standard deviations of its confidence.
     curve = scores.reliability
-    some = curve.n > 0
+    filled = curve.n > 0
     deviation = np.sqrt(curve.confidence * (1 - curve.confidence) / np.maximum(curve.n, 1))
-    assert (np.abs(curve.fraction - curve.confidence)[some] < 4 * deviation[some]).all()
+    assert (np.abs(curve.fraction - curve.confidence)[filled] < 4 * deviation[filled]).all()
     sharp = likely**3 / (likely**3).sum(axis=1, keepdims=True)
     sharpened = score(truth, sharp, **WHERE)
     assert sharpened.ece > 0.1 > scores.ece
@@ -93,19 +93,19 @@ def test_stated_probabilities_that_are_true_are_calibrated_and_sharpened_ones_ar
 @given(st.permutations([0, 1, 2]))
 def test_the_order_of_the_columns_does_not_matter(order):
     truth, likely = answers(rng(), 200)
-    where = {"aspect": np.zeros(200), "groups": np.arange(200)}
-    one = score(truth, likely, classes=[0, 1, 2], **where)
-    other = score(truth, likely[:, order], classes=order, **where)
-    assert one.log_loss == pytest.approx(other.log_loss)
-    np.testing.assert_array_equal(one.confusion, other.confusion)
+    views = {"aspect": np.zeros(200), "groups": np.arange(200)}
+    ordered = score(truth, likely, classes=[0, 1, 2], **views)
+    mixed = score(truth, likely[:, order], classes=order, **views)
+    assert ordered.log_loss == pytest.approx(mixed.log_loss)
+    np.testing.assert_array_equal(ordered.confusion, mixed.confusion)
 
 
 def test_open_set_scores_are_those_of_scikit_learn_and_of_counting():
     truth, likely = answers(rng())
     known = truth < 2
     pair = likely[:, :2] / likely[:, :2].sum(axis=1, keepdims=True)
-    where = WHERE | {"classes": [0, 1]}
-    scores = score(truth, pair, similarity=likely[:, :2].max(axis=1), **where)
+    options = WHERE | {"classes": [0, 1]}
+    scores = score(truth, pair, similarity=likely[:, :2].max(axis=1), **options)
     alike = likely[:, :2].max(axis=1)
     assert scores.auroc == pytest.approx(roc_auc_score(known, alike))
     level = np.sort(alike[~known])[int(np.ceil(0.9 * (~known).sum())) - 1]
@@ -119,8 +119,8 @@ def test_decision_values_name_classes_without_probabilities():
     scores = score(truth, np.log(likely), **WHERE)
     assert scores.reliability is None
     assert np.isnan([scores.log_loss, scores.ece, scores.auroc, scores.kept]).all()
-    named = score(truth, likely.argmax(axis=1), **WHERE)
-    np.testing.assert_array_equal(scores.confusion, named.confusion)
+    of_names = score(truth, likely.argmax(axis=1), **WHERE)
+    np.testing.assert_array_equal(scores.confusion, of_names.confusion)
 
 
 def test_a_comparison_of_independent_rows_is_mcnemars():
@@ -157,11 +157,11 @@ def test_equal_classifiers_are_told_apart_as_often_as_the_level_says():
 
 
 def test_larger_subsets_of_a_learning_curve_hold_the_smaller_ones():
-    seen = []
+    subsets = []
 
     class Watched(KNeighborsClassifier):
         def fit(self, X, y):
-            seen.append(set(X[:, 0]))
+            subsets.append(set(X[:, 0]))
             return super().fit(X, y)
 
     view = np.repeat(np.arange(30), 4)
@@ -169,8 +169,8 @@ def test_larger_subsets_of_a_learning_curve_hold_the_smaller_ones():
     sizes = {"views": [1, 4, 10], "draws": [1, 4], "rng": rng()}
     curve = learning_curve(Watched(1), (X, y, view), (X, y, view), **sizes)
     np.testing.assert_array_equal(curve.rows, [[3, 12], [12, 48], [30, 120]])
-    assert all(small <= large for small, large in zip(seen[:-2], seen[2:], strict=True))
-    assert all(small <= large for small, large in zip(seen[::2], seen[1::2], strict=True))
+    assert all(small <= large for small, large in zip(subsets[:-2], subsets[2:], strict=True))
+    assert all(small <= large for small, large in zip(subsets[::2], subsets[1::2], strict=True))
     assert curve.fraction[-1, -1] == 1.0
 
 

@@ -12,31 +12,31 @@ RIGHT = np.array([[True, True, False, False], [True, False, False, True]])
 
 def test_accuracies_are_tables_by_bin_with_their_intervals():
     accuracy = accuracy_by_aspect(RIGHT, ASPECTS)
-    found = accuracy.to_xarray()
-    assert found.fraction.dims == ("aspect_bin",)
-    assert found.aspect_bin.values.tolist() == ["0-3", "40", "80", "overall"]
-    np.testing.assert_array_equal(found.fraction, accuracy.fraction)
+    table = accuracy.to_xarray()
+    assert table.fraction.dims == ("aspect_bin",)
+    assert table.aspect_bin.values.tolist() == ["0-3", "40", "80", "overall"]
+    np.testing.assert_array_equal(table.fraction, accuracy.fraction)
     frame = accuracy.to_pandas()
     assert frame.loc["0-3", "fraction"] == 0.75 and frame.loc["overall", "n"] == 8
-    shown = accuracy._repr_html_()
-    low, high = (100 * each[0] for each in (accuracy.ci_low, accuracy.ci_high))
-    assert f"75 [{low:.0f}-{high:.0f}]" in shown
+    html = accuracy._repr_html_()
+    low, high = (100 * bounds[0] for bounds in (accuracy.ci_low, accuracy.ci_high))
+    assert f"75 [{low:.0f}-{high:.0f}]" in html
     unanswered = accuracy_by_aspect(RIGHT, ASPECTS, answered=np.array(ASPECTS) != 80)
     assert "nan" not in unanswered._repr_html_().lower()
 
 
 def test_leading_axes_stay_axes_and_are_not_drawn():
-    several = accuracy_by_aspect(np.stack([RIGHT, ~RIGHT]), ASPECTS)
-    assert several.to_xarray().sizes == {"dim_0": 2, "aspect_bin": 4}
-    assert len(several.to_pandas()) == 8
+    stacked = accuracy_by_aspect(np.stack([RIGHT, ~RIGHT]), ASPECTS)
+    assert stacked.to_xarray().sizes == {"dim_0": 2, "aspect_bin": 4}
+    assert len(stacked.to_pandas()) == 8
     with pytest.raises(ValueError, match=r"fraction has shape \(2, 4\)"):
-        several.plot()
+        stacked.plot()
 
 
 def test_scores_are_a_confusion_and_its_picture():
     mpl.use("Agg")
-    truth, named = ["duncan", "duncan", "texas"], ["duncan", "texas", "texas"]
-    scores = score(truth, named, aspect=[0, 40, 80], groups=[0, 1, 2])
+    truth, answers = ["duncan", "duncan", "texas"], ["duncan", "texas", "texas"]
+    scores = score(truth, answers, aspect=[0, 40, 80], groups=[0, 1, 2])
     confusion = scores.to_pandas()
     assert confusion.loc["duncan", "texas"] == 1 and confusion.loc["texas", "duncan"] == 0
     assert "nan" not in scores._repr_html_()

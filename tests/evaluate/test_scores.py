@@ -42,9 +42,9 @@ def test_bins_beyond_the_beam_mirror_those_ahead():
 def test_an_aspects_bin_does_not_depend_on_the_others(aspects, data):
     chosen = data.draw(st.lists(st.sampled_from(aspects), min_size=1, unique=True))
     _, index = aspect_bins(aspects)
-    _, alone = aspect_bins(chosen)
-    kept = index[[aspects.index(aspect) for aspect in chosen]]
-    np.testing.assert_array_equal(alone, np.unique(kept, return_inverse=True)[1])
+    _, index_of_chosen = aspect_bins(chosen)
+    numbers = index[[aspects.index(aspect) for aspect in chosen]]
+    np.testing.assert_array_equal(index_of_chosen, np.unique(numbers, return_inverse=True)[1])
     order = np.argsort(aspects)
     assert np.all(np.diff(index[order]) >= 0)
 
@@ -76,7 +76,7 @@ def test_what_has_no_answer_is_not_counted():
     answered[1, :, :10] = False
     answered[2] = False
     score = accuracy_by_aspect(correct, GRID, answered=answered)
-    right = [np.mean(given[there]) for given, there in zip(correct[:2], answered, strict=False)]
+    right = [np.mean(row[there]) for row, there in zip(correct[:2], answered, strict=False)]
     np.testing.assert_allclose(score.fraction[:, -1], [*right, np.nan])
     np.testing.assert_array_equal(score.n[:, -1], answered.sum(axis=(-2, -1)))
     assert np.isnan(score.fraction[1, 0])

@@ -46,9 +46,9 @@ def test_images_are_segmented_one_by_one(method, view, layout):
     stack, known = view
     together = segment(layout(stack), method=method, **known)
     for place, image in enumerate(stack):
-        own = {name: values[place] for name, values in known.items()}
-        alone = segment(image.copy(), method=method, **own)
-        np.testing.assert_array_equal(together[place], alone)
+        parameters = {name: values[place] for name, values in known.items()}
+        single = segment(image.copy(), method=method, **parameters)
+        np.testing.assert_array_equal(together[place], single)
 
 
 cells = st.fixed_dictionaries(
@@ -69,5 +69,5 @@ shares = arrays(float, shapes, elements=st.sampled_from([0.0, 0.0, 1 / 3, 1 / 7,
 def test_masks_are_mapped_one_by_one(interpolation, stack, layout, parameters):
     together = log_polar(layout(stack), interpolation=interpolation, **parameters)
     for place, mask in enumerate(stack):
-        alone = log_polar(mask.copy(), interpolation=interpolation, **parameters)
-        np.testing.assert_array_equal(together[place], alone)
+        single = log_polar(mask.copy(), interpolation=interpolation, **parameters)
+        np.testing.assert_array_equal(together[place], single)

@@ -21,18 +21,18 @@ def plate(*, away: float) -> trimesh.Trimesh:
 def test_is_nought_for_a_ship_and_itself_and_symmetric() -> None:
     first, second = map(ncti.ships.load, ("connole", "horne"))
     assert ship_distance(first, first, aspects=ASPECTS) == pytest.approx(0, abs=1e-12)
-    apart = ship_distance(first, second, aspects=ASPECTS)
-    assert apart == pytest.approx(ship_distance(second, first, aspects=ASPECTS), rel=1e-12)
-    assert 0.02 < apart < 0.5
+    distance = ship_distance(first, second, aspects=ASPECTS)
+    assert distance == pytest.approx(ship_distance(second, first, aspects=ASPECTS), rel=1e-12)
+    assert 0.02 < distance < 0.5
 
 
 def test_grows_with_what_is_moved() -> None:
-    apart = [
+    distances = [
         ship_distance(plate(away=20), plate(away=20 + move), aspects=[0.0], depression=0.0)
         for move in (0.0, 1.0, 2.0, 4.0)
     ]
-    assert apart[0] == pytest.approx(0, abs=1e-12)
-    assert (np.diff(apart) > 0).all()
+    assert distances[0] == pytest.approx(0, abs=1e-12)
+    assert (np.diff(distances) > 0).all()
 
 
 def test_sister_is_at_its_distance_and_named() -> None:

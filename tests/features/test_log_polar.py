@@ -138,8 +138,8 @@ def test_error_falls_as_the_pixel():
     for pixel in pixels:
         # Mean over places in a pixel, or one lucky place would bend the slope.
         places = pixel * np.array([[0.0, 0.0], [0.25, 0.6], [0.5, 0.3], [0.8, 0.9]])
-        found = [log_polar(ellipse(pixel, centre=place)).ravel() for place in places]
-        errors.append(np.abs(np.array(found) - exact).mean())
+        maps = [log_polar(ellipse(pixel, centre=place)).ravel() for place in places]
+        errors.append(np.abs(np.array(maps) - exact).mean())
     slope = np.polyfit(np.log(pixels), np.log(errors), 1)[0]
     assert 0.9 < slope < 1.2
     assert errors[-1] < 0.005
@@ -156,7 +156,7 @@ def test_samples_are_those_of_scikit_image(interpolation, order, oversample, see
     mask = np.pad(blob(seed), 40)
     row, column = np.argwhere(mask).mean(axis=0)
     unit = np.sqrt(mask.sum() / np.pi)
-    found = log_polar(
+    samples = log_polar(
         mask,
         inner_radius=1 / unit,
         outer_radius=30 / unit,
@@ -174,19 +174,19 @@ def test_samples_are_those_of_scikit_image(interpolation, order, oversample, see
         order=order,
     )[1::2, 1::2]
     cells = reference.reshape(48, oversample, 24, oversample).mean(axis=(1, 3))
-    np.testing.assert_allclose(found, cells, atol=1e-10)
+    np.testing.assert_allclose(samples, cells, atol=1e-10)
 
 
 # Any mask at all
 
 
 def test_fewer_than_two_pixels_have_no_shape():
-    one = np.zeros((9, 9), dtype=bool)
-    np.testing.assert_array_equal(log_polar(one), np.zeros((64, 32)))
-    one[4, 2] = True
-    np.testing.assert_array_equal(log_polar(one), np.zeros((64, 32)))
-    one[4, 3] = True
-    assert log_polar(one).any()
+    mask = np.zeros((9, 9), dtype=bool)
+    np.testing.assert_array_equal(log_polar(mask), np.zeros((64, 32)))
+    mask[4, 2] = True
+    np.testing.assert_array_equal(log_polar(mask), np.zeros((64, 32)))
+    mask[4, 3] = True
+    assert log_polar(mask).any()
 
 
 # Cyclic similarity

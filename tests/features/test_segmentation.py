@@ -58,9 +58,9 @@ def image_of(mask, rng, *, contrast, target_sigma, sea_sigma):
 
 @pytest.mark.parametrize("method", SEGMENTATION_METHODS)
 def test_a_noiseless_template_comes_back(method):
-    found = segment(np.where(ship(), 1.28, 0.0), method=method, **KNOWN)
-    assert found.dtype == bool
-    np.testing.assert_array_equal(found, ship())
+    mask = segment(np.where(ship(), 1.28, 0.0), method=method, **KNOWN)
+    assert mask.dtype == bool
+    np.testing.assert_array_equal(mask, ship())
 
 
 @pytest.mark.parametrize("method", SEGMENTATION_METHODS)
@@ -78,11 +78,11 @@ def test_holes_are_filled_and_bays_are_not(method):
 @pytest.mark.parametrize("method", SEGMENTATION_METHODS)
 @given(image=images)
 def test_any_image_gives_one_region_without_holes(method, image):
-    found = segment(image, method=method, **KNOWN)
-    assert found.shape == image.shape
-    _, regions = ndimage.label(found, structure=np.ones((3, 3)))
+    mask = segment(image, method=method, **KNOWN)
+    assert mask.shape == image.shape
+    _, regions = ndimage.label(mask, structure=np.ones((3, 3)))
     assert regions <= 1
-    np.testing.assert_array_equal(ndimage.binary_fill_holes(found), found)
+    np.testing.assert_array_equal(ndimage.binary_fill_holes(mask), mask)
 
 
 @pytest.mark.parametrize("method", ["otsu", "li", "isodata"])
@@ -102,13 +102,13 @@ def test_thresholds_know_neither_gain_nor_offset(method, gain, offset):
 def test_ratio_is_that_of_two_gaussians_up_to_the_vertex(contrast, target_sigma, sea_sigma):
     x = np.linspace(-3 * sea_sigma, contrast + 3 * target_sigma, 50)[None]
     known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
-    found = ratio_of(x, **known)
+    ratio = ratio_of(x, **known)
     exact = stats.norm.logpdf(x, contrast, target_sigma) - stats.norm.logpdf(x, 0, sea_sigma)
     slope = x / sea_sigma**2 - (x - contrast) / target_sigma**2
     rising = (slope > 0) & ((x > 0) | (exact < 0))
     # Terms of the difference reach 1e6 and more, and cancel.
     size = (x / sea_sigma) ** 2 + ((x - contrast) / target_sigma) ** 2 + 10
-    assert (np.abs(found - exact)[rising] <= 1e-12 * size[rising]).all()
+    assert (np.abs(ratio - exact)[rising] <= 1e-12 * size[rising]).all()
 
 
 # Iterated conditional modes

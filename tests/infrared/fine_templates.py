@@ -19,7 +19,7 @@ def view(name: str, aspect: float) -> RangeImage:
 def template(name="duncan", aspect=60.0, *, slant_range=50e3, phase=(0.2, 0.7), rule=0.25):
     """Fine template with pairs of half pixels, and the template of whole pixels."""
     horizontal, vertical = points(view(name, aspect))
-    seen = coverage_of(
+    silhouette = coverage_of(
         horizontal,
         vertical,
         area=0.25**2,
@@ -27,6 +27,6 @@ def template(name="duncan", aspect=60.0, *, slant_range=50e3, phase=(0.2, 0.7), 
         phase=phase,
         margin=4,
     )
-    coverage = np.pad(seen.coverage, [(0, n % 2) for n in seen.coverage.shape])
+    coverage = np.pad(silhouette.coverage, [(0, n % 2) for n in silhouette.coverage.shape])
     pixels = coverage.reshape(len(coverage) // 2, 2, -1, 2).mean(axis=(1, 3))
     return coverage >= rule, pixels >= rule

@@ -29,15 +29,15 @@ def planck_slope(wavelength, temperature):
 def integrated(law, temperature, band):
     """By quadrature over the logarithm of the wavelength, to 1e-12 of itself."""
     ends = np.log(band)
-    found, error = quad(
+    integral, error = quad(
         lambda u: math.exp(u) * law(math.exp(u), temperature),
         *ends,
         epsabs=0,
         epsrel=1e-12,
         limit=500,
     )
-    assert error < 1e-10 * found
-    return found
+    assert error < 1e-10 * integral
+    return integral
 
 
 @pytest.mark.parametrize("band", BANDS)
@@ -45,19 +45,19 @@ def integrated(law, temperature, band):
 def test_radiance_and_its_slope_are_the_integrals_of_plancks_law(band, temperature):
     """To 1e-10: the band is a difference, which is at worst a thousandth of what it is between."""
     for ours, law in ((band_radiance, planck), (radiance_slope, planck_slope)):
-        found = ours(temperature, band=band)
-        assert found == pytest.approx(integrated(law, temperature, band), rel=1e-10)
+        value = ours(temperature, band=band)
+        assert value == pytest.approx(integrated(law, temperature, band), rel=1e-10)
 
 
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_all_wavelengths_are_stefan_and_boltzmanns_law(temperature):
     """But for what lies beyond, in Rayleigh and Jeans's limit 2 c k T / (3 lambda^3)."""
     band = (1e-8, 0.1)
-    whole = constants.sigma * temperature**4 / math.pi
+    total = constants.sigma * temperature**4 / math.pi
     beyond = 2 * constants.c * constants.k * temperature / (3 * band[1] ** 3)
-    assert beyond < 1e-9 * whole
+    assert beyond < 1e-9 * total
     # CODATA prints sigma to ten digits.
-    assert band_radiance(temperature, band=band) == pytest.approx(whole, rel=1e-9)
+    assert band_radiance(temperature, band=band) == pytest.approx(total, rel=1e-9)
     slope = 4 * constants.sigma * temperature**3 / math.pi
     assert radiance_slope(temperature, band=band) == pytest.approx(slope, rel=1e-9)
 
@@ -78,7 +78,7 @@ def test_contrast_is_the_ships_own_for_small_differences():
 def test_air_takes_radiance():
     """10 dB leave a tenth, at (range) and any shape; twice the imager's law, of its SNR."""
     ranges = np.array([[0.0, 1e4], [2e4, 4e4]])
-    found = band_contrast(ranges, extinction=1e-3)
-    np.testing.assert_allclose(found / found[0, 0], 10.0 ** (-ranges / 1e4), rtol=1e-14)
+    contrasts = band_contrast(ranges, extinction=1e-3)
+    np.testing.assert_allclose(contrasts / contrasts[0, 0], 10.0 ** (-ranges / 1e4), rtol=1e-14)
     ours = band_contrast(2e4, extinction=0.5e-3) / band_contrast(0.0)
     assert ours == pytest.approx(contrast(2e4, extinction=1e-3) / CONTRAST_AT_ZERO, rel=1e-12)

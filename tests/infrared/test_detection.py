@@ -32,9 +32,9 @@ def test_probability_by_drawing(pixels):
     rng = np.random.default_rng(pixels)
     threshold = detection_threshold(false_alarm=1e-2, sigma=0.15)
     ships = rng.normal(0.3, 0.2, (200_000, pixels))
-    seen = np.count_nonzero(ships.max(axis=1) > threshold)
+    detections = np.count_nonzero(ships.max(axis=1) > threshold)
     expected = detection_probability(pixels, **SENSOR)
-    assert stats.binomtest(seen, len(ships), expected).pvalue > LEVEL / 3
+    assert stats.binomtest(detections, len(ships), expected).pvalue > LEVEL / 3
 
 
 @given(

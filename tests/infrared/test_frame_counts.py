@@ -44,8 +44,8 @@ def test_an_image_does_not_depend_on_its_company(drawer, counts, seed):
     together = images(drawer, counts, rng)
     for place, count in enumerate(counts):
         other = np.random.default_rng(seed)
-        (alone,) = images(drawer, [count], other)
-        np.testing.assert_array_equal(together[place], alone)
+        (single,) = images(drawer, [count], other)
+        np.testing.assert_array_equal(together[place], single)
         # Whatever is drawn next does not depend on it either.
         assert other.bit_generator.state == rng.bit_generator.state
         assert other.bit_generator.seed_seq.state == rng.bit_generator.seed_seq.state

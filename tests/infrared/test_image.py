@@ -24,7 +24,7 @@ def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
         super_resolution=way,
         rng=np.random.default_rng(4),
     )
-    shown = thermal[:, infrared.silhouette(view, footprint=footprint, phase=phase).target(0.25)]
+    on_ship = thermal[:, infrared.silhouette(view, footprint=footprint, phase=phase).target(0.25)]
     for window in (*windows, {"extent": (-130.0, 130.0, -60.0, 80.0)}):
         target = infrared.silhouette(view, footprint=footprint, phase=phase, **window).target(0.25)
         thermal = infrared.Imager().images(
@@ -34,7 +34,7 @@ def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
             rng=np.random.default_rng(4),
             super_resolution=way,
         )
-        assert thermal[:, target].tobytes() == shown.tobytes(), window
+        assert thermal[:, target].tobytes() == on_ship.tobytes(), window
 
 
 def test_statistics_of_an_image_are_those_of_its_range():

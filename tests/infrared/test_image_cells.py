@@ -18,13 +18,13 @@ LENGTHS = st.floats(-200, 200)
 )
 def test_coverage_counts_every_point_where_it_is(points, footprint, phase, cells):
     across, up = np.array(points).T
-    found = coverage_of(across, up, area=2.0, footprint=footprint, phase=phase, subdivision=cells)
-    plain = np.zeros(found.coverage.shape)
-    at = []
-    for line, part, size in zip((up, across), phase[::-1], plain.shape, strict=True):
-        first = np.floor((line * (1 / footprint) + part).min()).astype(int) - 4
-        cell = np.floor((line * (1 / footprint) + part) * cells).astype(int) - first * cells
+    counted = coverage_of(across, up, area=2.0, footprint=footprint, phase=phase, subdivision=cells)
+    plain = np.zeros(counted.coverage.shape)
+    index = []
+    for line, fraction, size in zip((up, across), phase[::-1], plain.shape, strict=True):
+        first = np.floor((line * (1 / footprint) + fraction).min()).astype(int) - 4
+        cell = np.floor((line * (1 / footprint) + fraction) * cells).astype(int) - first * cells
         assert (cell < size).all()
-        at.append(cell)
-    np.add.at(plain, tuple(at), 1.0)
-    np.testing.assert_array_equal(found.coverage, plain * (2.0 / (footprint / cells) ** 2))
+        index.append(cell)
+    np.add.at(plain, tuple(index), 1.0)
+    np.testing.assert_array_equal(counted.coverage, plain * (2.0 / (footprint / cells) ** 2))

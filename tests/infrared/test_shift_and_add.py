@@ -88,6 +88,6 @@ def test_the_scene_is_that_of_the_perfect_image():
         sea_spread=0.15,
         **parameters,
     )
-    seen = shift_and_add(detector_samples(perfect))
-    np.testing.assert_array_equal(shifted[:, 1:-1, 1:-1], seen)
+    detected = shift_and_add(detector_samples(perfect))
+    np.testing.assert_array_equal(shifted[:, 1:-1, 1:-1], detected)
     assert shifted.shape == perfect.shape

@@ -28,7 +28,7 @@ def test_area_is_conserved(seed, count, footprint, phase, margin, slack):
     rng = np.random.default_rng(seed)
     horizontal, vertical = rng.uniform(-90, 90, count), rng.uniform(-10, 40, count)
     extent = slack if slack is None else (-90 - slack, 90 + slack, -10 - slack, 40 + slack)
-    seen = coverage_of(
+    outline = coverage_of(
         horizontal,
         vertical,
         area=0.07,
@@ -38,12 +38,12 @@ def test_area_is_conserved(seed, count, footprint, phase, margin, slack):
         extent=extent,
     )
     # A sum of counts, exact, times one constant: two roundings, and as many in the sum as pixels.
-    rounding = (2 + seen.coverage.size) * 2.3e-16
-    assert seen.coverage.sum() * footprint**2 == pytest.approx(0.07 * count, rel=rounding)
+    rounding = (2 + outline.coverage.size) * 2.3e-16
+    assert outline.coverage.sum() * footprint**2 == pytest.approx(0.07 * count, rel=rounding)
     # The first moment tells that the area lies where it should: to half a pixel at most.
-    cols = seen.origin[0] + footprint * np.arange(seen.coverage.shape[1])
-    rows = seen.origin[1] + footprint * np.arange(seen.coverage.shape[0])
-    share = seen.coverage / seen.coverage.sum()
+    cols = outline.origin[0] + footprint * np.arange(outline.coverage.shape[1])
+    rows = outline.origin[1] + footprint * np.arange(outline.coverage.shape[0])
+    share = outline.coverage / outline.coverage.sum()
     assert abs((share.sum(0) * cols).sum() - horizontal.mean()) <= footprint / 2 * (1 + 1e-9)
     assert abs((share.sum(1) * rows).sum() - vertical.mean()) <= footprint / 2 * (1 + 1e-9)
 
@@ -54,15 +54,17 @@ def test_phase_moves_the_ship_in_the_pixel(phase):
     """Phase p is the ship moved right and up by p pixels; the origin moves back by as much."""
     horizontal, vertical = points(ship("duncan", 60.0))
     window = {"area": 0.0625, "footprint": 7.5, "extent": (-100.0, 100.0, -50.0, 60.0)}
-    seen = coverage_of(horizontal, vertical, phase=phase, **window)
+    shifted = coverage_of(horizontal, vertical, phase=phase, **window)
     moved = coverage_of(
         horizontal + 7.5 * phase[0],
         vertical + 7.5 * phase[1],
         **window | {"extent": tuple(np.add(window["extent"], 7.5 * np.repeat(phase, 2)))},
     )
     # A patch within rounding of an edge may fall on the other side of it.
-    assert np.abs(seen.coverage - moved.coverage).sum() * 7.5**2 <= 4 * 0.0625
-    np.testing.assert_allclose(np.add(seen.origin, 7.5 * np.array(phase)), moved.origin, atol=1e-9)
+    assert np.abs(shifted.coverage - moved.coverage).sum() * 7.5**2 <= 4 * 0.0625
+    np.testing.assert_allclose(
+        np.add(shifted.origin, 7.5 * np.array(phase)), moved.origin, atol=1e-9
+    )
 
 
 @settings(max_examples=40, deadline=None)
@@ -70,15 +72,15 @@ def test_phase_moves_the_ship_in_the_pixel(phase):
 def test_cells_make_up_their_pixels(seed, phase, cells, window):
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-60, 60, 3_000), rng.uniform(0, 30, 3_000)
-    given = {"area": 0.1, "footprint": 3.75, "phase": phase, "margin": 2}
-    given["extent"] = (-70.0, 65.0, -5.0, 40.0) if window else None
-    pixels = coverage_of(x, y, **given)
-    fine = coverage_of(x, y, **given, subdivision=cells)
+    options = {"area": 0.1, "footprint": 3.75, "phase": phase, "margin": 2}
+    options["extent"] = (-70.0, 65.0, -5.0, 40.0) if window else None
+    pixels = coverage_of(x, y, **options)
+    fine = coverage_of(x, y, **options, subdivision=cells)
     rows, cols = pixels.coverage.shape
     assert fine.coverage.shape == (rows * cells, cols * cells)
     assert fine.footprint == 3.75 / cells
     # First cell and first pixel have one corner.
-    corners = [np.array(seen.origin) - seen.footprint / 2 for seen in (pixels, fine)]
+    corners = [np.array(grid.origin) - grid.footprint / 2 for grid in (pixels, fine)]
     np.testing.assert_allclose(*corners, atol=1e-9)
     means = fine.coverage.reshape(rows, cells, cols, cells).mean(axis=(1, 3))
     # A point within rounding of an edge may fall on either side of it.
@@ -95,23 +97,23 @@ def test_lines_cover_pixels_as_the_outline_does(footprint, phase, subdivision):
     facing = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0] > 0
     outline = CrossSection(list(corners[facing][..., :2]), FillRule.Positive)
     lines = line_image(hull, aspect=31.0, depression=3.84)
-    seen = silhouette(lines, footprint=footprint, phase=phase, margin=1, subdivision=subdivision)
+    image = silhouette(lines, footprint=footprint, phase=phase, margin=1, subdivision=subdivision)
     side = footprint / subdivision
-    assert seen.footprint == side
+    assert image.footprint == side
     square = CrossSection.square((side, side), center=True)
     exact = np.array(
         [
             [
-                (outline ^ square.translate(np.add(seen.origin, (side * c, side * r)))).area()
-                for c in range(seen.coverage.shape[1])
+                (outline ^ square.translate(np.add(image.origin, (side * c, side * r)))).area()
+                for c in range(image.coverage.shape[1])
             ]
-            for r in range(seen.coverage.shape[0])
+            for r in range(image.coverage.shape[0])
         ]
     )
-    error = seen.coverage - exact / side**2
+    error = image.coverage - exact / side**2
     # an outline's part in a pixel meets side / 0.25 lines: errors fall with their 3/2 power
     assert np.sqrt(np.mean(error**2)) < 0.001 * (3.75 / side) ** 1.5
-    assert seen.coverage.sum() * side**2 == pytest.approx(lines.area.sum(), rel=1e-12)
+    assert image.coverage.sum() * side**2 == pytest.approx(lines.area.sum(), rel=1e-12)
 
 
 def view_axes(view):

@@ -35,8 +35,8 @@ def test_both_gaussians(frame_count):
     for pixels, mean, spread in ((thermal[HALF], 0.7, 0.15), (thermal[~HALF], 0.0, 0.05)):
         sigma = np.hypot(spread, 0.4 / np.sqrt(frame_count))
         for way in ("none", "perfect"):
-            found = pixel_sigma(spread, frame_count=(frame_count,), super_resolution=way)
-            assert found == pytest.approx([sigma], rel=1e-14)
+            deviation = pixel_sigma(spread, frame_count=(frame_count,), super_resolution=way)
+            assert deviation == pytest.approx([sigma], rel=1e-14)
         assert stats.kstest(pixels, stats.norm(mean, sigma).cdf).pvalue > LEVEL / 2
         z_mean = (pixels.mean() - mean) / (sigma / np.sqrt(pixels.size))
         z = np.abs([z_mean, z_of_variance(pixels - mean, sigma**2)])

@@ -25,10 +25,10 @@ def pole_on_box(length=120.0, beam=14.0, height=6.0, pole=30.0, width=1.6):
 
 def wall(lines, samples, **changes):
     """A scan of a wall that fills it all, at the range of the ship's origin as that changes."""
-    seen = flight(samples=samples, pulse_rate=1e6, **changes)
-    plan = ScanPlan(seen, 0, lines)
-    time = plan.time(np.arange(1 - seen.detectors, samples))
-    distance = np.linalg.norm(seen.position(time), axis=-1).ravel()
+    flown = flight(samples=samples, pulse_rate=1e6, **changes)
+    plan = ScanPlan(flown, 0, lines)
+    time = plan.time(np.arange(1 - flown.detectors, samples))
+    distance = np.linalg.norm(flown.position(time), axis=-1).ravel()
     place, ray = np.divmod(np.arange(9 * distance.size), 9)
     power = np.full(place.size, 1 / 9)
     return Pass(plan, Returns(time.shape, place, ray, distance[place], power, 9))
@@ -46,7 +46,7 @@ def seen_from(flown, point, time):
     track = flown.aircraft_heading if flown.aircraft_track is None else flown.aircraft_track
     track = np.radians(long(track))
     # East, north and up of the point from the ship's origin: x ahead, y to port.
-    x, y, z = (np.asarray(part, long) for part in np.moveaxis(np.asarray(point), -1, 0))
+    x, y, z = (np.asarray(coordinate, long) for coordinate in np.moveaxis(np.asarray(point), -1, 0))
     east = x * np.sin(heading) - y * np.cos(heading)
     north = x * np.cos(heading) + y * np.sin(heading)
     time = np.asarray(time, long)

@@ -24,8 +24,8 @@ def tail(level, depth):
 
 
 def threshold(looks, depth, **others):
-    given = {"pulse_length": PULSE, "dropout": 0.0, "false_alarm": 1e-3} | others
-    return noise_threshold(np.array(looks), depth=depth * PULSE, **given)
+    options = {"pulse_length": PULSE, "dropout": 0.0, "false_alarm": 1e-3} | others
+    return noise_threshold(np.array(looks), depth=depth * PULSE, **options)
 
 
 @pytest.mark.parametrize("false_alarm", [1e-9, 1e-4, 0.3])
@@ -34,8 +34,8 @@ def threshold(looks, depth, **others):
 def test_threshold_of_one_look_is_the_quantile_of_the_noise_peak(depth, dropout, false_alarm):
     """Or the least that is reported; between edges 1/32 apart the tail bends by some 1e-4."""
     expected = optimize.brentq(lambda u: tail(u, depth) - false_alarm, 0.01, 60, xtol=1e-12)
-    found = threshold(1, depth, dropout=dropout, false_alarm=false_alarm)
-    assert found == pytest.approx(max(expected, dropout), abs=2e-4)
+    least = threshold(1, depth, dropout=dropout, false_alarm=false_alarm)
+    assert least == pytest.approx(max(expected, dropout), abs=2e-4)
 
 
 @pytest.mark.parametrize("false_alarm", [1e-9, 1e-3, 0.3])
@@ -54,9 +54,9 @@ def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
     expected = dropout  # any report is too much
     if above(dropout) > false_alarm:
         expected = optimize.brentq(lambda s: above(s) - false_alarm, 0, 20 * looks + 60)
-    found = threshold(looks, 0.0, dropout=dropout, false_alarm=false_alarm)
+    least = threshold(looks, 0.0, dropout=dropout, false_alarm=false_alarm)
     # The grid adds a variance of (1/32)^2 / 12 to each look's 1: 8e-5.
-    assert found == pytest.approx(expected / looks, rel=1e-4)
+    assert least == pytest.approx(expected / looks, rel=1e-4)
 
 
 @pytest.mark.parametrize("looks", [1, 30])
@@ -71,18 +71,18 @@ def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
 )
 def test_the_sea_reaches_its_threshold_as_seldom_as_stated(change, looks):
     """50,000 averages of the receiver's own looks at the sea: binomial, 1e-3 over the 16 cases."""
-    seen = flight(**change)
+    flown = flight(**change)
     shape = (50_000, looks)
     nothing = Returns(shape, *[np.empty(0, np.intp)] * 2, *[np.empty(0)] * 2, 9)
     speckle = np.empty((*shape, 0), np.complex64)
     rng = np.random.default_rng(looks)
-    intensity, _ = peaks(nothing, speckle, np.full(shape, 3900.0), flight=seen, rng=rng)
+    intensity, _ = peaks(nothing, speckle, np.full(shape, 3900.0), flight=flown, rng=rng)
     index = np.arange(intensity.size).reshape(-1, 1, looks)
     least = noise_threshold(
         np.array(looks),
-        depth=seen.range_gate,
-        pulse_length=seen.pulse_length,
-        dropout=seen.threshold,
+        depth=flown.range_gate,
+        pulse_length=flown.pulse_length,
+        dropout=flown.threshold,
         false_alarm=FALSE_ALARM,
     )
     image = average(intensity, index)

@@ -19,8 +19,8 @@ def navigated(flown, error):
     return replace(flown, aircraft_speed=flown.aircraft_speed + change)
 
 
-def closing_error(found, flown):
-    return found.closing_speed / flown.closing_speed - 1
+def closing_error(estimate, flown):
+    return estimate.closing_speed / flown.closing_speed - 1
 
 
 def test_spectrum_of_one_slope_is_the_kernel():
@@ -45,8 +45,8 @@ def test_a_block_with_upright_sides_gives_its_closing_speed(aspect, errors):
     turned = 0.25 * flown.pixel * np.tan(np.radians(aside)) / RISE
     slope = 2 * 0.005 + turned
     for error in errors:
-        found = autofocus(scan, navigated(flown, error))
-        assert abs(closing_error(found, flown)) < slope * flown.climb / flown.closing_speed
+        estimate = autofocus(scan, navigated(flown, error))
+        assert abs(closing_error(estimate, flown)) < slope * flown.climb / flown.closing_speed
 
 
 @pytest.mark.parametrize(
@@ -61,16 +61,16 @@ def test_most_of_an_error_of_five_per_cent_is_recovered(name, aspect, errors):
     scan = flown.record(np.random.default_rng(5))
 
     def likeness(estimate):
-        seen = segmented(
+        image = segmented(
             correct(scan, estimate=estimate, window=window, overscanned=True), estimate
         )
-        return np.corrcoef(profile(seen, flown.plan.flight), truth)[0, 1]
+        return np.corrcoef(profile(image, flown.plan.flight), truth)[0, 1]
 
     for error in errors:
         estimate = navigated(flown.plan.flight, error)
-        found = autofocus(scan, estimate)
-        assert abs(closing_error(found, flown.plan.flight)) < 0.5 * abs(error)
-        assert likeness(found) > likeness(estimate) + 0.1
+        focused = autofocus(scan, estimate)
+        assert abs(closing_error(focused, flown.plan.flight)) < 0.5 * abs(error)
+        assert likeness(focused) > likeness(estimate) + 0.1
 
 
 def test_what_is_refused():

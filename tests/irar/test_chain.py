@@ -45,20 +45,20 @@ def true_profile(flown, truth):
 @pytest.fixture(scope="module")
 def scans(flown):
     """Two scans of it at each of 15, 20 and 30 dB."""
-    found = {}
+    by_snr = {}
     for decibels in (15, 20, 30):
-        at = dataclasses.replace(flown.plan.flight, cnr=10 ** (decibels / 10))
-        there = dataclasses.replace(flown, plan=dataclasses.replace(flown.plan, flight=at))
-        found[decibels] = [there.record(np.random.default_rng((decibels, n))) for n in range(2)]
-    return found
+        changed = dataclasses.replace(flown.plan.flight, cnr=10 ** (decibels / 10))
+        there = dataclasses.replace(flown, plan=dataclasses.replace(flown.plan, flight=changed))
+        by_snr[decibels] = [there.record(np.random.default_rng((decibels, n))) for n in range(2)]
+    return by_snr
 
 
 @pytest.fixture(scope="module")
 def plate():
     """A flat wall of 70 m by 28 m that faces the line of sight from astern."""
-    found = trimesh.creation.box((1.0, 70.0, 28.0))
-    found.apply_transform(trimesh.transformations.rotation_matrix(math.radians(6.7), [0, 1, 0]))
-    return found.apply_translation((0, 0, 14.0))
+    board = trimesh.creation.box((1.0, 70.0, 28.0))
+    board.apply_transform(trimesh.transformations.rotation_matrix(math.radians(6.7), [0, 1, 0]))
+    return board.apply_translation((0, 0, 14.0))
 
 
 def correlation(a, b):
@@ -77,8 +77,8 @@ def without_hangar(expected):
 
 
 def measured(scan, window, *, overscanned=True, **how):
-    found = irar.correct(scan, irar.Correction(**how), window=window, overscanned=overscanned)
-    return irar.profile(irar.segmented(found, scan.flight), scan.flight)
+    image = irar.correct(scan, irar.Correction(**how), window=window, overscanned=overscanned)
+    return irar.profile(irar.segmented(image, scan.flight), scan.flight)
 
 
 def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth):
@@ -91,10 +91,10 @@ def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth)
     scan = flown.noiseless()
     image = irar.correct(scan, window=window)
     expected = averaged(truth)
-    found = np.nan_to_num(image.intensity)
-    assert correlation(found.ravel(), expected.ravel()) > 0.995
-    assert found.sum() == pytest.approx(expected.sum(), rel=0.01)
-    assert expected[found == 0].sum() < 1e-3 * expected.sum()
+    intensity = np.nan_to_num(image.intensity)
+    assert correlation(intensity.ravel(), expected.ravel()) > 0.995
+    assert intensity.sum() == pytest.approx(expected.sum(), rel=0.01)
+    assert expected[intensity == 0].sum() < 1e-3 * expected.sum()
     middle = truth.range.reshape(window.rows, CELLS, window.columns, CELLS)
     spread = np.ptp(middle, axis=(1, 3))
     face = spread < 0.5  # NaN where a cell sees none
@@ -105,13 +105,13 @@ def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth)
 
 
 def test_a_noiseless_flight_gives_the_true_profile(flown, window, true_profile):
-    found = irar.profile(
+    profile = irar.profile(
         irar.correct(flown.noiseless(), window=window, overscanned=True), flown.plan.flight
     )
     beside = without_hangar(true_profile)
-    assert correlation(found, true_profile) > 0.99
-    assert correlation(found[beside], true_profile[beside]) > 0.98
-    assert found.sum() == pytest.approx(true_profile.sum(), rel=0.02)
+    assert correlation(profile, true_profile) > 0.99
+    assert correlation(profile[beside], true_profile[beside]) > 0.98
+    assert profile.sum() == pytest.approx(true_profile.sum(), rel=0.02)
 
 
 @pytest.mark.parametrize("decibels", [15, 20, 30])
@@ -119,9 +119,9 @@ def test_a_measured_profile_is_the_true_one(decibels, scans, window, true_profil
     """From 15 dB on 0.95, and 0.90 without the hangar, which alone makes most of the first."""
     beside = without_hangar(true_profile)
     for scan in scans[decibels]:
-        found = measured(scan, window)
-        assert correlation(found, true_profile) >= 0.95
-        assert correlation(found[beside], true_profile[beside]) >= 0.90
+        profile = measured(scan, window)
+        assert correlation(profile, true_profile) >= 0.95
+        assert correlation(profile[beside], true_profile[beside]) >= 0.90
 
 
 @pytest.mark.parametrize("overscanned", [False, True])
@@ -129,12 +129,12 @@ def test_clusters_are_better_than_the_median_and_the_mean(scans, window, true_pr
     """At 20 dB, whole and without the hangar, on either scan."""
     beside = without_hangar(true_profile)
     for scan in scans[20]:
-        found = [
+        profiles = [
             measured(scan, window, range_filter=name, overscanned=overscanned)
             for name in RANGE_FILTERS
         ]
-        for part in (slice(None), beside):
-            cluster, median, mean = (correlation(p[part], true_profile[part]) for p in found)
+        for bins in (slice(None), beside):
+            cluster, median, mean = (correlation(p[bins], true_profile[bins]) for p in profiles)
             assert cluster > median > mean
 
 
@@ -145,8 +145,8 @@ def test_frames_and_delays_gain_the_roots_of_their_numbers(plate):
     in the time of one pixel's climb, as the tilted lines and the drift lie denser by
     cos L + sin L drift / climb, and samples by what the aircraft has come closer.
     """
-    seen = irar.fly(plate, flight(180.0, samples=200, pulse_rate=1e6, cnr=CLEAN))
-    scan = seen.record(np.random.default_rng(7))
+    flyby = irar.fly(plate, flight(180.0, samples=200, pulse_rate=1e6, cnr=CLEAN))
+    scan = flyby.record(np.random.default_rng(7))
     image = irar.correct(scan)
     cover = irar.true_snapshot(plate, scan.flight, image.window).infrared == 1
     inner = binary_erosion(cover, iterations=2)
@@ -164,7 +164,7 @@ def test_frames_and_delays_gain_the_roots_of_their_numbers(plate):
 
     active = snr(image.intensity[inner])
     assert active == pytest.approx(math.sqrt(frames), rel=0.05)
-    raw = seen.noiseless().infrared
+    raw = flyby.noiseless().infrared
     single = raw.max() / scan.flight.nedt
     passive = snr(image.infrared[inner])
     assert passive / single == pytest.approx(math.sqrt(12 * frames), rel=0.05)

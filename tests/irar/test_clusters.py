@@ -30,11 +30,11 @@ def plain_average(looks, window):
     st.sampled_from([0.25, 1.0, 4.0, 30.0]),
 )
 def test_it_is_the_mean_of_the_most_populated_window(ranges, window):
-    found = histogram_cluster_average(ranges, window=window)
-    assert found.shape == ranges.shape[:-1]
+    averages = histogram_cluster_average(ranges, window=window)
+    assert averages.shape == ranges.shape[:-1]
     flat = ranges.reshape(-1, ranges.shape[-1])
     expected = [plain_average(looks, window) for looks in flat]
-    np.testing.assert_allclose(found.ravel(), expected, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(averages.ravel(), expected, rtol=0, atol=1e-13)
 
 
 def test_no_look_is_no_range():

@@ -41,10 +41,10 @@ def test_clutter_has_its_deviation_and_its_correlation(draws):
     The product of two normals of correlation r scatters by sqrt(1 + r^2); 24 comparisons, of which
     one is beyond 4.5 with a probability of 2e-4.
     """
-    found = draws / DEVIATION
-    assert np.abs(found.mean(axis=0)).max() < 4.5 / math.sqrt(DRAWS)
+    scaled = draws / DEVIATION
+    assert np.abs(scaled.mean(axis=0)).max() < 4.5 / math.sqrt(DRAWS)
     expected = np.exp(-((APART / LENGTH) ** 2))
-    for line in np.moveaxis(found, 1, 0):
+    for line in np.moveaxis(scaled, 1, 0):
         ours = (line * line[:, :1]).mean(axis=0)
         error = np.sqrt((1 + expected**2) / DRAWS)
         assert (np.abs(ours - expected) < 4.5 * error).all()
@@ -52,18 +52,18 @@ def test_clutter_has_its_deviation_and_its_correlation(draws):
 
 def test_lines_of_sight_meet_the_water_where_the_ships_frame_says(flown):
     """What is seen at the place at that time lies on the line of sight: angles from the speeds."""
-    seen = flown.plan.flight
-    columns = np.arange(0, seen.samples, 17)
+    planned = flown.plan.flight
+    columns = np.arange(0, planned.samples, 17)
     time = flown.plan.time(columns)[::40]
-    along = np.broadcast_to(seen.scan_angles(columns), time.shape)
-    places = sea_places(seen, time, along, np.zeros_like(along))
+    along = np.broadcast_to(planned.scan_angles(columns), time.shape)
+    places = sea_places(planned, time, along, np.zeros_like(along))
     on_ship = np.stack(
-        [places[..., 0] - seen.ship_speed * time, places[..., 1], np.zeros_like(time)], axis=-1
+        [places[..., 0] - planned.ship_speed * time, places[..., 1], np.zeros_like(time)], axis=-1
     )
-    right, above = seen.angles_to(on_ship, time)
+    right, above = planned.angles_to(on_ship, time)
     np.testing.assert_allclose(right, along, atol=1e-12)
     np.testing.assert_allclose(above, 0.0, atol=1e-12)
-    assert (seen_from(seen, on_ship, time)[..., 2] > -seen.slant_range).all()
+    assert (seen_from(planned, on_ship, time)[..., 2] > -planned.slant_range).all()
 
 
 def test_clutter_is_of_the_sea_alone_and_changes_nothing_else(flown):

@@ -34,8 +34,8 @@ def flights(draw):
 )
 def test_aspects_of_a_ship_to_the_north(heading, aspect):
     """Sailing west it shows its port side to an aircraft south of it, 90 deg."""
-    seen = Flight(slant_range=4e3, ship_heading=heading, offset=0.0)
-    assert seen.aspect == aspect
+    flown = Flight(slant_range=4e3, ship_heading=heading, offset=0.0)
+    assert flown.aspect == aspect
 
 
 @given(flights())
@@ -43,8 +43,8 @@ def test_the_aircraft_is_seen_where_aspect_and_depression_say(flown):
     """u = (cos d cos a, cos d sin a, sin d) of the ship frame, at time 0."""
     a, d = math.radians(flown.aspect), math.radians(flown.depression)
     towards = np.array([math.cos(d) * math.cos(a), math.cos(d) * math.sin(a), math.sin(d)])
-    found = flown.position(np.zeros(()))
-    np.testing.assert_allclose(found, flown.slant_range * towards, rtol=0, atol=1e-9)
+    position = flown.position(np.zeros(()))
+    np.testing.assert_allclose(position, flown.slant_range * towards, rtol=0, atol=1e-9)
     np.testing.assert_allclose(flown.snapshot_axes[2], -towards, rtol=0, atol=1e-13)
     right = np.array([-math.sin(a), math.cos(a), 0])
     np.testing.assert_allclose(flown.snapshot_axes[0], right, rtol=0, atol=1e-13)
@@ -74,9 +74,9 @@ def test_speeds_are_the_derivatives_of_what_is_seen(flown):
 
 def test_the_article_has_eight_to_twelve_lines_a_pixel():
     """A ship that sails away from the aircraft at 8 m/s: 82 m/s of closing speed, 9.5 of climb."""
-    found = [flight(aspect=175, slant_range=r) for r in (3e3, 3.9e3, 5e3)]
-    assert [f.climb for f in found] == pytest.approx([9.5] * 3, abs=0.05)
-    assert [f.lines_per_pixel for f in found] == pytest.approx([7.7, 10.0, 12.8], abs=0.06)
+    cases = [flight(aspect=175, slant_range=r) for r in (3e3, 3.9e3, 5e3)]
+    assert [f.climb for f in cases] == pytest.approx([9.5] * 3, abs=0.05)
+    assert [f.lines_per_pixel for f in cases] == pytest.approx([7.7, 10.0, 12.8], abs=0.06)
     assert flight(slant_range=4e3).pixel == pytest.approx(0.82)
 
 

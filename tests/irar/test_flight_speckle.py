@@ -48,11 +48,11 @@ def test_the_closed_form_is_that_of_a_rough_surface(speed, ifov):
     fields = rough_surface(flown, 3, surfaces=4000, seed=int(10 * speed))
     power = np.mean(np.abs(fields) ** 2)
     for lag, expected in ((1, mu), (2, mu**4)):
-        found = np.abs(np.mean(fields[:, lag] * fields[:, 0].conj())) / power
+        measured = np.abs(np.mean(fields[:, lag] * fields[:, 0].conj())) / power
         level = (
             4 * math.sqrt((1 - expected**2) / 8000) + 5e-3
         )  # 400 scatterers, not infinitely many
-        assert found == pytest.approx(expected, abs=level)
+        assert measured == pytest.approx(expected, abs=level)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.3, 0.8, 0.99])
@@ -68,8 +68,8 @@ def test_drawn_lines_are_a_markov_sequence(mu):
     assert np.mean(np.abs(drawn[0]) ** 2) == pytest.approx(1, abs=level)
     assert np.mean(np.abs(drawn[-1]) ** 2) == pytest.approx(1, abs=level)
     for lag in (1, 2, 5):
-        found = np.mean(drawn[lag:] * drawn[:-lag].conj())
-        assert found == pytest.approx(mu**lag, abs=level)
+        correlation = np.mean(drawn[lag:] * drawn[:-lag].conj())
+        assert correlation == pytest.approx(mu**lag, abs=level)
     assert abs(np.mean(drawn**2)) < level
     for line in (0, 199):
         assert stats.kstest(np.abs(drawn[line]) ** 2, "expon").pvalue > 1e-3

@@ -72,32 +72,32 @@ def schematic(shift=0.0):
 @pytest.mark.parametrize("shift", [0.0, 0.2, 0.4, 0.6, 0.8])
 def test_places_put_in_come_back(shift):
     """Within half a bin, wherever its edges fall; a little more where two places differ."""
-    found = landmarks(schematic(shift), CENTRES + shift)
+    marks = landmarks(schematic(shift), CENTRES + shift)
     hangar = PARTS["hangar"][0]
-    assert found.hangar == pytest.approx(hangar, abs=0.5)
-    assert found.mast.offset == pytest.approx(PARTS["mast"][0] - hangar, abs=0.7)
-    assert found.forward.offset == pytest.approx(PARTS["forward"][0] - hangar, abs=0.7)
-    assert found.transom.offset == pytest.approx(PARTS["transom"][0] - hangar, abs=0.7)
-    assert found.stern == pytest.approx(hangar + 67.2, abs=1.0)
+    assert marks.hangar == pytest.approx(hangar, abs=0.5)
+    assert marks.mast.offset == pytest.approx(PARTS["mast"][0] - hangar, abs=0.7)
+    assert marks.forward.offset == pytest.approx(PARTS["forward"][0] - hangar, abs=0.7)
+    assert marks.transom.offset == pytest.approx(PARTS["transom"][0] - hangar, abs=0.7)
+    assert marks.stern == pytest.approx(hangar + 67.2, abs=1.0)
     # The roofs' far end, less 2 % of all that returns at their 40 / 66 a metre.
     front = 25.5 - 0.02 * 194 / (40 / 66)
-    assert found.bridge == pytest.approx(front - hangar, abs=0.5)
-    assert found.stern_to_bridge == pytest.approx(front + 67.2, abs=1.0)
-    assert found.deck_spikes == ()
+    assert marks.bridge == pytest.approx(front - hangar, abs=0.5)
+    assert marks.stern_to_bridge == pytest.approx(front + 67.2, abs=1.0)
+    assert marks.deck_spikes == ()
 
 
 def test_energies_hold_where_heights_do_not():
     """Half a bin moves the ratio of heights by a quarter and more, of energies by a tenth."""
-    found = [landmarks(schematic(s), CENTRES + s).mast for s in np.arange(0, 1, 0.1)]
-    heights, energies = np.array([(p.height, p.energy) for p in found]).T
+    masts = [landmarks(schematic(s), CENTRES + s).mast for s in np.arange(0, 1, 0.1)]
+    heights, energies = np.array([(p.height, p.energy) for p in masts]).T
     assert np.ptp(heights) / heights.mean() > 0.25
     assert np.ptp(energies) / energies.mean() < 0.1
 
 
 def test_peak_that_is_not_there_is_not_found():
     bare = binned([-66.5, -41.3], [20.0, 60.0], [0.7, 0.9])
-    found = landmarks(bare, CENTRES)
-    for peak in (found.mast, found.forward):
+    marks = landmarks(bare, CENTRES)
+    for peak in (marks.mast, marks.forward):
         assert math.isnan(peak.offset)
         assert (peak.height, peak.energy) == (0.0, 0.0)
 
@@ -124,12 +124,12 @@ def test_frigates_show_what_figure_16_shows(frigate, spread):
     """Places within a bin; heights within the quarter that a bin's place makes."""
     name, image = frigate
     expected = FIGURE_16[name]
-    found = landmarks(ship_profile(image, spread=spread), CENTRES)
-    assert found.stern == pytest.approx(expected["stern"], abs=1.0)
-    assert found.transom.height == pytest.approx(expected["transom"], rel=0.25)
+    marks = landmarks(ship_profile(image, spread=spread), CENTRES)
+    assert marks.stern == pytest.approx(expected["stern"], abs=1.0)
+    assert marks.transom.height == pytest.approx(expected["transom"], rel=0.25)
     for peak, (offset, height) in (
-        (found.mast, expected["mast"]),
-        (found.forward, expected["forward"]),
+        (marks.mast, expected["mast"]),
+        (marks.forward, expected["forward"]),
     ):
         assert peak.offset == pytest.approx(offset, abs=1.0)
         assert peak.height == pytest.approx(height, rel=0.25)
@@ -138,12 +138,12 @@ def test_frigates_show_what_figure_16_shows(frigate, spread):
 def test_deck_is_a_comb_where_pixels_are_points(frigate):
     """Three spikes a pixel's length apart in range, wherever the bins lie; none when spread."""
     _, image = frigate
-    apart = PIXEL / math.sin(math.radians(DEPRESSION))
+    spacing = PIXEL / math.sin(math.radians(DEPRESSION))
     for shift in (0.0, 0.25, 0.5, 0.75):
         comb = landmarks(ship_profile(image, spread=0.0, shift=shift), CENTRES + shift)
         assert len(comb.deck_spikes) == 3
         # Two spacings between the outer ones, whose places are good to half a bin each.
-        assert np.ptp(comb.deck_spikes) / 2 == pytest.approx(apart, abs=0.5)
+        assert np.ptp(comb.deck_spikes) / 2 == pytest.approx(spacing, abs=0.5)
         smooth = landmarks(ship_profile(image, spread=1.0, shift=shift), CENTRES + shift)
         assert smooth.deck_spikes == ()
 
@@ -153,8 +153,8 @@ def test_correlation_is_pearson_on_the_bins_kept():
     first, second = rng.random((2, 4, 30))
     kept = np.ones(30, dtype=bool)
     kept[10:15] = False
-    found = profile_correlation(first, second, exclude=~kept)
+    correlations = profile_correlation(first, second, exclude=~kept)
     expected = [np.corrcoef(a[kept], b[kept])[0, 1] for a, b in zip(first, second, strict=True)]
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(correlations, expected, rtol=1e-12)
     np.testing.assert_allclose(profile_correlation(first, 3 * first + 5), 1.0, rtol=1e-12)
     np.testing.assert_allclose(profile_correlation(first, -first), -1.0, rtol=1e-12)

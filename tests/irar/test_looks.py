@@ -17,7 +17,7 @@ values = arrays(float, 12, elements=st.one_of(st.floats(-1e6, 1e6), st.just(math
 
 def plain_looks(row, column, rows, columns):
     """The definition, sample by sample."""
-    found = {}
+    looks = {}
     for k, centre in enumerate(rows):
         for c in range(columns):
             inside = [
@@ -25,19 +25,19 @@ def plain_looks(row, column, rows, columns):
                 for n, (r, x) in enumerate(zip(row, column, strict=True))
                 if centre - 0.5 <= r < centre + 0.5 and c - 0.5 <= x < c + 0.5
             ]
-            found[k, c] = [n for _, n in sorted(inside)]
-    return found
+            looks[k, c] = [n for _, n in sorted(inside)]
+    return looks
 
 
 def listed(index):
     """Lists of looks out of an index, whose gaps must all be at its end."""
-    found = {}
+    lists = {}
     for k, c in np.ndindex(index.shape[:2]):
         looks = index[k, c].tolist()
         count = sum(n >= 0 for n in looks)
         assert looks[count:] == [-1] * (len(looks) - count)
-        found[k, c] = looks[:count]
-    return found
+        lists[k, c] = looks[:count]
+    return lists
 
 
 @given(

@@ -34,11 +34,11 @@ def test_the_image_is_turned_by_the_exact_angle(depression, mirror_angle, azimut
     Reflection keeps angles: turns to the right and up become orthogonal axes of the image, turned
     together.
     """
-    where = {"depression": depression, "mirror_angle": mirror_angle, "azimuth": azimuth}
+    pose = {"depression": depression, "mirror_angle": mirror_angle, "azimuth": azimuth}
     turned = np.array(
         [
-            (reflected(STEP, 0, **where) - reflected(-STEP, 0, **where)) / (2 * STEP),
-            (reflected(0, STEP, **where) - reflected(0, -STEP, **where)) / (2 * STEP),
+            (reflected(STEP, 0, **pose) - reflected(-STEP, 0, **pose)) / (2 * STEP),
+            (reflected(0, STEP, **pose) - reflected(0, -STEP, **pose)) / (2 * STEP),
         ]
     )
     away, right = compass(azimuth, -depression), compass(azimuth + 90, 0)

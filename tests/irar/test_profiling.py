@@ -22,14 +22,14 @@ ranges = st.one_of(st.integers(-80, 80).map(lambda n: n / 4), st.floats(-20, 20)
     st.integers(1, 30),
 )
 def test_bins_are_those_of_the_definition(intensity, down_range, bin_width, bins):
-    flown, seen = flight(), Window(bottom=0, left=0, rows=4, columns=5)
+    flown, window = flight(), Window(bottom=0, left=0, rows=4, columns=5)
     row, column, range_ = np.arange(4.0), np.arange(5.0), down_range + flown.slant_range
-    image = Snapshot(seen, row, column, intensity, range_, intensity, np.ones((4, 5), int))
+    image = Snapshot(window, row, column, intensity, range_, intensity, np.ones((4, 5), int))
     expected, start = np.zeros(bins), -bins * bin_width / 2
     for n in range(bins):
         near = start + n * bin_width
         for power, r in zip(intensity.ravel(), (range_ - flown.slant_range).ravel(), strict=True):
             if near <= r < near + bin_width:
                 expected[n] += power
-    found = profile(image, flown, bins=bins, bin_width=bin_width)
-    np.testing.assert_allclose(found, expected, rtol=1e-14)
+    computed = profile(image, flown, bins=bins, bin_width=bin_width)
+    np.testing.assert_allclose(computed, expected, rtol=1e-14)

@@ -68,15 +68,15 @@ def test_a_deck_has_the_largest_of_its_returns():
 
     Signal-to-noise ratio H_9 / sqrt(sum 1 / k^2) = 2.3, without any noise: a maximum varies less.
     """
-    apart = RANGE + 20.0 * (np.arange(9) - 4)
-    intensity, range_ = received(rays(apart), cnr=CLEAN)
+    distances = RANGE + 20.0 * (np.arange(9) - 4)
+    intensity, range_ = received(rays(distances), cnr=CLEAN)
     assert stats.kstest(intensity * 9 / CLEAN, lambda u: (1 - np.exp(-u)) ** 9).pvalue > LEVEL
     harmonic, squares = sum(1 / k for k in range(1, 10)), sum(1 / k**2 for k in range(1, 10))
     expected = harmonic / math.sqrt(squares)
     assert single_look_snr(intensity) == pytest.approx(expected, rel=0.06)
     # Each is the strongest as often as any other; none is found between them.
-    nearest = np.abs(range_[:, None] - apart).argmin(axis=1)
-    np.testing.assert_allclose(range_, apart[nearest], rtol=0, atol=0.01)
+    nearest = np.abs(range_[:, None] - distances).argmin(axis=1)
+    np.testing.assert_allclose(range_, distances[nearest], rtol=0, atol=0.01)
     assert stats.chisquare(np.bincount(nearest, minlength=9)).pvalue > LEVEL
 
 
@@ -101,9 +101,9 @@ def test_returns_closer_than_a_pulse_add_their_fields(apart):
 
 def test_what_lies_beyond_the_gate_is_not_received():
     """However strong: a gate of 300 m about the nominal range, and a wall 151 m behind that."""
-    for beyond, seen in ((149.0, True), (151.0, False)):
+    for beyond, inside in ((149.0, True), (151.0, False)):
         _, range_ = received(rays([RANGE + beyond] * 9), cnr=CLEAN, threshold=100.0, still=True)
-        assert np.isfinite(range_).all() == seen and np.isfinite(range_).any() == seen
+        assert np.isfinite(range_).all() == inside and np.isfinite(range_).any() == inside
 
 
 @pytest.mark.parametrize("range_sigma", [0.5, 1.0])

@@ -54,7 +54,9 @@ def registered(flown, points, *, mirror="exact", azimuth="pixel", height="pixel"
     times = np.broadcast_to(time.astype(float)[:, None], shape)
     ranges = np.broadcast_to(reach[:, None], shape)
     numbers = np.arange(flown.samples)
-    row, column = (np.broadcast_to(part, shape) for part in registration.raw_places(flown, numbers))
+    row, column = (
+        np.broadcast_to(places, shape) for places in registration.raw_places(flown, numbers)
+    )
     if mirror != "none":
         up, right = registration.mirror_displacement(flown, numbers, form=mirror)
         row, column = row + up, column + right
@@ -97,15 +99,15 @@ def test_the_steps_add_up_to_the_whole(flown, seed):
     ranges = flown.slant_range + rng.uniform(-150, 150, time.shape)
     ranges[rng.random(time.shape) < 0.1] = np.nan
     numbers = np.arange(SAMPLES)
-    whole = registration.snapshot_places(flown, time, ranges)
+    places = registration.snapshot_places(flown, time, ranges)
     row, column = registration.raw_places(flown, numbers)
     up, right = registration.mirror_displacement(flown, numbers)
     down, left, closer = registration.motion_displacement(flown, time, ranges)
-    np.testing.assert_allclose(row + up + down, whole[0], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(column + right + left, whole[1], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(ranges + closer, whole[2], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(np.isnan(whole[2]), np.isnan(ranges))
-    assert not np.isnan(whole[0]).any() and not np.isnan(closer).any()
+    np.testing.assert_allclose(row + up + down, places[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(column + right + left, places[1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ranges + closer, places[2], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(np.isnan(places[2]), np.isnan(ranges))
+    assert not np.isnan(places[0]).any() and not np.isnan(closer).any()
 
 
 @given(flights(), st.integers(0, 2**32))
@@ -122,13 +124,13 @@ def test_points_land_where_the_snapshot_sees_them(flown, seed):
     ways = flown.directions(angles, np.zeros(SAMPLES))
     points = flown.position(time) + ranges[..., None] * ways
     # These are points of the scan: each lies on its line, at its sample.
-    seen = scanned_at(flown, points, time)
-    np.testing.assert_allclose(seen[..., 1].astype(float), 0, atol=1e-12)
+    angles_seen = scanned_at(flown, points, time)
+    np.testing.assert_allclose(angles_seen[..., 1].astype(float), 0, atol=1e-12)
     np.testing.assert_allclose(
-        seen[..., 0].astype(float), np.broadcast_to(angles, time.shape), atol=1e-12
+        angles_seen[..., 0].astype(float), np.broadcast_to(angles, time.shape), atol=1e-12
     )
-    for found, expected in zip((row, column, there), true_places(flown, points), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
+    for computed, expected in zip((row, column, there), true_places(flown, points), strict=True):
+        np.testing.assert_allclose(computed, expected, rtol=0, atol=1e-6)
 
 
 @given(flights())
@@ -140,25 +142,25 @@ def test_one_shift_is_the_derivative_of_the_exact_one(flown):
     step = 1e-3
     before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
     moved = (after[0] / after[2] - before[0] / before[2]) / flown.ifov / (2 * step)
-    each = float(moved) / flown.line_rate
+    shift_of_a_scan = float(moved) / flown.line_rate
     courses = (
         Course(flown.aircraft_speed, flown.aircraft_heading),
         Course(flown.ship_speed, flown.ship_heading),
     )
-    given_ = {name: getattr(flown, name) for name in ("offset", "slant_range", "ifov")}
-    found = azimuth_shift(*courses, **given_, rate=flown.line_rate)
+    geometry = {name: getattr(flown, name) for name in ("offset", "slant_range", "ifov")}
+    shift = azimuth_shift(*courses, **geometry, rate=flown.line_rate)
     scale = (flown.aircraft_speed + flown.ship_speed) / (flown.pixel * flown.line_rate)
-    assert found == pytest.approx(each, abs=1e-5 * scale)
-    rows = azimuth_shift(*courses, **given_, rate=flown.line_rate, scans=flown.lines_per_pixel)
-    assert rows == pytest.approx(found * flown.lines_per_pixel)
+    assert shift == pytest.approx(shift_of_a_scan, abs=1e-5 * scale)
+    rows = azimuth_shift(*courses, **geometry, rate=flown.line_rate, scans=flown.lines_per_pixel)
+    assert rows == pytest.approx(shift * flown.lines_per_pixel)
     # With a pulse rate that just serves the scan it is too small by the samples of a line.
-    pulses = azimuth_shift(*courses, **given_, rate=flown.line_rate * flown.samples)
-    assert pulses * flown.samples == pytest.approx(found)
+    pulses = azimuth_shift(*courses, **geometry, rate=flown.line_rate * flown.samples)
+    assert pulses * flown.samples == pytest.approx(shift)
     time = np.full((1, SAMPLES), 2.0)
     column = registration.motion_displacement(flown, time, time, method="constant")[1]
     # offset is heading and offset less track there, rounded: 360 deg times eps, of the speeds
     rounding = 1e-12 * scale * flown.line_rate * 2.0
-    np.testing.assert_allclose(column, -found * flown.line_rate * 2.0, atol=rounding)
+    np.testing.assert_allclose(column, -shift * flown.line_rate * 2.0, atol=rounding)
 
 
 @pytest.mark.parametrize("offset", [5.0, -5.0])
@@ -214,13 +216,15 @@ def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror
         "rotation": (tangent, (sine - tangent) / (1 + sine * tangent)),
     }
     water = level(flown)
-    for how, slopes in expected.items():
+    for step, slopes in expected.items():
         for points, upright, slope in zip((POLE, water), (True, False), slopes, strict=True):
-            row, column, _ = registered(flown, points, mirror="none" if how == "rotation" else how)
-            if how == "rotation":
+            row, column, _ = registered(
+                flown, points, mirror="none" if step == "rotation" else step
+            )
+            if step == "rotation":
                 row, column = registration.rotated(row, column, clockwise=-math.degrees(lean))
-            found = tilt(row, column, upright=upright)
-            assert found == pytest.approx(math.degrees(math.atan(slope)), abs=0.05), how
+            leaning = tilt(row, column, upright=upright)
+            assert leaning == pytest.approx(math.degrees(math.atan(slope)), abs=0.05), step
     if mirror_angle == 45:
         assert expected["printed"][1] == pytest.approx(0, abs=1e-12)
 

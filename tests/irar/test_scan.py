@@ -17,9 +17,9 @@ def test_detectors_trail_each_other_over_the_ship(ship, flown):
     scan = flown.noiseless()
     plan = flown.plan
     assert scan.infrared.shape == (12, plan.lines, 120)
-    seen = scan_scene(ship, plan, leading=11).coverage()
+    coverage = scan_scene(ship, plan, leading=11).coverage()
     warmth = band_contrast(plan.flight.slant_range)
-    expected = seen * warmth
+    expected = coverage * warmth
     for k in range(12):
         columns = np.arange(120) - k + 11
         np.testing.assert_allclose(scan.infrared[k], expected[:, columns], rtol=1e-6)
@@ -32,11 +32,11 @@ def test_attitude_wanders_as_a_markov_sequence(jitter_time):
     """20,000 lines: deviation and correlation of neighbours, with 4 of their standard errors."""
     flown_ = flight(jitter=2e-4, jitter_time=jitter_time)
     errors = wander(ScanPlan(flown_, 0, 20_000), np.random.default_rng(2))
-    kept = math.exp(-1 / (119.0 * jitter_time))
-    independent = 20_000 * (1 - kept) / (1 + kept)
+    correlation = math.exp(-1 / (119.0 * jitter_time))
+    independent = 20_000 * (1 - correlation) / (1 + correlation)
     assert (errors**2).mean() == pytest.approx((2e-4) ** 2, rel=4 * math.sqrt(1 / independent))
-    innovation = errors[1:] - kept * errors[:-1]
-    expected = (2e-4) ** 2 * (1 - kept**2)
+    innovation = errors[1:] - correlation * errors[:-1]
+    expected = (2e-4) ** 2 * (1 - correlation**2)
     assert (innovation**2).mean() == pytest.approx(expected, rel=4 * math.sqrt(1 / 20_000))
     level = 4 / math.sqrt(20_000)
     for a, b in ((innovation[1:], innovation[:-1]), (innovation[:, 0], innovation[:, 1])):
@@ -52,14 +52,14 @@ def test_jitter_moves_whole_lines(ship):
     columns = np.arange(plan.flight.samples)
 
     def column(flown_, number):
-        seen = flown_.returns.without_leading(11).coverage()[number - flown_.plan.first]
-        return (seen * columns).sum() / seen.sum() if 0 < seen.sum() < 3 else math.nan
+        coverage = flown_.returns.without_leading(11).coverage()[number - flown_.plan.first]
+        return (coverage * columns).sum() / coverage.sum() if 0 < coverage.sum() < 3 else math.nan
 
     numbers = np.arange(calm.plan.first, calm.plan.first + calm.plan.lines)
     moved = np.array([column(shaken, n) - column(calm, n) for n in numbers])
-    wanted = -errors[numbers - plan.first, 0] / plan.flight.ifov
+    expected = -errors[numbers - plan.first, 0] / plan.flight.ifov
     known = ~np.isnan(moved)
     assert known.sum() > 100
     # A third of a pixel is resolved; an error upward moves what a leaning pole shows a little.
-    assert np.abs(moved - wanted)[known].max() < 0.7
-    assert np.corrcoef(moved[known], wanted[known])[0, 1] > 0.98
+    assert np.abs(moved - expected)[known].max() < 0.7
+    assert np.corrcoef(moved[known], expected[known])[0, 1] > 0.98

@@ -21,9 +21,9 @@ def every_ray(mesh, plan, *, leading=0, attitude=None):
     columns = np.arange(-leading, flown.samples)
     time = plan.time(columns)[..., None]
     off = np.zeros((plan.lines, 2)) if attitude is None else attitude
-    part = (np.arange(RAYS) - (RAYS - 1) / 2) * flown.ifov / RAYS
-    along = flown.scan_angles(columns)[:, None] + np.tile(part, RAYS) + off[:, :1, None]
-    across = np.broadcast_to(np.repeat(part, RAYS) + off[:, 1:, None], along.shape)
+    angles = (np.arange(RAYS) - (RAYS - 1) / 2) * flown.ifov / RAYS
+    along = flown.scan_angles(columns)[:, None] + np.tile(angles, RAYS) + off[:, :1, None]
+    across = np.broadcast_to(np.repeat(angles, RAYS) + off[:, 1:, None], along.shape)
     way = flown.directions(along, across)
     origin = np.broadcast_to(flown.position(time), way.shape)
     hits = cast_rays(mesh, origin.reshape(-1, 3), way.reshape(-1, 3))
@@ -38,29 +38,29 @@ def test_samples_skipped_are_of_the_sea(aspect, jitter):
     plan = plan_scan(mesh, flight(aspect, samples=150, line_rate=40))
     rng = np.random.default_rng(3)
     attitude = rng.normal(scale=3e-4, size=(plan.lines, 2)) if jitter else None
-    found = scan_scene(mesh, plan, leading=11, attitude=attitude)
+    scene = scan_scene(mesh, plan, leading=11, attitude=attitude)
     hits, _, _ = every_ray(mesh, plan, leading=11, attitude=attitude)
-    np.testing.assert_array_equal(found.place * RAYS**2 + found.ray, hits.ray)
+    np.testing.assert_array_equal(scene.place * RAYS**2 + scene.ray, hits.ray)
     # Sums of products in blocks of other sizes are rounded in another order.
-    np.testing.assert_allclose(found.distance, hits.distance, rtol=0, atol=5e-12)
-    assert (np.diff(found.place) >= 0).all() and len(found.place) > 1000
-    assert found.shape == (plan.lines, 161)
-    np.testing.assert_array_equal(found.power, np.full(len(hits.ray), 1 / RAYS**2))
+    np.testing.assert_allclose(scene.distance, hits.distance, rtol=0, atol=5e-12)
+    assert (np.diff(scene.place) >= 0).all() and len(scene.place) > 1000
+    assert scene.shape == (plan.lines, 161)
+    np.testing.assert_array_equal(scene.power, np.full(len(hits.ray), 1 / RAYS**2))
 
 
 def test_distances_are_those_of_a_box_where_it_then_is():
     """Rays cut by slabs, from where the aircraft is at each sample's own time; to 1e-9 m."""
     plan = plan_scan(BOX, flight(140.0))
-    found = scan_scene(BOX, plan)
+    scene = scan_scene(BOX, plan)
     _, origin, way = every_ray(BOX, plan)
-    index = found.place * RAYS**2 + found.ray
+    index = scene.place * RAYS**2 + scene.ray
     low, high = BOX.bounds
     with np.errstate(divide="ignore"):
         cuts = np.stack([(side - origin[index]) / way[index] for side in (low, high)])
     enter, leave = cuts.min(axis=0).max(axis=1), cuts.max(axis=0).min(axis=1)
     inside = leave - enter > 1e-2
     assert inside.mean() > 0.99 and len(index) > 10_000
-    np.testing.assert_allclose(found.distance[inside], enter[inside], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(scene.distance[inside], enter[inside], rtol=0, atol=1e-9)
 
 
 def test_each_line_sees_the_ship_where_it_then_is():
@@ -84,10 +84,10 @@ def test_each_line_sees_the_ship_where_it_then_is():
             continue
         along = float(np.interp(0.0, middle[:, 1].astype(float), middle[:, 0].astype(float)))
         column = along / flown.ifov + (flown.samples - 1) / 2
-        seen = coverage[line]
-        assert seen.sum() > 1
-        found = (seen * np.arange(flown.samples)).sum() / seen.sum()
-        assert found == pytest.approx(column, abs=0.34)
+        covered = coverage[line]
+        assert covered.sum() > 1
+        centre = (covered * np.arange(flown.samples)).sum() / covered.sum()
+        assert centre == pytest.approx(column, abs=0.34)
         drifted.append(column)
     assert len(drifted) > 200
     assert abs(drifted[-1] - drifted[0]) > 10

@@ -42,12 +42,12 @@ def test_a_plate_keeps_its_area_in_its_bin(spacing):
 def test_a_measured_profile_is_that_of_the_range_profiler(aspect):
     mesh = ships.load("roberts")
     flown = fly(mesh, flight(aspect=aspect, samples=300, pulse_rate=36e3))
-    seen = flown.plan.flight
+    planned = flown.plan.flight
     scan = flown.record(np.random.default_rng(3))
-    window = ship_window(mesh, seen)
-    image = segmented(correct(scan, window=window, overscanned=True), seen)
-    measured = measured_extent(image, seen, slant_range=100e3)
-    drawn = range_image(mesh, aspect=seen.aspect, depression=seen.depression, engine="embree")
+    window = ship_window(mesh, planned)
+    image = segmented(correct(scan, window=window, overscanned=True), planned)
+    measured = measured_extent(image, planned, slant_range=100e3)
+    drawn = range_image(mesh, aspect=planned.aspect, depression=planned.depression, engine="embree")
     learned = range_extent(drawn, slant_range=100e3)
     profiles = [
         expected_profile(extent, pulse_width=30e-9, cnr=CLEAN, target_free_ifovs=0)

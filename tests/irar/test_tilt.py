@@ -65,17 +65,19 @@ SHEARS = [(0.0, 0.0), (0.1, 0.0), (0.0, -0.5), (-5.0, 0.0), (2.0, 0.5), (5.0, -5
 
 @pytest.mark.parametrize(("mast", "waterline"), SHEARS)
 def test_known_shears_come_back(truth, mast, waterline):
-    found = tilts(sheared(truth, mast, waterline), truth)
-    assert found.mast == pytest.approx(mast, abs=0.02)
-    assert found.waterline == pytest.approx(waterline, abs=0.02)
+    measured = tilts(sheared(truth, mast, waterline), truth)
+    assert measured.mast == pytest.approx(mast, abs=0.02)
+    assert measured.waterline == pytest.approx(waterline, abs=0.02)
 
 
 def test_coarser_truth_is_as_good_as_said(truth):
     for factor, bound in ((2, 0.05), (8, 0.4)):
         coarse = averaged(truth, factor)
         for mast, waterline in ((0.5, 0.0), (2.0, 0.5)):
-            found = tilts(sheared(truth, mast, waterline), coarse)
-            assert (found.mast, found.waterline) == pytest.approx((mast, waterline), abs=bound)
+            measured = tilts(sheared(truth, mast, waterline), coarse)
+            assert (measured.mast, measured.waterline) == pytest.approx(
+                (mast, waterline), abs=bound
+            )
 
 
 def test_speckle_leaves_what_the_standard_error_says(truth):
@@ -86,22 +88,22 @@ def test_speckle_leaves_what_the_standard_error_says(truth):
     """
     rng = np.random.default_rng(1)
     image = sheared(truth, 0.5, -0.5)
-    found = [tilts(speckled(image, rng), truth) for _ in range(12)]
-    mast = np.array([t.mast - 0.5 for t in found])
-    waterline = np.array([t.waterline + 0.5 for t in found])
+    measured = [tilts(speckled(image, rng), truth) for _ in range(12)]
+    mast = np.array([t.mast - 0.5 for t in measured])
+    waterline = np.array([t.waterline + 0.5 for t in measured])
     assert np.abs(mast).max() < 0.2
     assert np.sqrt(np.mean(waterline**2)) < 0.2
     assert np.abs(waterline).max() < 0.5
-    for error, said in (
-        (mast, np.array([t.mast_error for t in found])),
-        (waterline, np.array([t.waterline_error for t in found])),
+    for error, deviation in (
+        (mast, np.array([t.mast_error for t in measured])),
+        (waterline, np.array([t.waterline_error for t in measured])),
     ):
-        squares = np.sum((error / said) ** 2)
+        squares = np.sum((error / deviation) ** 2)
         assert squares < stats.chi2(12).isf(1e-4)
         assert squares > stats.chi2(12).ppf(1e-4) / 4
 
 
 def test_image_without_a_ship_has_no_tilt(truth):
-    found = tilts(np.zeros(SHAPE), truth)
-    assert math.isnan(found.mast)
-    assert math.isnan(found.waterline)
+    measured = tilts(np.zeros(SHAPE), truth)
+    assert math.isnan(measured.mast)
+    assert math.isnan(measured.waterline)

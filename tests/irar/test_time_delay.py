@@ -16,7 +16,7 @@ def test_columns_are_those_of_the_definition(samples, detectors):
     samples = samples[:detectors]
     expected = np.empty(samples.shape[1:])
     for line, c in np.ndindex(expected.shape):
-        seen = [samples[k, line, c + k] for k in range(detectors) if c + k < 9]
-        expected[line, c] = np.mean(seen)
-    found = time_delay_integrate(samples)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+        looks = [samples[k, line, c + k] for k in range(detectors) if c + k < 9]
+        expected[line, c] = np.mean(looks)
+    columns = time_delay_integrate(samples)
+    np.testing.assert_allclose(columns, expected, rtol=0, atol=1e-12)

@@ -85,9 +85,9 @@ def test_wavefront_curvature_is_the_sagitta():
     # The plate's ends are s = 60 m off the line of sight: s^2 / 2 R0 = 0.45 m at 4 km.
     flat = plane(width=120, height=2, offset=0.01)
     near = range_extent(flat, slant_range=4e3, ifov=1e-3, bin_width=0.05)
-    seen = near.down_range[near.fraction.sum(axis=0) > 0]
-    assert seen.min() == pytest.approx(0.025, abs=1e-6)
-    assert seen.max() == pytest.approx(0.01 + 60**2 / 8e3, abs=0.05)
+    occupied = near.down_range[near.fraction.sum(axis=0) > 0]
+    assert occupied.min() == pytest.approx(0.025, abs=1e-6)
+    assert occupied.max() == pytest.approx(0.01 + 60**2 / 8e3, abs=0.05)
 
 
 WHOLE = [(1.0, 0.0), (-2.0, 3.0), (0.0, 1000.0)]
@@ -105,10 +105,10 @@ def sights():
 def test_a_whole_ifov_further_is_the_same_but_for_the_numbers_of_cells(image, whole, start):
     """Places in an IFOV are rounded at 1e-13 a thousand of them away: 1e-10 of a fraction."""
     moved = (start[0] + whole[0], start[1] + whole[1])
-    one, other = (range_extent(image, slant_range=1e5, shift=shift) for shift in (start, moved))
-    assert (one.shift, other.shift) == (start, moved)
-    np.testing.assert_array_equal(other.cell, one.cell + np.array(whole, dtype=int))
-    np.testing.assert_allclose(other.fraction, one.fraction, atol=1e-10)
+    near, far = (range_extent(image, slant_range=1e5, shift=shift) for shift in (start, moved))
+    assert (near.shift, far.shift) == (start, moved)
+    np.testing.assert_array_equal(far.cell, near.cell + np.array(whole, dtype=int))
+    np.testing.assert_allclose(far.fraction, near.fraction, atol=1e-10)
 
 
 @pytest.mark.parametrize("image", sights(), ids=["lines", "pixels"])
@@ -130,8 +130,8 @@ def test_a_shift_moves_what_ifovs_hold_and_not_their_sum(image, shift):
 
 @pytest.mark.parametrize("image", sights(), ids=["lines", "pixels"])
 def test_a_packed_extent_comes_back_bit_for_bit(image):
-    whole = range_extent(image, slant_range=1e5)
-    for extent in (whole, whole.mirrored(), no_return(250.0, 1.0)):
+    plain = range_extent(image, slant_range=1e5)
+    for extent in (plain, plain.mirrored(), no_return(250.0, 1.0)):
         packed = extent.packed()
         back = vars(RangeExtent.unpacked(**packed))
         for name, value in vars(extent).items():
@@ -153,11 +153,11 @@ def test_a_mirrored_shift_is_that_of_the_mirrored_face():
         )
         for box, right in ((plain, 0.3), (mirrored, -0.3))
     )
-    found = there.mirrored()
-    assert found.shift == back.shift == (-0.3, 0.2)
-    np.testing.assert_array_equal(found.cell, back.cell)
-    np.testing.assert_allclose(found.fraction, back.fraction, atol=1e-12)
-    assert found.mirrored().shift == there.shift
+    turned = there.mirrored()
+    assert turned.shift == back.shift == (-0.3, 0.2)
+    np.testing.assert_array_equal(turned.cell, back.cell)
+    np.testing.assert_allclose(turned.fraction, back.fraction, atol=1e-12)
+    assert turned.mirrored().shift == there.shift
 
 
 @pytest.mark.parametrize("spread", [0.25, 0.5, 1.0])
@@ -166,11 +166,11 @@ def test_a_row_is_spread_over_that_share_of_its_range(spread):
     slope = 1 / np.tan(np.radians(3.84))
     deck = plane(width=20, height=3, slope=(0.0, slope), roll=0.0)
     fine = {"slant_range": 1e8, "ifov": 150e-9, "bin_width": 0.05, "window": 100.0}
-    found = range_extent(deck, spread=spread, **fine)
-    seen = found.down_range[found.fraction.sum(axis=0) > 0]
+    extent = range_extent(deck, spread=spread, **fine)
+    occupied = extent.down_range[extent.fraction.sum(axis=0) > 0]
     outermost = deck.cross_range()[1][deck.hit].max()
     end = slope * (outermost + spread * deck.pixel / 2)
-    np.testing.assert_allclose([seen.min(), seen.max()], [-end, end], rtol=0, atol=0.05)
+    np.testing.assert_allclose([occupied.min(), occupied.max()], [-end, end], rtol=0, atol=0.05)
 
 
 def test_lambertian_return_has_the_cosine_of_incidence():
@@ -201,18 +201,18 @@ def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(slant_range
     view = {"aspect": 20.3, "depression": 3.84}
     texas = ncti.ships.load("texas")
     binning = {"slant_range": slant_range, "ifov": 1e3 / slant_range}
-    found = range_extent(line_image(texas, spacing=0.125, **view), **binning)
+    approximate = range_extent(line_image(texas, spacing=0.125, **view), **binning)
     exact = range_extent(
         line_image(texas, spacing=0.125, slant_range=slant_range, **view), **binning
     )
     assert exact.far_field_error == 0
     response = target_response(pulse_width=30e-9, bin_width=1.0) ** 2
-    p, q = (np.convolve(extent.fraction.sum(axis=0), response) for extent in (found, exact))
+    p, q = (np.convolve(extent.fraction.sum(axis=0), response) for extent in (approximate, exact))
     truth = np.abs(p - q).sum() / q.sum()
     assert truth == pytest.approx(error, rel=0.05)
-    assert truth < found.error_after(30e-9) < 2 * truth
+    assert truth < approximate.error_after(30e-9) < 2 * truth
     assert exact.error_after(30e-9) < truth / 2
-    assert found.mirrored().far_field_error == found.far_field_error
+    assert approximate.mirrored().far_field_error == approximate.far_field_error
 
 
 @pytest.mark.parametrize(("ship", "aspect"), [("duncan", 90.0), ("texas", 92.0)])
@@ -220,14 +220,18 @@ def test_the_bound_of_a_far_field_view_holds_abeam(ship, aspect):
     """Where little lies before and behind the ship origin, and the ends across turn by s / R."""
     view = {"aspect": aspect, "depression": 3.84}
     mesh, binning = ncti.ships.load(ship), {"slant_range": 4e3, "ifov": 15 / 4e3}
-    found, exact = (
+    approximate, exact = (
         range_extent(line_image(mesh, spacing=1 / 16, slant_range=drawn, **view), **binning)
         for drawn in (None, 4e3)
     )
-    p, q = found.fraction.sum(axis=0), exact.fraction.sum(axis=0)
-    assert found.far_field_error / 2 < np.abs(p - q).sum() / q.sum() < found.far_field_error
+    p, q = approximate.fraction.sum(axis=0), exact.fraction.sum(axis=0)
+    assert (
+        approximate.far_field_error / 2
+        < np.abs(p - q).sum() / q.sum()
+        < approximate.far_field_error
+    )
     pixels = range_extent(range_image(mesh, pixel=0.25, engine="embree", **view), **binning)
-    assert pixels.far_field_error == pytest.approx(found.far_field_error, rel=0.02)
+    assert pixels.far_field_error == pytest.approx(approximate.far_field_error, rel=0.02)
 
 
 def test_a_body_that_is_seen_at_its_reach_alone_errs_by_twice_reach_over_range():
@@ -247,7 +251,10 @@ def test_errors_are_shares_of_the_exact_sum():
     exact = replace(no_return(20.0, 1.0), fraction=np.eye(20)[9:11], cell=np.eye(2, dtype=int))
     half = replace(exact, fraction=exact.fraction[:1], cell=exact.cell[:1])
     swapped = replace(exact, fraction=exact.fraction[::-1])
-    one = extent_errors(half, exact, pulse_width=30e-9)
-    assert one["extent_error"] == one["ifov_error"] == 0.5
-    other = extent_errors(swapped, exact, pulse_width=30e-9)
-    assert other["extent_error"] == other["profile_error"] == 0 and other["ifov_error"] == 2
+    of_half = extent_errors(half, exact, pulse_width=30e-9)
+    assert of_half["extent_error"] == of_half["ifov_error"] == 0.5
+    of_swapped = extent_errors(swapped, exact, pulse_width=30e-9)
+    assert (
+        of_swapped["extent_error"] == of_swapped["profile_error"] == 0
+        and of_swapped["ifov_error"] == 2
+    )

@@ -29,9 +29,9 @@ def extent(*, bins, ifovs, bin_width=1.0):
     return ladar.RangeExtent(fraction, down_range, bin_width, cell, 150e-6, 1e5)
 
 
-def drawn(seen, count, *, rng=None, target_free_ifovs=0, receiver="full_profile"):
+def drawn(target, count, *, rng=None, target_free_ifovs=0, receiver="full_profile"):
     return ladar.sample_frames(
-        seen,
+        target,
         pulse_width=30e-9,
         cnr=1e3,
         frame_count=count,
@@ -48,37 +48,39 @@ def drawn(seen, count, *, rng=None, target_free_ifovs=0, receiver="full_profile"
 @pytest.mark.parametrize("bins", [1, 7, 250])
 def test_fewer_frames_are_the_first_of_more(bins, counts, target_free_ifovs):
     few, many = sorted(counts)
-    seen = extent(bins=bins, ifovs=3)
-    first, all_ = (drawn(seen, count, target_free_ifovs=target_free_ifovs) for count in (few, many))
+    target = extent(bins=bins, ifovs=3)
+    first, all_ = (
+        drawn(target, count, target_free_ifovs=target_free_ifovs) for count in (few, many)
+    )
     np.testing.assert_array_equal(first, all_[:few])
 
 
 @settings(max_examples=20, deadline=None)
 @given(count=COUNTS, target_free_ifovs=st.sampled_from([0, 3, 4000]))
 def test_blocks_are_the_frames(count, target_free_ifovs):
-    seen = extent(bins=64, ifovs=2)
+    target = extent(bins=64, ifovs=2)
     parameters = {"pulse_width": 30e-9, "cnr": 1e3, "frame_count": count}
     parameters["target_free_ifovs"] = target_free_ifovs
-    blocks = list(ladar.frame_blocks(seen, rng=np.random.default_rng(5), **parameters))
+    blocks = list(ladar.frame_blocks(target, rng=np.random.default_rng(5), **parameters))
     assert all(len(block) <= ladar.frames.FRAMES_AT_ONCE for block in blocks)
-    whole = ladar.sample_frames(seen, rng=np.random.default_rng(5), **parameters)
-    np.testing.assert_array_equal(np.concatenate(blocks), whole)
+    frames = ladar.sample_frames(target, rng=np.random.default_rng(5), **parameters)
+    np.testing.assert_array_equal(np.concatenate(blocks), frames)
 
 
 def blocks_of(count, *, bins=32, rng=None):
-    seen = extent(bins=bins, ifovs=1)
+    target = extent(bins=bins, ifovs=1)
     rng = np.random.default_rng(2) if rng is None else rng
-    return ladar.frame_blocks(seen, pulse_width=30e-9, cnr=1e3, frame_count=count, rng=rng)
+    return ladar.frame_blocks(target, pulse_width=30e-9, cnr=1e3, frame_count=count, rng=rng)
 
 
 @settings(max_examples=30, deadline=None)
 @given(counts=st.lists(COUNTS, min_size=1, max_size=5), bins=st.sampled_from([1, 7, 250]))
 def test_averages_of_blocks_are_those_of_the_frames(counts, bins):
     most = max(counts)
-    whole = np.concatenate(list(blocks_of(most, bins=bins)))
+    frames = np.concatenate(list(blocks_of(most, bins=bins)))
     streamed = ladar.cumulative_average(blocks_of(most, bins=bins), counts)
-    np.testing.assert_array_equal(streamed, ladar.cumulative_average(whole, counts))
-    plain = [whole[:count].mean(axis=0) for count in counts]
+    np.testing.assert_array_equal(streamed, ladar.cumulative_average(frames, counts))
+    plain = [frames[:count].mean(axis=0) for count in counts]
     # Sums of `most` terms, in whatever order: as many roundings, of float64, at most.
     np.testing.assert_allclose(streamed, plain, rtol=most * np.finfo(float).eps)
 
@@ -92,32 +94,34 @@ def test_averages_that_cannot_be_are_refused(counts, message):
         ladar.cumulative_average(blocks_of(40), counts)
 
 
-def assert_equal_but_for_rounding(found, wanted):
+def assert_equal_but_for_rounding(frames, expected):
     """A field is a sum of some hundred terms: some ten units in the last place of the largest."""
-    assert np.abs(found - wanted).max() < 16 * np.finfo(np.float32).eps * wanted.max()
+    assert np.abs(frames - expected).max() < 16 * np.finfo(np.float32).eps * expected.max()
 
 
 @pytest.mark.parametrize("target_free_ifovs", [0, 3, 4000])
 def test_a_bin_more_leaves_all_normals_where_they_were(target_free_ifovs):
-    seen = extent(bins=64, ifovs=2)
-    whole = drawn(seen, 9, target_free_ifovs=target_free_ifovs)
-    for bin_ in np.flatnonzero(seen.fraction[0] == 0)[[0, -1]]:
-        fraction = seen.fraction.copy()
+    target = extent(bins=64, ifovs=2)
+    frames = drawn(target, 9, target_free_ifovs=target_free_ifovs)
+    for bin_ in np.flatnonzero(target.fraction[0] == 0)[[0, -1]]:
+        fraction = target.fraction.copy()
         fraction[0, bin_] = 1e-30
-        more = drawn(replace(seen, fraction=fraction), 9, target_free_ifovs=target_free_ifovs)
-        assert_equal_but_for_rounding(more, whole)
+        more = drawn(replace(target, fraction=fraction), 9, target_free_ifovs=target_free_ifovs)
+        assert_equal_but_for_rounding(more, frames)
 
 
 @pytest.mark.parametrize("receiver", ["full_profile", "first_pulse", "peak_pulse"])
 def test_an_ifov_more_adds_its_own_waveform_alone(receiver):
-    seen = extent(bins=64, ifovs=40)
-    whole, alone, without = (
+    target = extent(bins=64, ifovs=40)
+    total, single, without = (
         drawn(
-            replace(seen, fraction=seen.fraction[part], cell=seen.cell[part]), 9, receiver=receiver
+            replace(target, fraction=target.fraction[chosen], cell=target.cell[chosen]),
+            9,
+            receiver=receiver,
         )
-        for part in (slice(None), slice(17, 18), np.arange(40) != 17)
+        for chosen in (slice(None), slice(17, 18), np.arange(40) != 17)
     )
-    assert_equal_but_for_rounding(without + alone, whole)
+    assert_equal_but_for_rounding(without + single, total)
 
 
 def normals(key, frame, cell, numbers):
@@ -136,13 +140,13 @@ def whole_factor(noise):
     ).astype(float)
 
 
-def plain_frames(seen, count, *, pulse_width, cnr, target_free_ifovs, rng):
+def plain_frames(target, count, *, pulse_width, cnr, target_free_ifovs, rng):
     """Equations A and B in float64: every bin of every IFOV, by one product with whole factors."""
-    bins = seen.down_range.size
-    pulse = {"pulse_width": pulse_width, "bin_width": seen.bin_width, "bin_count": bins}
+    bins = target.down_range.size
+    pulse = {"pulse_width": pulse_width, "bin_width": target.bin_width, "bin_count": bins}
     noise = whole_factor(ladar.fields.Noise.of(**pulse))
     key = draw_key(rng)
-    ifovs = list(zip(seen.density, seen.cell, strict=True))
+    ifovs = list(zip(target.density, target.cell, strict=True))
     nothing = np.zeros(bins)
     ifovs += [(nothing, (n, ladar.frames.ELSEWHERE)) for n in range(target_free_ifovs)]
     drawn = np.zeros((count, bins))
@@ -160,10 +164,10 @@ def plain_frames(seen, count, *, pulse_width, cnr, target_free_ifovs, rng):
 @pytest.mark.parametrize("cnr", [0.0, 1e3, 1e10])
 def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
     """Of equal normals: the plain computation, but for the rounding of float32."""
-    seen = extent(bins=bins, ifovs=3)
+    target = extent(bins=bins, ifovs=3)
     parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": 2}
-    ours = ladar.sample_frames(seen, frame_count=5, rng=np.random.default_rng(8), **parameters)
-    plain = plain_frames(seen, 5, rng=np.random.default_rng(8), **parameters)
+    ours = ladar.sample_frames(target, frame_count=5, rng=np.random.default_rng(8), **parameters)
+    plain = plain_frames(target, 5, rng=np.random.default_rng(8), **parameters)
     assert_equal_but_for_rounding(ours, plain)
 
 
@@ -177,9 +181,9 @@ def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
     """
     pulse = {"pulse_width": pulse_width, "bin_width": 1.0, "bin_count": bins}
     factor = whole_factor(ladar.fields.Noise.of(**pulse))
-    wanted = noise_covariance(**pulse)
-    values = np.linalg.eigvalsh(wanted)
-    error = np.abs(np.linalg.eigvalsh(factor.T @ factor - wanted)).max()
+    covariance = noise_covariance(**pulse)
+    values = np.linalg.eigvalsh(covariance)
+    error = np.abs(np.linalg.eigvalsh(factor.T @ factor - covariance)).max()
     assert error < (1.1e-6 + 4 * np.finfo(np.float32).eps) * values[-1]
     # Of even and odd rows the largest eigenvalues differ, and with them what is negligible.
     assert abs(len(factor) - np.count_nonzero(values > 1e-6 * values[-1])) <= 2
@@ -205,11 +209,11 @@ def test_covariance_of_what_is_drawn(pulse_width, bin_width, target_free_ifovs):
     the band limit leaves whole to those that it all but cuts off.
     """
     level, count, bins = 1e-3, 10_000, 120
-    seen = extent(bins=bins, ifovs=3, bin_width=bin_width)
+    target = extent(bins=bins, ifovs=3, bin_width=bin_width)
     parameters = {"pulse_width": pulse_width, "cnr": 1e3, "target_free_ifovs": target_free_ifovs}
-    mean, covariance = ladar.frame_moments(seen, **parameters)
+    mean, covariance = ladar.frame_moments(target, **parameters)
     drawn = ladar.sample_frames(
-        seen, frame_count=count, rng=np.random.default_rng(20), **parameters
+        target, frame_count=count, rng=np.random.default_rng(20), **parameters
     )
     rng = np.random.default_rng(21)
     directions = np.concatenate(
@@ -219,7 +223,7 @@ def test_covariance_of_what_is_drawn(pulse_width, bin_width, target_free_ifovs):
     # Standard errors are the samples' own: no normality is assumed.
     z_mean = along.mean(axis=0) / (along.std(axis=0) / np.sqrt(count))
     square = along**2
-    wanted = np.einsum("db,bc,dc->d", directions, covariance, directions)
-    z_variance = (square.mean(axis=0) - wanted) / (square.std(axis=0) / np.sqrt(count))
+    variance = np.einsum("db,bc,dc->d", directions, covariance, directions)
+    z_variance = (square.mean(axis=0) - variance) / (square.std(axis=0) / np.sqrt(count))
     z = np.concatenate([z_mean, z_variance])
     assert np.abs(z).max() < stats.norm.isf(level / 2 / z.size)

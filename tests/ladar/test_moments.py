@@ -88,11 +88,11 @@ def test_covariance_of_two_magnitudes_is_its_power_series(correlation):
     most. Above it differences of numbers of order 1 are taken: some units in the last place.
     """
     terms = special.binom(0.5, np.arange(1, 2000)) ** 2 * correlation ** np.arange(2, 4000, 2)
-    wanted = np.pi / 2 * terms.sum()
-    found = magnitude_covariance(np.array([[1.0, correlation], [correlation, 1.0]]))[0, 1]
+    series = np.pi / 2 * terms.sum()
+    covariance = magnitude_covariance(np.array([[1.0, correlation], [correlation, 1.0]]))[0, 1]
     short = 4 * (5 / 128) ** 2 * correlation**6 if correlation**2 < 0.01 else 0.0
-    rounding = 20 * np.finfo(float).eps / min(wanted, 1.0) if correlation**2 >= 0.01 else 1e-14
-    assert found == pytest.approx(wanted, rel=1.1 * short + rounding)
+    rounding = 20 * np.finfo(float).eps / min(series, 1.0) if correlation**2 >= 0.01 else 1e-14
+    assert covariance == pytest.approx(series, rel=1.1 * short + rounding)
 
 
 @pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])

@@ -25,13 +25,13 @@ WIDE = 1e3
 """Side of an IFOV that holds the ship [m]."""
 
 
-def extent(image, slant_range, **others):
-    return range_extent(image, slant_range=slant_range, ifov=WIDE / slant_range, **others)
+def extent(image, slant_range, **options):
+    return range_extent(image, slant_range=slant_range, ifov=WIDE / slant_range, **options)
 
 
-def after(found, pulse_width):
+def after(binned, pulse_width):
     """The summed extent, blurred by the pulse."""
-    profile = found.fraction.sum(axis=0)
+    profile = binned.fraction.sum(axis=0)
     if pulse_width == 0:
         return profile
     return np.convolve(profile, target_response(pulse_width=pulse_width, bin_width=1.0) ** 2)
@@ -40,13 +40,13 @@ def after(found, pulse_width):
 @pytest.fixture(scope="module")
 def seen():
     """Slant range of each view, its lines 1/64 m apart, and its images by two pixels."""
-    found = []
+    views = []
     for name, aspect, depression, slant_range in VIEWS:
         ship = ncti.ships.load(name)
         view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
         images = [range_image(ship, pixel=pixel, engine="embree", **view) for pixel in (0.25, 1.0)]
-        found.append((slant_range, line_image(ship, spacing=1 / 64, **view), images))
-    return found
+        views.append((slant_range, line_image(ship, spacing=1 / 64, **view), images))
+    return views
 
 
 @pytest.mark.parametrize(
@@ -63,11 +63,11 @@ def test_the_bound_covers_the_error_and_is_not_much_larger(seen, spread, reflect
     for slant_range, lines, images in seen:
         exact = extent(lines, slant_range, reflectance=reflectance)
         for image in images:
-            found = extent(image, slant_range, spread=spread, reflectance=reflectance)
+            pixelated = extent(image, slant_range, spread=spread, reflectance=reflectance)
             for pulse_width in PULSES:
-                p, q = after(found, pulse_width), after(exact, pulse_width)
+                p, q = after(pixelated, pulse_width), after(exact, pulse_width)
                 truth = np.abs(p - q).sum() / q.sum()
-                ratios.append(found.error_after(pulse_width) / truth)
+                ratios.append(pixelated.error_after(pulse_width) / truth)
     assert np.sum(np.array(ratios) < 1) <= 3
     assert 1.3 < np.median(ratios) < 2.5
 
@@ -91,12 +91,12 @@ def test_strands_are_the_extents_of_every_second_row_and_column(reflectance):
     name, aspect, depression, slant_range = VIEWS[1]
     view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
     image = range_image(ncti.ships.load(name), pixel=0.5, engine="embree", **view)
-    found = extent(image, slant_range, reflectance=reflectance)
+    pixelated = extent(image, slant_range, reflectance=reflectance)
     parts = [(row, column) for row in (0, 1) for column in (0, 1)]
-    assert len(found.strands) == len(parts)
-    for strand, part in zip(found.strands, parts, strict=True):
-        alone = extent(every_second(image, *part), slant_range, reflectance=reflectance)
-        quarter = alone.fraction.sum(axis=0) / 4
+    assert len(pixelated.strands) == len(parts)
+    for strand, offset in zip(pixelated.strands, parts, strict=True):
+        sparse = extent(every_second(image, *offset), slant_range, reflectance=reflectance)
+        quarter = sparse.fraction.sum(axis=0) / 4
         np.testing.assert_allclose(strand, quarter, atol=1e-9 * quarter.max())
 
 
@@ -106,9 +106,9 @@ def test_the_error_is_the_difference_of_quarters_from_the_whole():
     strands = np.array([[2, 0], [2, 0], [0, 2], [0, 2]]) / 4
     assert pixel_error(strands, np.ones(2), 0.0, bin_width=1.0) == pytest.approx(0.6)
     assert pixel_error(9 * strands, 9 * np.ones(2), 0.0, bin_width=1.0) == pytest.approx(0.6)
-    apart = np.zeros((4, 101))
-    apart[:, ::100] = strands  # farther apart than a pulse of 10 ns reaches
-    assert pixel_error(apart, apart.sum(axis=0), 10e-9, bin_width=1.0) == pytest.approx(0.6)
+    spread = np.zeros((4, 101))
+    spread[:, ::100] = strands  # farther apart than a pulse of 10 ns reaches
+    assert pixel_error(spread, spread.sum(axis=0), 10e-9, bin_width=1.0) == pytest.approx(0.6)
     near = pixel_error(strands, np.ones(2), 50e-9, bin_width=1.0)
     assert 0 < near < 0.2  # most of it is blurred away
     assert pixel_error(np.full((4, 3), 0.25), np.ones(3), 0.0, bin_width=1.0) == 0.0
@@ -132,10 +132,10 @@ def test_the_error_is_carried_by_mirrored_and_packed_extents():
     name, aspect, depression, slant_range = VIEWS[0]
     ship = ncti.ships.load(name)
     image = range_image(ship, pixel=0.5, engine="embree", aspect=aspect, depression=depression)
-    found = range_extent(image, slant_range=slant_range)
-    error = found.error_after(30e-9)
-    assert 0.001 < error < 0.1 and found.far_field_error > 0
-    assert found.mirrored().error_after(30e-9) == pytest.approx(error, rel=1e-12)
-    packed = found.packed()
-    assert packed["strands"].shape[1] == packed["fraction"].shape[1] < found.strands.shape[1]
+    pixelated = range_extent(image, slant_range=slant_range)
+    error = pixelated.error_after(30e-9)
+    assert 0.001 < error < 0.1 and pixelated.far_field_error > 0
+    assert pixelated.mirrored().error_after(30e-9) == pytest.approx(error, rel=1e-12)
+    packed = pixelated.packed()
+    assert packed["strands"].shape[1] == packed["fraction"].shape[1] < pixelated.strands.shape[1]
     assert RangeExtent.unpacked(**packed).error_after(30e-9) == error

@@ -52,8 +52,8 @@ def test_noise_is_white_noise_through_the_matched_filter():
     length = SPEED_OF_LIGHT * 30e-9 / 2
     x, step = np.linspace(-60, 60, 24001, retstep=True)
     filters = [np.exp(-4 * ((x - lag) / length) ** 2) / length**0.5 for lag in range(12)]
-    found = noise_covariance(pulse_width=30e-9, bin_width=1.0, bin_count=12)[0]
-    np.testing.assert_allclose(found, step * np.array(filters) @ filters[0], rtol=1e-9)
+    covariance = noise_covariance(pulse_width=30e-9, bin_width=1.0, bin_count=12)[0]
+    np.testing.assert_allclose(covariance, step * np.array(filters) @ filters[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("pulse_width", [10e-9, 50e-9])
@@ -121,8 +121,8 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
     # 400 frames of some 10 independent bins without a ship: the mean variance is known to 2.3 %.
     _, covariance = ladar.frame_moments(stepped[1.0], **parameters)
     empty = slice(0, 40)
-    found = shortcut[:, empty].var(axis=0) / np.diagonal(covariance)[empty]
-    assert found.mean() == pytest.approx(1, abs=0.1)
+    ratio = shortcut[:, empty].var(axis=0) / np.diagonal(covariance)[empty]
+    assert ratio.mean() == pytest.approx(1, abs=0.1)
     for bin_index in (0, 60, 85, 100):
         assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
 
@@ -146,9 +146,9 @@ def test_at_the_faintest_signal_some_steps_of_single_precision_are_left_of_a_shi
     def steps(cnr):
         for aspect in (0.0, 33.0, 90.0, 180.0):
             lines = line_image(mesh, aspect=aspect, depression=3.84, spacing=0.5)
-            seen = ladar.range_extent(lines, **sight)
+            extent = ladar.range_extent(lines, **sight)
             signal = {"pulse_width": pulse_width, "target_free_ifovs": 4000}
-            profile = ladar.expected_profile(seen, cnr=cnr, **signal)
+            profile = ladar.expected_profile(extent, cnr=cnr, **signal)
             yield np.unique(profile.astype(np.float32)).size - 1
 
     assert min(steps(least)) > 1

@@ -19,9 +19,9 @@ def one_ifov(extent):
 
 def test_each_receiver_keeps_what_its_name_says():
     waveform = np.array([[0.5, 9.0, 2.0, 30.0, 1.0], [0.1, 0.2, 0.3, 0.2, 0.1]])
-    kept = {name: detect(waveform, receiver=name) for name in ("first_pulse", "peak_pulse")}
-    np.testing.assert_array_equal(kept["first_pulse"], [[0, 9.0, 0, 0, 0], [0, 0, 0, 0, 0]])
-    np.testing.assert_array_equal(kept["peak_pulse"], [[0, 0, 0, 30.0, 0], [0, 0, 0.3, 0, 0]])
+    detected = {name: detect(waveform, receiver=name) for name in ("first_pulse", "peak_pulse")}
+    np.testing.assert_array_equal(detected["first_pulse"], [[0, 9.0, 0, 0, 0], [0, 0, 0, 0, 0]])
+    np.testing.assert_array_equal(detected["peak_pulse"], [[0, 0, 0, 30.0, 0], [0, 0, 0.3, 0, 0]])
     np.testing.assert_array_equal(detect(waveform, receiver="full_profile"), waveform)
 
 

@@ -19,25 +19,25 @@ from ncti.render import View
 def test_an_extent_is_that_of_the_lines(pulse_width, slant_range):
     ship = ncti.ships.load("texas")
     view = View(33.0, 3.84, slant_range=slant_range)
-    how = {"tolerance": 0.002, "pulse_width": pulse_width, "spacing": 0.3}
-    lines = lines_within(ship, view, bin_width=0.5, **how)
-    whole = range_extent(lines, slant_range=slant_range, bin_width=0.5)
-    found = extent_within(ship, view, beam=Beam(bin_width=0.5), **how)
-    assert found.line_count == whole.line_count == lines.count
-    np.testing.assert_array_equal(found.cell, whole.cell)
-    np.testing.assert_array_equal(found.fraction, whole.fraction)
-    np.testing.assert_array_equal(found.strands, whole.strands)
-    assert found.error_after(pulse_width) <= 0.002
+    options = {"tolerance": 0.002, "pulse_width": pulse_width, "spacing": 0.3}
+    lines = lines_within(ship, view, bin_width=0.5, **options)
+    expected = range_extent(lines, slant_range=slant_range, bin_width=0.5)
+    extent = extent_within(ship, view, beam=Beam(bin_width=0.5), **options)
+    assert extent.line_count == expected.line_count == lines.count
+    np.testing.assert_array_equal(extent.cell, expected.cell)
+    np.testing.assert_array_equal(extent.fraction, expected.fraction)
+    np.testing.assert_array_equal(extent.strands, expected.strands)
+    assert extent.error_after(pulse_width) <= 0.002
 
 
 @pytest.mark.parametrize("tolerance", [0.01, 0.001])
 def test_bounds_are_within_seven_tenths_of_the_tolerance(tolerance):
     """What is left covers the few errors that exceed their bound."""
-    asked = {"pulse_width": 20e-9, "tolerance": tolerance}
+    options = {"pulse_width": 20e-9, "tolerance": tolerance}
     for aspect in range(5, 365, 30):
         view = View(aspect, depression=4, slant_range=20e3)
-        found = extent_within(ncti.ships.load("horne"), view, **asked)
-        assert found.error_after(20e-9) <= 0.7 * tolerance
+        extent = extent_within(ncti.ships.load("horne"), view, **options)
+        assert extent.error_after(20e-9) <= 0.7 * tolerance
 
 
 @pytest.mark.parametrize("scale", [0.1, 7.0])
@@ -63,10 +63,10 @@ def test_the_bound_is_of_shares_not_of_areas():
 @pytest.mark.parametrize("tolerance", [5e-324, 1e-300])
 def test_a_tolerance_that_no_lines_meet_takes_the_finest(tolerance):
     box = trimesh.creation.box((2.0, 1.0, 1.0))
-    view, asked = View(33.0, 3.84), {"pulse_width": 0.0, "tolerance": tolerance}
-    assert lines_within(box, view, **asked).spacing == pytest.approx(FINEST, rel=0.2)
-    found = extent_within(box, replace(view, slant_range=20e3), **asked)
-    assert found.error_after(0.0) > tolerance
+    view, options = View(33.0, 3.84), {"pulse_width": 0.0, "tolerance": tolerance}
+    assert lines_within(box, view, **options).spacing == pytest.approx(FINEST, rel=0.2)
+    extent = extent_within(box, replace(view, slant_range=20e3), **options)
+    assert extent.error_after(0.0) > tolerance
 
 
 def test_strands_that_agree_have_no_error_and_none_an_unknown_one():

@@ -58,8 +58,8 @@ def run(tmp_path_factory):
     ) as server:
 
         def ran(script, *, seconds=120):
-            asked = textwrap.dedent(script), str(output), seconds
-            server.stdin.write(json.dumps(asked) + "\n")
+            request = textwrap.dedent(script), str(output), seconds
+            server.stdin.write(json.dumps(request) + "\n")
             server.stdin.flush()
             status = server.stdout.readline()
             assert status == "0\n", output.with_suffix(".errors").read_text()
@@ -106,7 +106,7 @@ def test_an_unknown_engine_is_a_wrong_value():
 
 @needs("egl")
 def test_a_driver_that_cannot_start_is_an_engine_error(run):
-    said = run("""
+    message = run("""
         import ncti.render.gl as gl
         def fail(platform): raise AssertionError("no display")
         gl._open_canvas = fail
@@ -115,8 +115,8 @@ def test_a_driver_that_cannot_start_is_an_engine_error(run):
         except EngineError as error:
             print(error)
     """)
-    assert said.startswith("render engine egl has its libraries but cannot start here")
-    assert "use embree" in said
+    assert message.startswith("render engine egl has its libraries but cannot start here")
+    assert "use embree" in message
 
 
 @needs("osmesa", "egl")
@@ -130,15 +130,15 @@ def test_egl_and_osmesa_draw_the_same_image_bit_for_bit(run, tmp_path):
             np.savez(r"{tmp_path / engine}.npz",
                      *[i.down_range for i in images], *[i.gradient for i in images])
         """)
-    one, other = (np.load(tmp_path / f"{engine}.npz") for engine in ("osmesa", "egl"))
-    assert len(one.files) == 4 * len(ASPECTS)
-    for name in one.files:
-        assert one[name].tobytes() == other[name].tobytes()
+    osmesa, egl = (np.load(tmp_path / f"{engine}.npz") for engine in ("osmesa", "egl"))
+    assert len(osmesa.files) == 4 * len(ASPECTS)
+    for name in osmesa.files:
+        assert osmesa[name].tobytes() == egl[name].tobytes()
 
 
 @needs("osmesa")
 def test_a_forked_process_is_refused_instead_of_hanging(run):
-    said = run("""
+    message = run("""
         import os
         range_image(ship, **view)
         if os.fork() == 0:
@@ -151,5 +151,5 @@ def test_a_forked_process_is_refused_instead_of_hanging(run):
         os.wait()
         range_image(ship, **view)
     """)
-    assert "forked" in said
-    assert "use embree" in said
+    assert "forked" in message
+    assert "use embree" in message

@@ -54,9 +54,9 @@ def test_an_open_box_shows_what_faces_the_sensor(box, gone, seen, slant_range):
 
 def test_a_reversed_triangle_is_not_there():
     corners = np.array([[0.0, -5, 0], [0.0, 5, 0], [0.0, 0, 6]])
-    seen, reversed_one = (trimesh.Trimesh(corners, [face]) for face in ([0, 1, 2], [0, 2, 1]))
+    facing, reversed_one = (trimesh.Trimesh(corners, [face]) for face in ([0, 1, 2], [0, 2, 1]))
     view = {"aspect": 0.0, "depression": 0.0}
-    assert area(seen, **view) == pytest.approx(30.0, rel=0.02)
+    assert area(facing, **view) == pytest.approx(30.0, rel=0.02)
     assert area(reversed_one, **view) == 0.0
 
 
@@ -94,10 +94,10 @@ def test_soups_of_facets_are_seen_as_by_a_search_of_all(seed):
         inward = np.cross(normals[:, None], edges)
         clear = np.einsum("fek,fek->fe", inward, place[:, None] - corners).min(axis=1)
         met = (clear > 0) & (cosine > 0)
-        found = hits.distance[hits.ray == ray]
+        distances = hits.distance[hits.ray == ray]
         if (np.abs(clear[np.abs(cosine) > 0]) < 1e-3).any() or (np.abs(cosine) < 1e-3).any():
             continue  # at a border or edge-on
         expected = distance[met].min(initial=np.inf)
-        assert (found.size == 1) == np.isfinite(expected)
-        if found.size:
-            assert found[0] == pytest.approx(expected, rel=1e-9)
+        assert (distances.size == 1) == np.isfinite(expected)
+        if distances.size:
+            assert distances[0] == pytest.approx(expected, rel=1e-9)

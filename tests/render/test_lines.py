@@ -75,14 +75,14 @@ def test_what_is_under_water_is_what_the_sea_hides(aspect, depression, tmp_path)
         deep.piece[:, 2:].mean(axis=1),
     ]
     above = axes[:, 2] @ middle > 1e-3
-    found, plain = (
-        [np.bincount(line - dry.line[0], part) for part in (area, area * r)]
+    dry_sums, sea_sums = (
+        [np.bincount(line - dry.line[0], weights) for weights in (area, area * r)]
         for line, area, r in (
             (dry.line, dry.area, dry.piece[:, 2:].mean(axis=1)),
             (deep.line[above], deep.area[above], middle[2][above]),
         )
     )
-    np.testing.assert_allclose(found, plain, atol=1e-9 * np.abs(plain).max())
+    np.testing.assert_allclose(dry_sums, sea_sums, atol=1e-9 * np.abs(sea_sums).max())
 
 
 @pytest.mark.parametrize("aspect", [0, 33, 90, 146])
@@ -96,12 +96,12 @@ def test_solids_that_run_through_one_another_hide_as_if_united(aspect):
         parts.append(part)
     united = trimesh.boolean.union(parts, engine="manifold")
     grid = dict(side=1e3, near=-125, bin_width=1.0, bin_count=250)
-    apart, one = (
+    separate, joined = (
         line_image(mesh, aspect=aspect, depression=7, spacing=0.25).bin(**grid).area.sum(0)
         for mesh in (trimesh.util.concatenate(parts), united)
     )
     # 'manifold' rounds where parts meet to some 1e-5 m, along a kilometre of edges
-    assert np.abs(apart - one).sum() < 1e-4 * one.sum()
+    assert np.abs(separate - joined).sum() < 1e-4 * joined.sum()
 
 
 @pytest.mark.parametrize("factor", [2, 3, 5, 12])
@@ -110,19 +110,17 @@ def test_lines_between_are_those_that_a_finer_view_has_more(factor):
     hull = ship("texas")
     view = dict(aspect=61, depression=3.84, slant_range=5e3)
     coarse = line_image(hull, spacing=1.5, **view)
-    found = refined(hull, coarse, factor)
-    whole = line_image(hull, spacing=found.spacing, phase=found.phase, **view)
-    assert found.line.tolist() == whole.line.tolist()
-    np.testing.assert_allclose(found.piece, whole.piece, atol=1e-6)
-    assert np.mean(found.surface != whole.surface) < 1e-3
-    kept = np.isin(found.line, factor * coarse.line + int(np.floor(factor * coarse.phase)))
-    np.testing.assert_array_equal(found.piece[kept], coarse.piece)
+    lines = refined(hull, coarse, factor)
+    fine = line_image(hull, spacing=lines.spacing, phase=lines.phase, **view)
+    assert lines.line.tolist() == fine.line.tolist()
+    np.testing.assert_allclose(lines.piece, fine.piece, atol=1e-6)
+    assert np.mean(lines.surface != fine.surface) < 1e-3
+    old = np.isin(lines.line, factor * coarse.line + int(np.floor(factor * coarse.phase)))
+    np.testing.assert_array_equal(lines.piece[old], coarse.piece)
     if factor == 2:
-        for again in (found, refined(hull, found)):
-            whole = line_image(hull, spacing=again.spacing, phase=again.phase, **view)
-            assert np.array_equal(again.line, whole.line) and np.array_equal(
-                again.piece, whole.piece
-            )
+        for again in (lines, refined(hull, lines)):
+            fine = line_image(hull, spacing=again.spacing, phase=again.phase, **view)
+            assert np.array_equal(again.line, fine.line) and np.array_equal(again.piece, fine.piece)
 
 
 def test_crossings_close_together_are_in_order_whatever_else_is_far_away():
@@ -130,13 +128,13 @@ def test_crossings_close_together_are_in_order_whatever_else_is_far_away():
     fins = [box((0.01 * n, -1.0, -3.0), (0.01 * n + 0.005, 1.0, 3.0)) for n in range(60)]
     far = box((30e3, -1.0, 100.0), (30e3 + 1.0, 1.0, 101.0))  # strips of 7 m
     view = {"aspect": 80.0, "depression": 0.0, "spacing": 0.5, "roll": 20.0}
-    found = []
+    pieces = []
     for solids in (fins, [*fins, far]):
         image = line_image(trimesh.util.concatenate(solids), **view)
         # Rounding decides on what is thinner than that.
         long = (np.diff(image.piece[:, :2])[:, 0] > 1e-6) & (np.abs(image.piece[:, 0]) < 100.0)
-        found.append((image.line[long], image.piece[long]))
-    (line, piece), (other_line, other_piece) = found
+        pieces.append((image.line[long], image.piece[long]))
+    (line, piece), (other_line, other_piece) = pieces
     assert line.size > 1000
     assert np.array_equal(line, other_line)
     # Vertices are reckoned from the middle of the solid, here 15 km away: 2e-12 m.
@@ -168,22 +166,22 @@ def test_cells_share_the_area_out(side, shift):
     assert parts.area.sum() == pytest.approx(image.area.sum(), rel=1e-12)
     # plainly: every piece as two hundred points
     share = (np.arange(200) + 0.5) / 200
-    some = np.flatnonzero(image.line % 24 == 0)
-    horizontal, vertical = (at[some] for at in image.cross_range())
-    h, v = (at[:, :1] + (at[:, 1:] - at[:, :1]) * share for at in (horizontal, vertical))
+    chosen = np.flatnonzero(image.line % 24 == 0)
+    horizontal, vertical = (ends[chosen] for ends in image.cross_range())
+    h, v = (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * share for ends in (horizontal, vertical))
     cells = np.stack([np.floor(h / side + shift[0]), np.floor(v / side + shift[1])], axis=-1)
-    weights = np.repeat(image.area[some] / 200, 200)
-    found, which = np.unique(cells.reshape(-1, 2), axis=0, return_inverse=True)
-    plain = dict(zip(map(tuple, found), np.bincount(which.reshape(-1), weights), strict=True))
+    weights = np.repeat(image.area[chosen] / 200, 200)
+    occupied, which = np.unique(cells.reshape(-1, 2), axis=0, return_inverse=True)
+    plain = dict(zip(map(tuple, occupied), np.bincount(which.reshape(-1), weights), strict=True))
     few = line_image(ship("horne"), aspect=37, depression=3.84)
-    object.__setattr__(few, "line", image.line[some])
-    object.__setattr__(few, "piece", image.piece[some])
+    object.__setattr__(few, "line", image.line[chosen])
+    object.__setattr__(few, "piece", image.piece[chosen])
     exact = few.bin(side=side, shift=shift)
     exact = dict(zip(map(tuple, exact.cell), exact.area.sum(1), strict=True))
     # a piece ends in a cell by a point more or less
-    longest = image.area[some].max() / 200
+    longest = image.area[chosen].max() / 200
     assert all(
-        abs(exact.get(cell, 0) - plain.get(cell, 0)) <= 2 * longest * len(some)
+        abs(exact.get(cell, 0) - plain.get(cell, 0)) <= 2 * longest * len(chosen)
         for cell in {*exact, *plain}
     )
 
@@ -235,9 +233,9 @@ def test_perspective_spreads_a_deck_over_its_ranges(slant_range, depression):
     below = 1 / (slant_range - x * np.cos(d)) ** 2
     nearest = 1 / (slant_range - half * np.cos(d)) ** 2
     exact = slant_range**2 * height * 2 * width / (2 * np.cos(d)) * (nearest - below)
-    found = np.cumsum(area.sum(0))
+    cumulative = np.cumsum(area.sum(0))
     # Lines and the strip's own width leave little.
-    assert np.abs(found - exact).max() < 2e-3 * exact[-1]
+    assert np.abs(cumulative - exact).max() < 2e-3 * exact[-1]
 
 
 @pytest.mark.parametrize(("aspect", "depression"), [(0.0, 0.0), (181.07, 0.0), (37.0, 0.5)])
@@ -273,7 +271,7 @@ def test_pieces_end_in_a_bin_where_their_range_does(slant_range, drawn_there, as
     nearest, width = low, 0.25
     bins = {"near": -100, "bin_width": width, "bin_count": 800}
     area = image.bin(side=7.0, slant_range=slant_range, **bins).area.sum(0)
-    found = np.cumsum(area)
+    cumulative = np.cumsum(area)
     for edge in (*range(10, 800, 130), np.flatnonzero(area)[0] + 1):
         inside = np.zeros(len(q))
         for side in (begin, end):
@@ -283,4 +281,6 @@ def test_pieces_end_in_a_bin_where_their_range_does(slant_range, drawn_there, as
                 closer = away(middle) < -100 + width * edge
                 near, far = np.where(closer, middle, near), np.where(closer, far, middle)
             inside += np.abs(far - nearest)
-        assert found[edge - 1] == pytest.approx(inside.sum() * image.spacing, abs=1e-8 * found[-1])
+        assert cumulative[edge - 1] == pytest.approx(
+            inside.sum() * image.spacing, abs=1e-8 * cumulative[-1]
+        )

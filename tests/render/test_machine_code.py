@@ -11,8 +11,8 @@ def compiled(tmp_path, monkeypatch, umask):
     """What compiles a new function with a folder of machine code of its own, as if for any user."""
     umask(0)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "made" / "compiled"))
-    for one in (machine_code.folder, machine_code.folder_of):
-        one.cache_clear()
+    for cached in (machine_code.folder, machine_code.folder_of):
+        cached.cache_clear()
 
     def compiled():
         from ncti.compiled import compiled
@@ -23,18 +23,18 @@ def compiled(tmp_path, monkeypatch, umask):
         return compiled(halved)
 
     yield compiled
-    for one in (machine_code.folder, machine_code.folder_of):
-        one.cache_clear()
+    for cached in (machine_code.folder, machine_code.folder_of):
+        cached.cache_clear()
 
 
 def test_machine_code_that_others_may_have_written_is_not_loaded(compiled, tmp_path):
     assert compiled()(5.0) == 2.5
-    kept = list(tmp_path.rglob("*.nbc"))
-    kept[0].parent.chmod(0o777)
+    files = list(tmp_path.rglob("*.nbc"))
+    files[0].parent.chmod(0o777)
     machine_code.folder_of.cache_clear()
     again = compiled()
     assert (
-        again(5.0) == 2.5 and not again.stats.cache_hits and list(tmp_path.rglob("*.nbc")) == kept
+        again(5.0) == 2.5 and not again.stats.cache_hits and list(tmp_path.rglob("*.nbc")) == files
     )
 
 
@@ -48,7 +48,7 @@ def test_a_constant_of_another_module_is_compiled_again(tmp_path):
 
     def run(depth):
         (tmp_path / "depth.py").write_text(f"DEPTH = {depth}\n")
-        kept = str(tmp_path / "kept")
-        return python("-B", "loops.py", cwd=tmp_path, NUMBA_CACHE_DIR=kept).stdout.split()
+        folder = str(tmp_path / "kept")
+        return python("-B", "loops.py", cwd=tmp_path, NUMBA_CACHE_DIR=folder).stdout.split()
 
     assert [run(2), run(2), run(30)] == [["2", "0"], ["2", "1"], ["30", "0"]]

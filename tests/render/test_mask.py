@@ -22,10 +22,10 @@ def test_masks_are_the_hits_of_range_images(name):
     mesh, differing = ships.load(name), 0
     for aspect, slant_range, pixel in VIEWS:
         view = {"aspect": aspect, "depression": 3.84, "slant_range": slant_range, "pixel": pixel}
-        found, drawn = mask.ship_mask(mesh, **view), range_image(mesh, engine="osmesa", **view)
-        assert (found.pixel, found.origin, found.roll) == (drawn.pixel, drawn.origin, drawn.roll)
-        assert found.hit.shape == drawn.hit.shape and found.hit.sum() > 500
-        differing += np.count_nonzero(found.hit != drawn.hit)
+        masked, drawn = mask.ship_mask(mesh, **view), range_image(mesh, engine="osmesa", **view)
+        assert (masked.pixel, masked.origin, masked.roll) == (drawn.pixel, drawn.origin, drawn.roll)
+        assert masked.hit.shape == drawn.hit.shape and masked.hit.sum() > 500
+        differing += np.count_nonzero(masked.hit != drawn.hit)
     assert differing <= 1
 
 

@@ -35,30 +35,30 @@ def sides(x, y):
 def triangles(seed, size):
     """Facets of all shapes and orientations, some without width, of corners on the grid or not."""
     rng = np.random.default_rng(seed)
-    seen = rng.normal(size=(60, 2)) * size
-    seen[:20] = np.round(4 * seen[:20]) / 4
-    seen[20:30, 1] = seen[20, 1]
-    seen[30] = seen[31] + [0.0, 1e-12]
-    return seen, rng.integers(0, 60, (80, 3)).astype(np.int32)
+    places = rng.normal(size=(60, 2)) * size
+    places[:20] = np.round(4 * places[:20]) / 4
+    places[20:30, 1] = places[20, 1]
+    places[30] = places[31] + [0.0, 1e-12]
+    return places, rng.integers(0, 60, (80, 3)).astype(np.int32)
 
 
 @settings(max_examples=30)
 @given(st.integers(0, 2**32), st.floats(-1.5, 1.2), st.floats(-4, -1))
 def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin):
     """Moved by the margin or less, none of them is counter-clockwise about a pixel centre."""
-    seen, faces = triangles(seed, 10**size)
+    places, faces = triangles(seed, 10**size)
     margin = 10**margin
-    kept = pixels.sampled(seen, faces, margin)
-    assert (np.diff(kept) > 0).all()
-    out = np.setdiff1d(np.arange(len(faces)), kept)
-    reach = int(np.abs(seen).max() + 2)
+    chosen = pixels.sampled(places, faces, margin)
+    assert (np.diff(chosen) > 0).all()
+    out = np.setdiff1d(np.arange(len(faces)), chosen)
+    reach = int(np.abs(places).max() + 2)
     centre = np.arange(-reach, reach + 1.0)
     at_x, at_y = (axis.ravel() for axis in np.meshgrid(centre, centre))
     rng = np.random.default_rng(seed)
     for _ in range(8):
         # Corners of the square are the worst.
-        off = rng.choice([-1.0, 1.0, rng.uniform(-1, 1)], seen.shape) * margin * (1 - 1e-9)
-        x, y = corners(seen + off, faces[out])
+        off = rng.choice([-1.0, 1.0, rng.uniform(-1, 1)], places.shape) * margin * (1 - 1e-9)
+        x, y = corners(places + off, faces[out])
         run, rise = sides(x, y)
         inside = [
             run[:, i, None] * (at_y - y[:, i, None]) > rise[:, i, None] * (at_x - x[:, i, None])
@@ -75,15 +75,15 @@ def test_what_is_left_out_would_not_be_seen(name, view):
     solid, view, lattice, points = looked_at(ships.load(name), *view)
     engine = start_engine("osmesa")
     clip = clip_matrix(view, lattice, centre=solid.centre)
-    every = np.arange(len(solid.faces), dtype=np.int32)
+    all_facets = np.arange(len(solid.faces), dtype=np.int32)
     few = sampled(solid, view, lattice, points)
     images = [
         engine._thread.submit(engine._canvas.draw, solid, facets, clip, lattice.shape).result()
-        for facets in (every, few)
+        for facets in (all_facets, few)
     ]
     assert np.array_equal(*images)
     assert (images[0] >= 0).sum() > 1000
-    assert len(few) < len(every) / 3
+    assert len(few) < len(all_facets) / 3
 
 
 def every_ray(solid, view, lattice):
@@ -114,8 +114,8 @@ def test_rays_left_out_would_miss(name, view):
     for ship in (mesh, broken):
         solid, seen_from, lattice, points = looked_at(ship, *view)
         expected = every_ray(solid, seen_from, lattice)
-        found = start_engine("embree").visible(solid, seen_from, lattice, points)
-        assert np.array_equal(found, expected)
+        facets = start_engine("embree").visible(solid, seen_from, lattice, points)
+        assert np.array_equal(facets, expected)
         first, stop = covered(solid, seen_from, lattice, points).T
         assert (stop - first).sum() < 0.65 * lattice.rows * lattice.columns
 

@@ -31,13 +31,13 @@ def check_against_tracer(image, *, low=LOW, high=HIGH):
     view = view_of(image)
     horizontal, vertical = image.cross_range()
     expected, side = trace(view, horizontal, vertical, low=low, high=high)
-    both = image.hit & ~np.isnan(expected)
+    shared = image.hit & ~np.isnan(expected)
     # Rounding of float64, where the line of sight meets the side no flatter than 1e-3.
     same = np.abs(image.down_range - expected) < 1e-8
 
     # A rasteriser snaps vertices to 1/256 pixel: a pixel that differs is to be within 1/128 of a
     # border, so that a trace beside it sees something else.
-    differs = (image.hit != ~np.isnan(expected)) | (both & ~same)
+    differs = (image.hit != ~np.isnan(expected)) | (shared & ~same)
     beside = [
         trace(
             view,
@@ -49,30 +49,30 @@ def check_against_tracer(image, *, low=LOW, high=HIGH):
         for i in (-1, 1)
         for j in (-1, 1)
     ]
-    seen = np.array([np.where(np.isnan(down_range), -1, facing) for down_range, facing in beside])
-    assert np.all(np.ptp(seen, axis=0) > 0)
+    sides = np.array([np.where(np.isnan(down_range), -1, facing) for down_range, facing in beside])
+    assert np.all(np.ptp(sides, axis=0) > 0)
 
     # And the slope, from a plane's range a little to either side.
-    inner = both & same
+    inner = shared & same
     cos, sin = np.cos(np.radians(view.roll)), np.sin(np.radians(view.roll))
     # From nearby the slope of a grazing face changes within a millimetre; from afar it does not,
     # and ranges are rounded by more.
     step = np.longdouble(np.clip(1e-8 * (view.slant_range or np.inf), 1e-5, 1e-3))
     for axis in range(3):
-        here = inner & (side == axis)
+        on_side = inner & (side == axis)
         for index, (along, up) in enumerate([(cos, sin), (-sin, cos)]):
             ahead, behind = (
                 plane_down_range(
                     view,
-                    horizontal[here] + sign * step * along,
-                    vertical[here] + sign * step * up,
+                    horizontal[on_side] + sign * step * along,
+                    vertical[on_side] + sign * step * up,
                     point=side_point(view, axis, low, high),
                     normal=np.eye(3)[axis],
                 )
                 for sign in (1, -1)
             )
             slope = (ahead - behind) / (2 * step)
-            computed = image.gradient[..., index][here]
+            computed = image.gradient[..., index][on_side]
             assert np.allclose(computed, slope.astype(float), rtol=1e-4, atol=1e-6)
 
 
@@ -149,8 +149,8 @@ def test_far_field_is_approached_as_one_over_distance(engine):
     for slant_range in distances:
         image = range_image(box(), slant_range=slant_range, **kwargs)
         shift = np.round((np.array(far.origin) - image.origin) / image.pixel).astype(int)
-        shown = np.argwhere(inner) + shift[::-1]
-        differences.append(image.down_range[tuple(shown.T)] - far.down_range[inner])
+        places = np.argwhere(inner) + shift[::-1]
+        differences.append(image.down_range[tuple(places.T)] - far.down_range[inner])
     size = np.abs(differences).max(axis=1)
     slope = np.diff(np.log(size)) / np.diff(np.log(distances))
     assert np.allclose(slope, -1, atol=1e-3)

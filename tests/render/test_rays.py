@@ -49,11 +49,11 @@ def test_distances_are_exact_at_any_range(box, distance, view):
     enter, leave, side = slabs(start, direction)
     through = leave - enter
     hits = cast_rays(box, start, direction)
-    found = np.zeros(len(start), bool)
-    found[hits.ray] = True
+    hit = np.zeros(len(start), bool)
+    hit[hits.ray] = True
     clear = np.abs(through) > 1e-3
     assert clear.sum() > 200 and clear.mean() > 0.99
-    np.testing.assert_array_equal(found[clear], through[clear] > 0)
+    np.testing.assert_array_equal(hit[clear], through[clear] > 0)
     known = clear[hits.ray]
     cosine = np.abs(direction)[hits.ray, side[hits.ray]]
     off = np.abs(hits.distance - enter[hits.ray])

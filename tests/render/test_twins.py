@@ -33,8 +33,10 @@ def test_lines_are_mirrored(name, slant_range):
     # Mirrored ties may fall otherwise and part a piece in two, so areas are compared.
     for weight in (np.ones_like, lambda r: r, np.square):
         sums = [
-            np.bincount(seen.line - port.line[0], seen.area * weight(seen.down_range.mean(axis=1)))
-            for seen in (port, starboard)
+            np.bincount(
+                lines.line - port.line[0], lines.area * weight(lines.down_range.mean(axis=1))
+            )
+            for lines in (port, starboard)
         ]
         np.testing.assert_allclose(*sums, atol=1e-7 * np.abs(sums[0]).max())
 

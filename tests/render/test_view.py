@@ -36,14 +36,14 @@ def test_aspect_is_zero_at_the_bow_and_grows_to_port(aspect, nearest):
 def test_lattice_covers_the_points_with_less_than_a_pixel_to_spare(view, seed, pixel):
     points = points_of(seed)
     lattice = Lattice.around(points, view, pixel)
-    seen = points[:2] / (1 + view.curvature * points[2])
+    projected = points[:2] / (1 + view.curvature * points[2])
     first = np.array(lattice.origin) - pixel / 2
     last = first + pixel * np.array([lattice.columns, lattice.rows])
     slack = 1e-9
-    assert np.all(first <= seen.min(axis=1) + slack)
-    assert np.all(seen.min(axis=1) < first + pixel + slack)
-    assert np.all(last >= seen.max(axis=1) - slack)
-    assert np.all(seen.max(axis=1) > last - pixel - slack)
+    assert np.all(first <= projected.min(axis=1) + slack)
+    assert np.all(projected.min(axis=1) < first + pixel + slack)
+    assert np.all(last >= projected.max(axis=1) - slack)
+    assert np.all(projected.max(axis=1) > last - pixel - slack)
     assert lattice.near < points[2].min()
     assert lattice.far > points[2].max()
 

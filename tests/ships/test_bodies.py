@@ -64,22 +64,22 @@ def in_compartments(mesh: trimesh.Trimesh, *, turned: bool = False) -> trimesh.T
     parts = [solid_of(mesh)]
     for normal, offset in (((1, 0, 0), -20), ((1, 0, 0), 15), ((0, 0, 1), 3)):
         halves = [part.split_by_plane(normal, offset) for part in parts]
-        parts = [part for both in halves for part in both if part.num_tri()]
-    first, *others = map(mesh_of, parts)
-    return together(inverted(first) if turned else first, *others)
+        parts = [part for pair in halves for part in pair if part.num_tri()]
+    first, *rest = map(mesh_of, parts)
+    return together(inverted(first) if turned else first, *rest)
 
 
 def wound_at_random(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     faces = np.array(mesh.faces)
-    some = np.random.default_rng(4).random(len(faces)) < 0.2
-    faces[some] = faces[some, ::-1]
+    chosen = np.random.default_rng(4).random(len(faces)) < 0.2
+    faces[chosen] = faces[chosen, ::-1]
     return trimesh.Trimesh(mesh.vertices, faces, process=False)
 
 
 def finer_in_places(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The mesh with some facets cut in four, so that vertices lie within edges of others."""
-    some = np.random.default_rng(5).random(len(mesh.faces)) < 0.2
-    return mesh.subdivide(face_index=np.flatnonzero(some & (mesh.area_faces > 0.01)))
+    divided = np.random.default_rng(5).random(len(mesh.faces)) < 0.2
+    return mesh.subdivide(face_index=np.flatnonzero(divided & (mesh.area_faces > 0.01)))
 
 
 def without_bottom(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -135,17 +135,17 @@ def stored(mesh: trimesh.Trimesh) -> bytes:
     return mesh.export(file_type="stl")
 
 
-def read(mesh: trimesh.Trimesh, **how) -> tuple[trimesh.Trimesh, str]:
+def read(mesh: trimesh.Trimesh, **transform) -> tuple[trimesh.Trimesh, str]:
     """What is made of a file, and what is said of it."""
-    placed = meshes.read(stored(mesh), ".stl", ships.Transform(**how), where="mesh hulk")
-    found = trimesh.Trimesh(placed.vertices, placed.faces, process=False)
-    assert found.is_watertight and found.is_winding_consistent
-    return found, "; ".join(placed.faults)
+    placed = meshes.read(stored(mesh), ".stl", ships.Transform(**transform), where="mesh hulk")
+    result = trimesh.Trimesh(placed.vertices, placed.faces, process=False)
+    assert result.is_watertight and result.is_winding_consistent
+    return result, "; ".join(placed.faults)
 
 
-def refused(mesh: trimesh.Trimesh, **how) -> str:
+def refused(mesh: trimesh.Trimesh, **transform) -> str:
     with pytest.raises(ships.ShipError) as caught:
-        read(mesh, **how)
+        read(mesh, **transform)
     return sentence(caught.value)
 
 
@@ -164,17 +164,17 @@ def test_a_ship_with_faults_is_the_ship_that_was_meant(kind, hull):
     A file has float32: 4e-6 m at 70 m, and loose vertices are moved by `LOOSE` of the length. The
     volume changes by at most the surface times that.
     """
-    make, said = KINDS[kind]
-    given = make(hull)
-    if "opening" in said:
-        assert "repair: true would close it" in refused(given)
-    found, faults = read(given, repair="opening" in said)
-    assert said in faults and bool(said) == bool(faults)
+    make, message = KINDS[kind]
+    faulty = make(hull)
+    if "opening" in message:
+        assert "repair: true would close it" in refused(faulty)
+    mended, faults = read(faulty, repair="opening" in message)
+    assert message in faults and bool(message) == bool(faults)
     moved = (LOOSE * hull.extents.max() if "loose" in kind else 0) + 1e-5
     meant = {"a cavity": -20.0, "bodies that share an edge": 24.0, "a body inside out": 24.0}
     volume = hull.volume + meant.get(kind.partition(",")[0], 0.0)
     gone = 0.05 * hull.volume if "opening" in kind or "open" in kind.split() else 0.0
-    assert found.volume == pytest.approx(volume, rel=0, abs=moved * hull.area + gone)
+    assert mended.volume == pytest.approx(volume, rel=0, abs=moved * hull.area + gone)
 
 
 BOXES = st.lists(
@@ -202,16 +202,18 @@ def boxes_together(boxes) -> tuple[trimesh.Trimesh, int]:
     return together(*parts), int(cubes.sum())
 
 
-def meet(one, other) -> bool:
+def meet(first, second) -> bool:
     """Whether a side of a box lies on one of another, or it lies in the other."""
-    (low, high, _), (other_low, other_high, _) = one, other
-    shared = np.minimum(high, other_high) - np.maximum(low, other_low)
-    equal = (low == other_low) | (high == other_high) | (low == other_high) | (high == other_low)
+    (low, high, _), (second_low, second_high, _) = first, second
+    shared = np.minimum(high, second_high) - np.maximum(low, second_low)
+    equal = (
+        (low == second_low) | (high == second_high) | (low == second_high) | (high == second_low)
+    )
     on_each_other = any(
         equal[axis] and shared[axis] >= 0 and (np.delete(shared, axis) > 0).all()
         for axis in range(3)
     )
-    return on_each_other or bool(((low >= other_low) & (high <= other_high)).all())
+    return on_each_other or bool(((low >= second_low) & (high <= second_high)).all())
 
 
 @settings(max_examples=150, deadline=None)
@@ -226,12 +228,14 @@ def test_bodies_that_touch_in_any_way_are_united(boxes):
 @given(boxes=BOXES)
 def test_bodies_inside_out_are_turned(boxes):
     """Whatever they overlap, and touch along edges and at corners; what is within is a cavity."""
-    given = corners(boxes)
-    assume(not any(meet(one, other) for one in given for other in given if one is not other))
-    mesh, volume = boxes_together(given)
-    found, faults = read(mesh)
-    assert found.volume == pytest.approx(volume, rel=1e-6)
-    assert bool(faults) == any(turned for *_, turned in given)
+    solids = corners(boxes)
+    assume(
+        not any(meet(first, second) for first in solids for second in solids if first is not second)
+    )
+    mesh, volume = boxes_together(solids)
+    mended, faults = read(mesh)
+    assert mended.volume == pytest.approx(volume, rel=1e-6)
+    assert bool(faults) == any(turned for *_, turned in solids)
 
 
 @settings(max_examples=25, deadline=None)
@@ -243,18 +247,18 @@ def test_an_opening_is_closed_up_to_a_share_of_the_surface(share, at):
     """A ball of 5 m: a cap of it is closed by its plane, which is smaller than the cap."""
     ball = trimesh.creation.icosphere(3, 5.0)
     ball.apply_translation((0, 0, 6))
-    given = opened(ball, share, at)
-    assume(len(given.faces) < len(ball.faces))
-    assert "is open along" in refused(given)
+    cut = opened(ball, share, at)
+    assume(len(cut.faces) < len(ball.faces))
+    assert "is open along" in refused(cut)
     try:
-        found, faults = read(given, repair=True)
+        mended, faults = read(cut, repair=True)
     except ships.ShipError as error:
         assert share > MOST_OPEN and "closes at most 5 %" in str(error)
         return
     assert "opening" in faults
     # The plane is at least 1 - share of the cap, and cuts off at most that share of the diameter.
-    assert ball.area * (1 - share) < found.area < ball.area
-    assert ball.volume * (1 - share) < found.volume < ball.volume
+    assert ball.area * (1 - share) < mended.area < ball.area
+    assert ball.volume * (1 - share) < mended.volume < ball.volume
 
 
 def test_what_is_said_of_an_opening():
@@ -264,10 +268,10 @@ def test_what_is_said_of_an_opening():
     box.update_faces(~gone)
     box.apply_transform(np.diag([1000, 1000, 1000, 1]))
     box.vertices = box.vertices @ ships.Transform(up="y").axes
-    said = refused(box, up="y", scale=0.001)
-    assert "open along 4 edges in 1 opening" in said and "the largest is 96.00 m2" in said
-    assert "at (50000, 4000, 0) of the file" in said
-    assert "repair: true would close it" in said  # 96 of 4,096 m2
+    message = refused(box, up="y", scale=0.001)
+    assert "open along 4 edges in 1 opening" in message and "the largest is 96.00 m2" in message
+    assert "at (50000, 4000, 0) of the file" in message
+    assert "repair: true would close it" in message  # 96 of 4,096 m2
 
 
 def test_larger_openings_are_refused():
@@ -281,8 +285,8 @@ def test_larger_openings_are_refused():
 def test_a_soup_of_facets_is_refused_without_seeking_what_would_close_it():
     corners = np.random.default_rng(6).uniform(0, 100, (12_000, 3, 3))
     faces = np.arange(corners.size // 3).reshape(-1, 3)
-    said = refused(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False), repair=True)
-    assert "open along 36,000 edges in 12,000 openings" in said
+    message = refused(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False), repair=True)
+    assert "open along 36,000 edges in 12,000 openings" in message
 
 
 def test_a_one_sided_surface_is_refused_with_its_place():
@@ -294,10 +298,10 @@ def test_a_one_sided_surface_is_refused_with_its_place():
     faces = []
     for k in range(24):
         a, b = (k, (k + 1) % 24)
-        one, other = (b, b + 24) if b else (24, 0)
-        faces += [[a, one, a + 24], [one, other, a + 24]]
-    said = refused(trimesh.Trimesh(vertices, faces, process=False))
-    assert "facets wound both ways at (" in said
+        near, far = (b, b + 24) if b else (24, 0)
+        faces += [[a, near, a + 24], [near, far, a + 24]]
+    message = refused(trimesh.Trimesh(vertices, faces, process=False))
+    assert "facets wound both ways at (" in message
 
 
 def test_plates_without_thickness_stay():
@@ -305,11 +309,11 @@ def test_plates_without_thickness_stay():
     plate = trimesh.Trimesh([[0, 3, 9], [9, 3, 9], [9, 3, 12], [0, 3, 12]], [[0, 1, 2], [0, 2, 3]])
     plate = together(plate, inverted(plate))
     hull = block((-50, -6, 0), (50, 6, 8))
-    found, _ = read(together(hull, plate))
-    assert found.area == pytest.approx(hull.area + 2 * 27)
-    assert found.volume == pytest.approx(hull.volume)
+    mended, _ = read(together(hull, plate))
+    assert mended.area == pytest.approx(hull.area + 2 * 27)
+    assert mended.volume == pytest.approx(hull.volume)
     assert "no inside" in refused(plate)
-    assert not ships.is_symmetric(found)
+    assert not ships.is_symmetric(mended)
 
 
 def test_a_mesh_in_memory_is_refused_for_a_body_inside_out(tmp_path):

@@ -46,11 +46,11 @@ def assert_same(first, second) -> None:
 @given(data=st.data())
 def test_damaged_file_is_built_again(sheet, kept, data) -> None:
     """Cut short, overwritten anywhere, emptied: what comes back is the ship all the same."""
-    fresh, path, whole = kept
-    at = data.draw(st.integers(0, len(whole)))
+    fresh, path, content = kept
+    cut = data.draw(st.integers(0, len(content)))
     junk = data.draw(st.binary(max_size=200))
     keep_tail = data.draw(st.booleans())
-    path.write_bytes(whole[:at] + junk + (whole[at + len(junk) :] if keep_tail else b""))
+    path.write_bytes(content[:cut] + junk + (content[cut + len(junk) :] if keep_tail else b""))
     for _ in range(2):
         assert_same(ships.load(sheet, cache=path.parent), fresh)
 
@@ -68,8 +68,8 @@ def test_files_of_another_user_are_not_read(sheet, tmp_path, monkeypatch) -> Non
 def test_folders_are_made_for_this_user_alone(sheet, tmp_path, umask) -> None:
     umask(0)
     ships.load(sheet, cache=tmp_path / "home" / "kept")
-    made = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
-    assert len(made) >= 3 and not any(stat.S_IMODE(one.stat().st_mode) & 0o077 for one in made)
+    paths = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
+    assert len(paths) >= 3 and not any(stat.S_IMODE(path.stat().st_mode) & 0o077 for path in paths)
 
 
 def test_writers_at_once_leave_one_whole_file(sheet, tmp_path) -> None:
@@ -84,8 +84,8 @@ def test_writers_at_once_leave_one_whole_file(sheet, tmp_path) -> None:
         thread.join()
     for mesh in meshes:
         assert_same(mesh, meshes[0])
-    (kept,) = (tmp_path / "kept").iterdir()
-    assert store.read(kept) is not None
+    (file,) = (tmp_path / "kept").iterdir()
+    assert store.read(file) is not None
 
 
 @pytest.mark.parametrize(

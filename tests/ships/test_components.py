@@ -43,14 +43,14 @@ def meets(a: Manifold, b: Manifold) -> bool:
 @cache
 def evidence(name: str, index: int) -> Manifold:
     """Room which only this component fills, or only it cuts away."""
-    own = pieces(name)[index]
-    low, high = bounds(own.solid)
+    body = pieces(name)[index]
+    low, high = bounds(body.solid)
     around = Manifold.cube(high - low + 0.02).translate(low - 0.01)
-    near = [p for i, p in enumerate(pieces(name)) if i != index and meets(p.solid, own.solid)]
+    near = [p for i, p in enumerate(pieces(name)) if i != index and meets(p.solid, body.solid)]
     added = union([p.solid ^ around for p in near if not p.cuts])
     cut = union([p.solid ^ around for p in near if p.cuts])
-    alone = (own.solid ^ added) - cut if own.cuts else own.solid - added - cut
-    return alone.trim_by_plane((0, 0, 1), 0)
+    room = (body.solid ^ added) - cut if body.cuts else body.solid - added - cut
+    return room.trim_by_plane((0, 0, 1), 0)
 
 
 def missing(name: str, index: int, ship: list[Manifold]) -> float:
@@ -68,9 +68,9 @@ def slabs(ship):
     def cut(name: str) -> list[Manifold]:
         mesh = ship(name)
         length = mesh.metadata["loa"]
-        whole = solid_of(mesh).rotate((0, 0, 180)).translate((length / 2, 0, 0))
+        solid = solid_of(mesh).rotate((0, 0, 180)).translate((length / 2, 0, 0))
         slab = Manifold.cube((15, 40, 60)).translate((0, -20, 0))
-        return [whole ^ slab.translate((x, 0, 0)) for x in np.arange(-1.0, length, 15.0)]
+        return [solid ^ slab.translate((x, 0, 0)) for x in np.arange(-1.0, length, 15.0)]
 
     return cut
 
@@ -115,9 +115,9 @@ def test_components_stand_where_their_lines_say(name) -> None:
             assert line["z"] - 0.46 <= low[2] <= line["z"], line["name"]
         if line["prim"] == "box" and len(places) == 1 and "yaw" not in line:
             spread = (high - low)[:2]
-            wanted = [max(line["l"], line.get("lt", 0)), max(line["w"], line.get("wt", 0))]
+            expected = [max(line["l"], line.get("lt", 0)), max(line["w"], line.get("wt", 0))]
             # A sunken frustum's foot is a little larger than its footprint.
-            np.testing.assert_allclose(spread, wanted, rtol=0.05)
+            np.testing.assert_allclose(spread, expected, rtol=0.05)
 
 
 @pytest.mark.parametrize("name", ships.names())

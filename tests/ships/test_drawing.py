@@ -17,12 +17,12 @@ def test_spans_of_bodies_are_those_of_their_sections():
     pyramid = trimesh.creation.cone(2.0, 6.0, sections=4).apply_translation((10, 0, 0))
     ball = trimesh.creation.icosphere(5, 2.0).apply_translation((20, 0, 3))
     mesh = trimesh.util.concatenate([*posts, beam, pyramid, ball])
-    of = lambda x: spans_at(np.array([x]), mesh.vertices, mesh.faces)[0]  # noqa: E731
-    np.testing.assert_allclose(of(0.1), [[0, 5]])
-    np.testing.assert_allclose(of(2.0), [[4, 5]])
-    np.testing.assert_allclose(of(11.0), [[0, 3]], atol=1e-9)
-    np.testing.assert_allclose(of(21.0), [[3 - np.sqrt(3), 3 + np.sqrt(3)]], atol=0.01)
-    assert of(7.0).shape == (0, 2)
+    spans = lambda x: spans_at(np.array([x]), mesh.vertices, mesh.faces)[0]  # noqa: E731
+    np.testing.assert_allclose(spans(0.1), [[0, 5]])
+    np.testing.assert_allclose(spans(2.0), [[4, 5]])
+    np.testing.assert_allclose(spans(11.0), [[0, 3]], atol=1e-9)
+    np.testing.assert_allclose(spans(21.0), [[3 - np.sqrt(3), 3 + np.sqrt(3)]], atol=0.01)
+    assert spans(7.0).shape == (0, 2)
 
 
 def test_a_ship_covers_points_inside_its_facets():
@@ -33,8 +33,8 @@ def test_a_ship_covers_points_inside_its_facets():
     points = np.random.default_rng(4).uniform(low, high, (300, 2))
     spans = spans_at(points[:, 0], ship.vertices, ship.faces)
     covered = [
-        bool(((of[:, 0] < z) & (z < of[:, 1])).any())
-        for of, (_, z) in zip(spans, points, strict=True)
+        bool(((column[:, 0] < z) & (z < column[:, 1])).any())
+        for column, (_, z) in zip(spans, points, strict=True)
     ]
     inside = []
     for point in points:
@@ -48,12 +48,13 @@ def test_a_ship_covers_points_inside_its_facets():
 
 @pytest.mark.parametrize("view", [ships.describe, ships.load])
 def test_notebooks_show_a_ship_with_its_measures(view):
-    about = ships.describe("texas", offset=[0, 0, 3])
-    shown = ElementTree.fromstring(view("texas", offset=[0, 0, 3])._repr_html_())
-    assert about.measures in "".join(shown.itertext()) and about.findings[0] in shown[1].text
-    picture = shown[0]
+    description = ships.describe("texas", offset=[0, 0, 3])
+    figure = ElementTree.fromstring(view("texas", offset=[0, 0, 3])._repr_html_())
+    assert description.measures in "".join(figure.itertext())
+    assert description.findings[0] in figure[1].text
+    picture = figure[0]
     ratio = float(picture.get("height")) / float(picture.get("width"))
-    assert ratio == pytest.approx(about.height / about.length, abs=1 / COLUMNS)
+    assert ratio == pytest.approx(description.height / description.length, abs=1 / COLUMNS)
 
 
 def test_names_are_escaped():

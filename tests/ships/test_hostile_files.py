@@ -65,8 +65,8 @@ def test_only_regular_files_are_read(tmp_path) -> None:
         silent.symlink_to("/dev/null")
         paths += [pipe, endless, silent]
     ran = python("-c", ALONE, *paths)
-    wanted = [f"ship file '{path}' is no regular file, but must be one." for path in paths]
-    assert ran.stdout.splitlines() == wanted
+    expected = [f"ship file '{path}' is no regular file, but must be one." for path in paths]
+    assert ran.stdout.splitlines() == expected
 
 
 def test_pipe_in_place_of_the_file_just_looked_at_does_not_hang(tmp_path, monkeypatch) -> None:

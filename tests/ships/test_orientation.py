@@ -53,7 +53,7 @@ def wigley(length=100.0, beam=13.0, draught=4.5, freeboard=6.0) -> trimesh.Trime
     max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
-    turn=st.sampled_from([one for one in TURNS if one != ("z", "-x")]),
+    turn=st.sampled_from([turn for turn in TURNS if turn != ("z", "-x")]),
     scale=st.floats(0.2, 3.0),
     place=st.tuples(*[st.floats(-300, 300)] * 3),
 )
@@ -63,14 +63,14 @@ def test_any_transform_is_undone(name, turn, scale, place, arrays):
     vertices = vertices * scale
     given_ = ships.Transform(up=turn[0], forward=turn[1], offset=place)
     file = in_file(vertices, given_)
-    found = diagnose(file, faces)
-    if found.mend is None:
+    diagnosis = diagnose(file, faces)
+    if diagnosis.mend is None:
         assert turn == ("z", "x")
         np.testing.assert_array_less(np.abs(place[:2]), 0.25 * np.ptp(vertices, axis=0)[:2] + 1e-9)
         return
-    mended = found.mend.apply(file)
+    mended = diagnosis.mend.apply(file)
     assert diagnose(mended, faces).findings == ()
-    if found.mend.offset[0] and found.mend.offset[1] and found.mend.offset[2]:
+    if diagnosis.mend.offset[0] and diagnosis.mend.offset[1] and diagnosis.mend.offset[2]:
         assert np.linalg.norm(mended - vertices, axis=1).max() <= ROUNDED + 1e-6 * scale
 
 
@@ -80,9 +80,9 @@ def test_a_hull_on_its_keel_is_lowered_by_a_draught():
     assert diagnose(vertices, faces).findings == ()
     for lifted, findings in ((4.5, 1), (20.0, 2)):
         above = vertices + np.array([0, 0, lifted])
-        found = diagnose(above, faces)
-        assert len(found.findings) == findings and "keel" in found.findings[-1]
-        mended = found.mend.apply(above)
+        diagnosis = diagnose(above, faces)
+        assert len(diagnosis.findings) == findings and "keel" in diagnosis.findings[-1]
+        mended = diagnosis.mend.apply(above)
         assert mended[:, 2].min() == pytest.approx(-13 / 3, abs=0.01)
         assert diagnose(mended, faces).findings == ()
     upside_down = ships.Transform(up="-z").apply(vertices)
@@ -94,10 +94,14 @@ def test_a_file_is_loaded_by_the_proposed_transform(ship, tmp_path):
     mesh, path = ship("duncan"), tmp_path / "hull.stl"
     wrong = ships.Transform(up="y", forward="-z", scale=0.001, offset=(-67.0, 0.0, -9.0))
     trimesh.Trimesh(in_file(mesh.vertices, wrong), mesh.faces, process=False).export(path)
-    found = ships.describe(path, scale=0.001)
-    assert found.findings[0] == "stands on end" and len(found.findings) > 1
-    keys = {"up": found.mend.up, "forward": found.mend.forward, "offset": found.mend.offset}
-    again = ships.load(path, scale=found.mend.scale, **keys)
+    description = ships.describe(path, scale=0.001)
+    assert description.findings[0] == "stands on end" and len(description.findings) > 1
+    keys = {
+        "up": description.mend.up,
+        "forward": description.mend.forward,
+        "offset": description.mend.offset,
+    }
+    again = ships.load(path, scale=description.mend.scale, **keys)
     assert again.metadata["findings"] == ()
     np.testing.assert_allclose(again.bounds, mesh.bounds, atol=0.02)
     assert again.metadata["digest"] == ships.digest(path, scale=0.001, **keys)
@@ -141,10 +145,10 @@ STANCES = [  # a mesh, how far it is lifted, and what is said of that
 @pytest.mark.parametrize(("mesh", "lift", "said"), STANCES)
 def test_what_is_said_of_a_mesh_is_true_of_it_as_given(mesh, lift, said):
     given_ = mesh.vertices + np.array([0, 0, lift])
-    found = diagnose(given_, mesh.faces)
-    assert sorted(found.findings) == sorted(said)
-    if found.mend is not None:
-        assert diagnose(found.mend.apply(given_), mesh.faces).findings == ()
+    diagnosis = diagnose(given_, mesh.faces)
+    assert sorted(diagnosis.findings) == sorted(said)
+    if diagnosis.mend is not None:
+        assert diagnose(diagnosis.mend.apply(given_), mesh.faces).findings == ()
 
 
 WRONG = [
@@ -166,7 +170,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("keys", "sentence"), WRONG)
 def test_wrong_transforms_are_refused(keys, sentence):
-    for function in (ships.Transform, lambda **one: ships.load("duncan", **one)):
+    for function in (ships.Transform, lambda **keywords: ships.load("duncan", **keywords)):
         with pytest.raises(ships.ShipError) as refused:
             function(**keys)
         assert str(refused.value).startswith(sentence)

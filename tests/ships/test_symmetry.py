@@ -52,9 +52,9 @@ def test_equal_moments_are_not_enough():
         placed(box((2, 2, 2)), -30, 4, 6.5),
         placed(box((2, 2, 2)), -30, -4, 6.5, turn=45),
     )
-    found = barge(port, starboard)
-    assert abs(found.center_mass[1]) < 1e-9
-    assert not ncti.ships.is_symmetric(found)
+    ship = barge(port, starboard)
+    assert abs(ship.center_mass[1]) < 1e-9
+    assert not ncti.ships.is_symmetric(ship)
 
 
 @settings(max_examples=20, deadline=None)
@@ -62,12 +62,12 @@ def test_equal_moments_are_not_enough():
 def test_a_plate_counts_from_a_thickness_on(exponent, length):
     """Twice its volume over its surface: its thickness, but for the rim."""
     thick = THINNEST * 10**exponent
-    found = barge(placed(box((length, thick, 3)), -20, 6 + thick / 2, 3))
-    thick = found.bounds[1, 1] - 6  # the union rounds to single precision, 0.2 um there
+    ship = barge(placed(box((length, thick, 3)), -20, 6 + thick / 2, 3))
+    thick = ship.bounds[1, 1] - 6  # the union rounds to single precision, 0.2 um there
     mean = thick / (1 + thick * (1 / length + 1 / 3))
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(symmetry, "BALANCED", np.inf)
-        assert ncti.ships.is_symmetric(found) == (mean <= THINNEST)
+        assert ncti.ships.is_symmetric(ship) == (mean <= THINNEST)
 
 
 @pytest.mark.parametrize("name", ncti.ships.names())

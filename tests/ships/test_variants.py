@@ -31,15 +31,15 @@ def feet(sheet: sheets.Sheet) -> np.ndarray:
 @pytest.fixture(scope="module")
 def drawn() -> dict[str, list[sheets.Sheet]]:
     """Some perturbed sheets of each of the six ships."""
-    made = {}
+    by_ship = {}
     for name in ships.names():
         sheet = packaged_sheet(name)
         borne = carriage(sheet)
-        made[name] = [
+        by_ship[name] = [
             perturbed(sheet, borne, rng=Variant(name, 0, number).stream(0), scale=1.0)
             for number in range(1, DRAWS[name] + 1)
         ]
-    return made
+    return by_ship
 
 
 @pytest.mark.parametrize("name", ships.names())
@@ -89,8 +89,8 @@ def test_uncertainty_is_used(drawn) -> None:
 def test_variants_are_distinct(drawn) -> None:
     for variants in drawn.values():
         places = np.array([feet(variant)[:, 0] for variant in variants])
-        apart = np.sqrt(((places[:, None] - places[None]) ** 2).mean(axis=-1))
-        assert apart[~np.eye(len(variants), dtype=bool)].min() > 0.3
+        distance = np.sqrt(((places[:, None] - places[None]) ** 2).mean(axis=-1))
+        assert distance[~np.eye(len(variants), dtype=bool)].min() > 0.3
 
 
 def test_same_ship_from_any_cache_and_count(tmp_path) -> None:
@@ -98,8 +98,8 @@ def test_same_ship_from_any_cache_and_count(tmp_path) -> None:
     again, second = ships.variants("connole", 2, seed=3, cache=tmp_path / "b")
     np.testing.assert_array_equal(first.vertices, again.vertices)
     np.testing.assert_array_equal(first.faces, again.faces)
-    kept = ships.load("connole@3.1", cache=tmp_path / "a")
-    np.testing.assert_array_equal(kept.vertices, first.vertices)
+    reloaded = ships.load("connole@3.1", cache=tmp_path / "a")
+    np.testing.assert_array_equal(reloaded.vertices, first.vertices)
     assert first.metadata["digest"] != second.metadata["digest"]
     assert len(list((tmp_path / "b").glob("*.npz"))) == 2
 
@@ -136,8 +136,8 @@ def test_symmetric_ship_stays_symmetric() -> None:
     mirrored = build.build(sheet)
     for number in (1, 2, 3):
         ship = build_variant(sheet, carriage(sheet), Variant("barge", 0, number, 0.3))
-        for made in (mirrored, ship):
-            low, high = made.vertices.min(axis=0)[1], made.vertices.max(axis=0)[1]
+        for built in (mirrored, ship):
+            low, high = built.vertices.min(axis=0)[1], built.vertices.max(axis=0)[1]
             assert low == pytest.approx(-high, abs=1e-6)
         assert ships.is_symmetric(trimesh_of(ship))
 
@@ -194,9 +194,9 @@ def test_draw_that_does_not_build_is_drawn_again(monkeypatch) -> None:
         return build.build(perturbed_sheet)
 
     monkeypatch.setattr(perturbation, "build", build_third)
-    found = build_variant(sheet, borne, variant)
+    ship = build_variant(sheet, borne, variant)
     third = perturbed(sheet, borne, rng=variant.stream(2), scale=variant.scale)
-    np.testing.assert_array_equal(found.vertices, build.build(third).vertices)
+    np.testing.assert_array_equal(ship.vertices, build.build(third).vertices)
     assert not np.array_equal(feet(drawn[0]), feet(drawn[1]))
 
 

@@ -57,11 +57,11 @@ def profile(frames):
 
 @pytest.mark.parametrize("frames", FRAMES)
 def test_profiles_are_those_of_a_sweep_less_the_floor(store, frames):
-    kept = opened(store, "range_profile").sel(frame_count=frames).squeeze()
-    found = profile(frames)
-    np.testing.assert_array_equal(found.down_range, kept.down_range)
+    stored = opened(store, "range_profile").sel(frame_count=frames).squeeze()
+    simulated = profile(frames)
+    np.testing.assert_array_equal(simulated.down_range, stored.down_range)
     floors = []
-    for ours, theirs in ((found.expected, kept.expected), (found, kept.averaged)):
+    for ours, theirs in ((simulated.expected, stored.expected), (simulated, stored.averaged)):
         floor = theirs - ours.values
         floors.append(float(floor.mean()))
         # one number, up to the rounding of the store, twice that of a sum near it
@@ -71,57 +71,60 @@ def test_profiles_are_those_of_a_sweep_less_the_floor(store, frames):
     ifovs = floors[0] / noise_floor()
     assert ifovs > FREE
     assert ifovs == pytest.approx(round(ifovs), rel=4 * FLOAT32)
-    assert found.attrs["error_bound"] == pytest.approx(float(kept.profile_error), rel=1e-6)
-    assert found.attrs["accuracy_reached"] == "yes"
-    assert int(kept.within_tolerance) == 1
+    assert simulated.attrs["error_bound"] == pytest.approx(float(stored.profile_error), rel=1e-6)
+    assert simulated.attrs["accuracy_reached"] == "yes"
+    assert int(stored.within_tolerance) == 1
 
 
 @pytest.mark.parametrize("way", ["none", "perfect", "shifted"])
 def test_images_are_those_of_a_sweep(store, way):
     place = {"super_resolution": way, "frame_count": 16}
-    kept = opened(store, "infrared").image.sel(place).squeeze()
-    named = {"ship": SHIP, "aspect": ASPECT, "range": RANGE}
-    across, up = cell_rng(5, stage="infrared_place", **named).random(2)
+    stored = opened(store, "infrared").image.sel(place).squeeze()
+    key = {"ship": SHIP, "aspect": ASPECT, "range": RANGE}
+    across, up = cell_rng(5, stage="infrared_place", **key).random(2)
     cells = 1 if way == "none" else 2  # of a pixel of the detector, along a side
-    found = simulate.infrared_image(
+    simulated = simulate.infrared_image(
         SHIP,
         aspect=ASPECT,
         slant_range=RANGE * 1e3,
         super_resolution=way,
         phase=(across * cells % 1, up * cells % 1),
-        rng=cell_rng(5, stage="infrared", super_resolution=way, **named),
+        rng=cell_rng(5, stage="infrared", super_resolution=way, **key),
     )
     # Noise further than four pixels from those that show the ship depends on the window.
-    ours = found[EDGE:-EDGE, EDGE:-EDGE].astype(np.float32)
-    theirs = np.lib.stride_tricks.sliding_window_view(kept.values, ours.shape)
+    ours = simulated[EDGE:-EDGE, EDGE:-EDGE].astype(np.float32)
+    theirs = np.lib.stride_tricks.sliding_window_view(stored.values, ours.shape)
     [(row, column)] = np.argwhere((theirs == ours.values).all(axis=(-2, -1)))
     # The store has one place for every ship's pixels, which are off by the place of its origin in
     # a pixel, and by a whole one if that pushes the ship over its border.
     off = (
-        (kept.vertical[row] - ours.vertical[0]) / PIXEL - up,
-        (kept.horizontal[column] - ours.horizontal[0]) / PIXEL - across,
+        (stored.vertical[row] - ours.vertical[0]) / PIXEL - up,
+        (stored.horizontal[column] - ours.horizontal[0]) / PIXEL - across,
     )
     np.testing.assert_allclose(off, np.round(off), atol=1e-9)
     assert np.abs(off).max() < 1.5
 
 
 def test_flights_are_those_of_a_sweep(tmp_path, cache):
-    given = (
+    options = (
         *("sensor=irar", "grid.ship=roberts", "grid.aspect=175", "render.engine=embree"),
         *("irar.range=3", "irar.ifov=500", "classifier.name=acn", "seed=5"),
         *(f"irar.{name}={value}" for name, value in FLIGHT.items()),
     )
-    swept(tmp_path / "f.zarr", cache, *given)
-    kept = opened(tmp_path / "f.zarr", "validation").squeeze()
+    swept(tmp_path / "f.zarr", cache, *options)
+    stored = opened(tmp_path / "f.zarr", "validation").squeeze()
     # What names the stream of a flight: all that the raw images depend on but the passive band.
-    choices = chosen(*given)
-    named = {one.name: choices.value(one) for one in {*FLOWN, *RECORDED} - {*Passive.declared}}
-    found = simulate.flight(
+    choices = chosen(*options)
+    key = {
+        setting.name: choices.value(setting)
+        for setting in {*FLOWN, *RECORDED} - {*Passive.declared}
+    }
+    simulated = simulate.flight(
         "roberts",
         aspect=175,
         slant_range=3000,
         ifov=500e-6,
-        rng=cell_rng(5, stage="flight", ship="roberts", aspect=175.0, **named),
+        rng=cell_rng(5, stage="flight", ship="roberts", aspect=175.0, **key),
         **FLIGHT,
     )
     for ours, theirs in (
@@ -129,16 +132,19 @@ def test_flights_are_those_of_a_sweep(tmp_path, cache):
         ("corrected_range", "range_image"),
         ("corrected_infrared", "infrared_image"),
     ):
-        image = found[ours].astype(np.float32)
-        np.testing.assert_array_equal(image, kept[theirs])
-    np.testing.assert_allclose(found.vertical, kept.row * 1.5)
-    np.testing.assert_allclose(found.horizontal, kept.column * 1.5)
+        image = simulated[ours].astype(np.float32)
+        np.testing.assert_array_equal(image, stored[theirs])
+    np.testing.assert_allclose(simulated.vertical, stored.row * 1.5)
+    np.testing.assert_allclose(simulated.horizontal, stored.column * 1.5)
 
 
 def test_defaults_are_those_of_sweeps():
     """In units of the configuration."""
     profile, image, flight = (
-        {name: one.default for name, one in inspect.signature(function).parameters.items()}
+        {
+            name: parameter.default
+            for name, parameter in inspect.signature(function).parameters.items()
+        }
         for function in (simulate.range_profile, simulate.infrared_image, simulate.flight)
     )
     same = [

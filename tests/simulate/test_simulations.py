@@ -18,16 +18,16 @@ BOX.apply_translation((0.0, 0.0, 3.0))
 COARSE = {"ifov": 500e-6, "samples": 60, "line_rate": 60.0, "detectors": 2, "slant_range": 3000.0}
 
 
-def profile(ship=BOX, **given):
-    return simulate.range_profile(ship, **{"aspect": 30.0, "target_free_ifovs": 50, **given})
+def profile(ship=BOX, **options):
+    return simulate.range_profile(ship, **{"aspect": 30.0, "target_free_ifovs": 50, **options})
 
 
-def image(ship=BOX, **given):
-    return simulate.infrared_image(ship, **{"aspect": 30.0, **given})
+def image(ship=BOX, **options):
+    return simulate.infrared_image(ship, **{"aspect": 30.0, **options})
 
 
-def flight(ship=BOX, **given):
-    return simulate.flight(ship, **{"aspect": 170.0, **COARSE, **given})
+def flight(ship=BOX, **options):
+    return simulate.flight(ship, **{"aspect": 170.0, **COARSE, **options})
 
 
 EVERY = pytest.mark.parametrize("simulated", [profile, image, flight])
@@ -35,15 +35,15 @@ EVERY = pytest.mark.parametrize("simulated", [profile, image, flight])
 
 def test_the_averaged_profile_is_the_expected_one_in_the_mean():
     """Student's t with 29 degrees of freedom in each of 250 bins; level 5e-6."""
-    found = profile(frames=2000, rng=1)
+    averaged = profile(frames=2000, rng=1)
     shorter = [profile(frames=50, rng=seed).values for seed in range(2, 32)]
     deviation = np.std(shorter, axis=0, ddof=1) * math.sqrt(50 / 2000)
-    assert np.abs((found - found.expected).values / deviation).max() < 7.7
+    assert np.abs((averaged - averaged.expected).values / deviation).max() < 7.7
 
 
 def test_a_ship_whose_sides_are_alike_has_equal_profiles_from_both():
     """Lines lie mirrored, so that even the error of coarse ones, some 1e-3, is the same."""
-    port, starboard = (profile(aspect=at, accuracy=0.5).expected for at in (35.0, 325.0))
+    port, starboard = (profile(aspect=aspect, accuracy=0.5).expected for aspect in (35.0, 325.0))
     np.testing.assert_allclose(starboard, port, rtol=0, atol=1e-9 * float(port.max()))
 
 
@@ -65,7 +65,7 @@ def test_a_mesh_that_is_no_solid_is_refused(simulated):
     accuracy=st.floats(1e-3, 0.5),
 )
 def test_any_profile_says_its_error(aspect, pulse_width, slant_range, accuracy):
-    found = profile(
+    simulated = profile(
         aspect=aspect,
         pulse_width=pulse_width,
         slant_range=slant_range,
@@ -73,11 +73,11 @@ def test_any_profile_says_its_error(aspect, pulse_width, slant_range, accuracy):
         frames=1,
         ifov=1e-3,
     )
-    assert np.isfinite(found).all()
-    assert np.isfinite(found.expected).all()
-    reached = found.attrs["error_bound"] <= accuracy
-    assert found.attrs["accuracy_reached"] == ("yes" if reached else "no")
-    assert found.attrs["pulse_width_ns"] == pytest.approx(pulse_width * 1e9)
+    assert np.isfinite(simulated).all()
+    assert np.isfinite(simulated.expected).all()
+    reached = simulated.attrs["error_bound"] <= accuracy
+    assert simulated.attrs["accuracy_reached"] == ("yes" if reached else "no")
+    assert simulated.attrs["pulse_width_ns"] == pytest.approx(pulse_width * 1e9)
 
 
 def test_a_finer_accuracy_moves_the_profile_by_no_more_than_it_says():
@@ -88,13 +88,15 @@ def test_a_finer_accuracy_moves_the_profile_by_no_more_than_it_says():
 
 
 def test_a_profile_does_not_depend_on_its_company():
-    several = profile(aspect=[0.0, 30.0, 350.0])
-    assert several.dims == ("aspect", "down_range")
-    alone = profile(aspect=30.0)
-    xr.testing.assert_identical(several.sel(aspect=30.0).drop_attrs(), alone.drop_attrs())
-    assert not np.array_equal(several[0], several[1])
-    bounds = [profile(aspect=each, frames=1).attrs["error_bound"] for each in (0.0, 30.0, 350.0)]
-    assert several.attrs["error_bound"] == max(bounds)
+    together = profile(aspect=[0.0, 30.0, 350.0])
+    assert together.dims == ("aspect", "down_range")
+    single = profile(aspect=30.0)
+    xr.testing.assert_identical(together.sel(aspect=30.0).drop_attrs(), single.drop_attrs())
+    assert not np.array_equal(together[0], together[1])
+    bounds = [
+        profile(aspect=aspect, frames=1).attrs["error_bound"] for aspect in (0.0, 30.0, 350.0)
+    ]
+    assert together.attrs["error_bound"] == max(bounds)
 
 
 @EVERY
@@ -112,25 +114,25 @@ def test_a_ship_is_a_name_a_path_or_a_mesh(simulated, tmp_path):
 
 @EVERY
 def test_everything_has_a_label_and_a_unit(simulated):
-    found = simulated()
-    every = [found] if isinstance(found, xr.DataArray) else list(found.data_vars.values())
-    for one in (*every, *(found[name] for name in found.coords if name != "ship")):
-        assert one.attrs["long_name"], one.name
-        assert one.attrs["units"], one.name
+    result = simulated()
+    arrays = [result] if isinstance(result, xr.DataArray) else list(result.data_vars.values())
+    for array in (*arrays, *(result[name] for name in result.coords if name != "ship")):
+        assert array.attrs["long_name"], array.name
+        assert array.attrs["units"], array.name
 
 
 def test_an_image_shows_the_ship_as_large_as_it_is():
     """Without noise or spread: the area of the pixels that show it, within those of its outline."""
-    found = image(
+    thermal = image(
         aspect=90.0, depression=0.0, slant_range=5e3, nedt=0, target_spread=0, sea_spread=0
     )
-    shown = found > 0
-    assert np.unique(found).tolist() == [0.0, found.attrs["contrast_K"]]
-    area, side = float(shown.sum()) * 0.75**2, 0.75
+    ship = thermal > 0
+    assert np.unique(thermal).tolist() == [0.0, thermal.attrs["contrast_K"]]
+    area, side = float(ship.sum()) * 0.75**2, 0.75
     assert abs(area - 40 * 6) <= 2 * (40 + 6) * side
-    across = found.horizontal[shown.any("vertical")]
+    across = thermal.horizontal[ship.any("vertical")]
     assert abs(float(across.mean())) <= side
-    up = found.vertical[shown.any("horizontal")]
+    up = thermal.vertical[ship.any("horizontal")]
     assert abs(float(up.mean()) - 3.0) <= side
 
 
