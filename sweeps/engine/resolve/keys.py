@@ -22,7 +22,7 @@ STREAM_VERSION = 1
 
 
 def hash_bytes(data: str | bytes | memoryview, size: int = HASH_BYTES) -> bytes:
-    """Return the hash of a text or bytes: `size` bytes."""
+    """Return the hash of a text or bytes, `size` bytes long."""
     data = data.encode() if isinstance(data, str) else data
     return hashlib.blake2b(data, digest_size=size).digest()
 
@@ -34,8 +34,8 @@ def digest(data: str | bytes) -> str:
 
 def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:
     """Return the hash of each text, (text, 2) ndarray."""
-    found = b"".join(map(hash_bytes, texts))
-    return np.frombuffer(found, "<u8").reshape(-1, 2).astype(np.uint64)
+    hashes = b"".join(map(hash_bytes, texts))
+    return np.frombuffer(hashes, "<u8").reshape(-1, 2).astype(np.uint64)
 
 
 def fold(keys: Keys, words: Keys) -> None:
