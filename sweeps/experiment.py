@@ -168,9 +168,9 @@ def groups_of(module: Any) -> tuple[type[Settings], ...]:
 def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
     """Return the stages that some modules list as STAGES; the stages of a script need no list."""
     listed = (getattr(module, "STAGES", vars(module).values()) for module in modules)
-    values = (value for several in listed for value in several)
-    several = (value if isinstance(value, tuple) else (value,) for value in values)
-    return tuple(dict.fromkeys(s for stages in several for s in stages if isinstance(s, Stage)))
+    values = (value for values_of_module in listed for value in values_of_module)
+    tuples = (value if isinstance(value, tuple) else (value,) for value in values)
+    return tuple(dict.fromkeys(s for stages in tuples for s in stages if isinstance(s, Stage)))
 
 
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:

@@ -118,20 +118,20 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
             make_folder(packs, PRIVATE_MODE)
         stack.enter_context(cache_lock(packs))
         index = CellIndex(options.packs, watch.say, plan.identity.values())
-        old = extended_attributes(options.store, plan)
+        attributes = extended_attributes(options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
-            for name, reasons in differences(plan, old or {}):
+            for name, reasons in differences(plan, attributes or {}):
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(reasons))
-        if old is not None and is_complete(plan, options.store, old, watch.say):
+        if attributes is not None and is_complete(plan, options.store, attributes, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
             finished = _unchanged(plan, index, watch)
-        elif options.partial and old is not None and PARTIAL not in old:
+        elif options.partial and attributes is not None and PARTIAL not in attributes:
             raise ConfigurationError(
                 f"store is {str(options.store)!r}, a complete store; partial=true would drop "
                 "results that the cache has lost; give another store="
             )
         else:
-            crash_free = _crash_free(plan, old or {})
+            crash_free = _crash_free(plan, attributes or {})
             finished = _compute_and_write(plan, options, index, watch, check, crash_free)
         size = 0
         with suppress(OSError):  # the store is complete even if the cache fails now
@@ -147,17 +147,17 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     return finished
 
 
-def _crash_free(plan: Plan, old: Mapping[str, Any]) -> set[str]:
+def _crash_free(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
     """Return the stages of packages with which a store, by its attributes, was made.
 
     Their calls have ended no process, so they may run in the command; a script's calls may not.
     """
-    if "failures" in old:
+    if "failures" in attributes:
         return set()
     return {
         bound.name
         for bound in plan.bound.values()
-        if bound.name in old.get("code", ())
+        if bound.name in attributes.get("code", ())
         and array_kinds(bound.stage.outputs)
         and is_within(module_and_name(bound.stage.function)[0], plan.experiment.code)
     }
@@ -187,8 +187,8 @@ def _compute_and_write(
             except DamagedResults as error:
                 damaged = sorted(_damaged_keys(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
-                lost = f"{len(damaged):,} results in the cache are damaged"
-                watch.say(f"{lost} and are computed again")
+                message = f"{len(damaged):,} results in the cache are damaged"
+                watch.say(f"{message} and are computed again")
                 index.drop(keys)
             else:
                 return Finished(schedule.progress, failures, written=True)
@@ -277,15 +277,15 @@ def is_complete(
     """Return whether an undamaged store has all results of a plan."""
     raise_if_stopped()
     # In the form in which a store returns them.
-    new = decode_attrs(encode_attrs(provenance(plan)))
-    if "failures" in old or dict(old) != new:
-        keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
+    attributes = decode_attrs(encode_attrs(provenance(plan)))
+    if "failures" in old or dict(old) != attributes:
+        keys = sorted(key for key in {*old, *attributes} if old.get(key) != attributes.get(key))
         LOG.debug("store is written again: its %s differ", ", ".join(keys))
         return False
-    bad = verify(path)
-    if bad:
-        say(f"{len(bad):,} files of the store are damaged ({bad[0]}) and are written again")
-    return not bad
+    damaged = verify(path)
+    if damaged:
+        say(f"{len(damaged):,} files of the store are damaged ({damaged[0]}) and are written again")
+    return not damaged
 
 
 def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
@@ -330,17 +330,17 @@ def _write(
             from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
 
             table_failures = add_tables(plan, groups)
-    lost = {failure.name: failure.reason for failure in table_failures}
+    failed_tables = {failure.name: failure.reason for failure in table_failures}
     for failure in table_failures:
         watch.failed(failure)
-    attributes = provenance(plan, failures | lost)
+    attributes = provenance(plan, failures | failed_tables)
     shared: tuple[str, ...] = SHARED_ATTRIBUTES
     if options.partial:
         total = Progress.sum(schedule.progress.values())
         attributes[PARTIAL] = f"{total.left:,} of {total.total:,} cells are missing"
         shared = (*SHARED_ATTRIBUTES, PARTIAL)
     write_store(options.store, groups, attributes, shared=shared, check=check, writers=workers)
-    return list(lost.items())
+    return list(failed_tables.items())
 
 
 # dry run ------------------------------------------------------------------------------------------
@@ -356,8 +356,10 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     ConfigurationError
         If the sweep would be refused.
     """
-    old = extended_attributes(options.store, plan)
-    if old is not None and is_complete(plan, options.store, old, lambda sentence: None):
+    attributes = extended_attributes(options.store, plan)
+    if attributes is not None and is_complete(
+        plan, options.store, attributes, lambda sentence: None
+    ):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
     packs = replace(options.packs, make=False)

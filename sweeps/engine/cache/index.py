@@ -45,8 +45,8 @@ class CellIndex:
         with ThreadPoolExecutor(READERS) as pool:  # each waits for a bucket's answer
             for pack, keys in pool.map(lambda pack: read_pack(cells, *pack), packs):
                 self.add(pack, keys)
-        if lost := sum(not pack.cells for pack in self.packs):
-            say(f"{lost:,} files of results in the cache are damaged, or of another version")
+        if damaged := sum(not pack.cells for pack in self.packs):
+            say(f"{damaged:,} files of results in the cache are damaged, or of another version")
 
     def add(self, pack: Pack, keys: Keys | None = None) -> int:
         """Record a new pack; return its number. Its cells are found after the next `refresh`."""
@@ -98,10 +98,12 @@ class CellIndex:
             number for number in numbers if kinds is not None and self.packs[number].kinds != kinds
         ]
         if differing:
-            wrong = np.isin(pack, differing)
-            pack[wrong] = NO_PACK
-            lost = f"{int(wrong.sum()):,} results in the cache differ from the declaration of"
-            self._say(f"{lost} their stage, and are computed again")
+            mismatched = np.isin(pack, differing)
+            pack[mismatched] = NO_PACK
+            message = (
+                f"{int(mismatched.sum()):,} results in the cache differ from the declaration of"
+            )
+            self._say(f"{message} their stage, and are computed again")
         return Locations(self.paths, pack, row, keys)
 
     def drop(self, keys: Keys) -> None:
@@ -110,8 +112,8 @@ class CellIndex:
         for key in keys:
             halves, last_key = self._locations.keys[:, 0], key[0] + np.uint64(1)
             first, last = np.searchsorted(halves, [key[0], last_key])
-            same = (self._locations.keys[first:last] == key).all(axis=1)
-            self._locations.pack[first:last][same] = NO_PACK
+            equal = (self._locations.keys[first:last] == key).all(axis=1)
+            self._locations.pack[first:last][equal] = NO_PACK
 
     def costs(self) -> dict[str, tuple[float, float]]:
         """Return seconds and bytes per cell by stage: means of the latest packs."""
@@ -135,12 +137,12 @@ class CellIndex:
         """
         newest_first = np.cumsum([pack.size for pack in reversed(self.packs)])
         count = int(np.searchsorted(newest_first, limit, side="right"))
-        old = self.packs[: len(self.packs) - count]
-        self.cells.delete(pack.path for pack in old)
+        oldest = self.packs[: len(self.packs) - count]
+        self.cells.delete(pack.path for pack in oldest)
         self.cells.delete(name for name in self.cells.sizes() if name.endswith(MARKER))
         self.cells.delete_unfinished()
         self.cells.remove_empty_folders()
-        return sum(pack.cells for pack in old), sum(pack.size for pack in old)
+        return sum(pack.cells for pack in oldest), sum(pack.size for pack in oldest)
 
     def size(self) -> tuple[int, int]:
         """Return the number of cells and of bytes."""

@@ -313,9 +313,9 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
         rows, path = locations.row[indices], locations.paths[locations.pack[indices[0]]]
         with ignore_damage():
             head = _head(cells, path)
-            inside = np.flatnonzero(rows < len(head.keys))
-            same = head.keys[rows[inside]] == locations.keys[indices[inside]]
-            matching = inside[same.all(axis=1)]
+            in_range = np.flatnonzero(rows < len(head.keys))
+            equal = head.keys[rows[in_range]] == locations.keys[indices[in_range]]
+            matching = in_range[equal.all(axis=1)]
             begins, ends = head.begins[rows[matching]], head.ends[rows[matching]]
             gaps, blocks = begins[1:] - ends[:-1], np.diff(begins // READ_BYTES)
             splits = np.flatnonzero((gaps > MAX_GAP) | (blocks != 0))

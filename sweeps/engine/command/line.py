@@ -230,10 +230,10 @@ class Command:
         [job] = read_jobs(self.experiment, words, several=False)
         choices, path = self.experiment.check(job.choices), path_or_url("store", job.store)
         with environment(choices.variables):
-            plan, old = Plan(self.experiment, choices), read_attributes(path)
-            if old is None:
+            plan, attributes = Plan(self.experiment, choices), read_attributes(path)
+            if attributes is None:
                 raise ConfigurationError(f"store is {str(path)!r}, which does not exist")
-            lines = [f"{name}: {', '.join(parts)}" for name, parts in differences(plan, old)]
+            lines = [f"{name}: {', '.join(parts)}" for name, parts in differences(plan, attributes)]
             for line in lines or ["nothing differs: the store has all of the sweep"]:
                 show(line)
 
@@ -242,9 +242,9 @@ class Command:
     ) -> tuple[PathOrUrl, PathOrUrl]:
         """Return the store and the cache of a command line beside some options."""
         words = [word for word in arguments if word not in options]
-        if wrong := [word for word in words if "=" not in word]:
+        if invalid := [word for word in words if "=" not in word]:
             allowed = " and ".join(["settings, such as cache=PLACE", *options[1:]])
-            raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {allowed}")
+            raise ConfigurationError(f"{options[0]} has {invalid[0]!r}, but takes {allowed}")
         [job] = read_jobs(self.experiment, words, several=False)
         return path_or_url("store", job.store), self._cache_path(job.choices.value(Run.cache))
 
@@ -295,8 +295,8 @@ class Command:
 
     def _run(self, plan: Plan, options: RunOptions) -> list[str]:
         """Run one sweep and its report; return messages on failures."""
-        near = path_beside(options.store)
-        log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
+        base = path_beside(options.store)
+        log = FailureLog(base.with_name(f"{base.name.removesuffix('.zarr')}-failures.log"))
         with watching(
             self.name, log, options.store, options.cache, record=not options.partial
         ) as watch:

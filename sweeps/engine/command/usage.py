@@ -39,7 +39,7 @@ STATUS = (
 def usage(experiment: Experiment) -> str:
     """Return the text of `--help`, in lines of at most 79 columns."""
     name, conf = experiment.name, experiment.conf
-    several = "a list, or {start: 0, stop: 90, step: 3}, is an axis of the sweep"
+    syntax = "a list, or {start: 0, stop: 90, step: 3}, is an axis of the sweep"
     folders = sorted(path.name for path in conf.iterdir() if path.is_dir()) if conf else []
     groups = {
         folder: ", ".join(file for file, _ in descriptions(conf, folder))
@@ -53,7 +53,7 @@ def usage(experiment: Experiment) -> str:
             for folder in experiment.added_conf
             for entry in descriptions(folder, "experiment")
         ],
-        f"Main keys ({several}):": [
+        f"Main keys ({syntax}):": [
             (setting.key, _description(setting)) for setting in main_settings(experiment)
         ],
         "Groups of settings (GROUP=NAME):": groups.items(),
@@ -142,8 +142,8 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
             for paragraph in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrapped(paragraph, 2 * INDENT)
     if not lines:
-        wrong = f"--settings has {' '.join(words)!r}"
-        raise ConfigurationError(f"{wrong}, but must have words of a key or a description")
+        problem = f"--settings has {' '.join(words)!r}"
+        raise ConfigurationError(f"{problem}, but must have words of a key or a description")
     return "\n".join(lines)
 
 

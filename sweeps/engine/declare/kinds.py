@@ -311,8 +311,8 @@ def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
         # A store ends texts at their last character that is not NUL.
         label = value.rstrip("\0") if isinstance(value, str) else value
         if label in labels:
-            wrong = f"{key} has {quote_value(value)} more than once"
-            raise ValueError(f"{wrong}, but values must differ")
+            problem = f"{key} has {quote_value(value)} more than once"
+            raise ValueError(f"{problem}, but values must differ")
         labels.add(label)
     return tuple(sorted(values, key=sort_key))
 

@@ -144,11 +144,13 @@ class Settings:
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
                 if name in ("key", "declared"):
-                    wrong = f"setting {name} must have another name: every group has its own {name}"
-                    raise DeclarationError(locate(cls, wrong))
+                    problem = (
+                        f"setting {name} must have another name: every group has its own {name}"
+                    )
+                    raise DeclarationError(locate(cls, problem))
                 if not isinstance(value.unit, str):
-                    wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
-                    raise DeclarationError(locate(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
+                    problem = f"setting {name} has unit={value.unit!r}, but must have a text"
+                    raise DeclarationError(locate(cls, f"{problem}, or Unit(SYMBOL, FACTOR)"))
                 class_options = {"single": single, "fixed": fixed}.items()
                 inherited: Any = {
                     option: default

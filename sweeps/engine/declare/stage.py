@@ -132,7 +132,7 @@ class Group:
     path: str
     when: Condition = always  # whether a configuration has it at all
     uses: tuple[type[Settings], ...] = ()  # of stages without `uses`
-    dims: tuple[str, ...] = ()  # their order; those not named come first
+    dims: tuple[str, ...] = ()  # their order; unnamed dimensions come first
     status: Status | None = None  # None: every stage has a status of its own
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
 
@@ -206,19 +206,21 @@ class Stage:
         for description, value in tuples.items():
             if not isinstance(value, tuple | list):
                 name = getattr(value, "key", value)
-                wrong = f"stage {self.name} has {name!r} as {description}, but must have a tuple, "
-                raise DeclarationError(locate(self.function, f"{wrong}with a comma: (NAME,)"))
+                problem = (
+                    f"stage {self.name} has {name!r} as {description}, but must have a tuple, "
+                )
+                raise DeclarationError(locate(self.function, f"{problem}with a comma: (NAME,)"))
         for output in self.outputs:
             if not isinstance(output.unit, str):
-                wrong = (
+                problem = (
                     f"stage {self.name}: {output.name} has unit={output.unit!r}, "
                     "but must have a text"
                 )
-                raise DeclarationError(locate(self.function, wrong))
+                raise DeclarationError(locate(self.function, problem))
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
-        """Names of the function's arguments, without those that keep their default.
+        """Names of the function's arguments, except arguments that keep their default.
 
         A function of any arguments (`**values`) takes the arguments in `reads`.
         """
@@ -348,7 +350,7 @@ class Experiment:
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
-        """Every setting, including those of the engine."""
+        """Every setting, including the engine's."""
         engine = (setting for group in ENGINE_SETTINGS for setting in group.declared)
         return (*self.own_settings, *engine)
 
@@ -389,12 +391,12 @@ class BoundStage:
 
     stage: Stage
     arguments: Mapping[str, Setting | BoundStage]
-    needs: tuple[str, ...]  # keys of settings that a cell depends on, through inputs, too; sorted
+    needs: tuple[str, ...]  # keys of settings that a cell depends on, also by its inputs; sorted
     inputs: tuple[BoundStage, ...]
     name: str
     random: bool  # whether it draws
     along: tuple[str, ...]  # keys of the axes that it computes together
-    gather: tuple[str, ...]  # and of those that it gathers
+    gather: tuple[str, ...]  # keys of the axes that it gathers
 
 
 def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, BoundStage]:
@@ -480,8 +482,8 @@ def _bind_stage(
     gather = tuple(setting.key for setting in declared.gather)
     whole_axes = {*along, *gather}
     if missing := whole_axes - needs:
-        wrong = _unneeded_message(declared.name, missing, inputs)
-        raise DeclarationError(locate(declared.function, wrong))
+        message = _unneeded_message(declared.name, missing, inputs)
+        raise DeclarationError(locate(declared.function, message))
     for source in inputs:
         if not source.stage.is_cached and (shared := whole_axes & set(source.needs)):
             raise DeclarationError(

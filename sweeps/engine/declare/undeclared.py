@@ -110,8 +110,8 @@ def _declared(
     if dims is None:
         dims = output.dims_of.get(name) or (output.dims if ndim else ())
         dims = dims or tuple(f"{name}_{k}" for k in range(ndim))
-    if wrong := output.reserved.intersection((name, *dims)):
-        raise TypeError(f"{subject}, but {min(wrong)!r} is the name of an argument")
+    if clashing := output.reserved.intersection((name, *dims)):
+        raise TypeError(f"{subject}, but {min(clashing)!r} is the name of an argument")
     if name in dims and not coordinate:
         raise TypeError(f"{subject} along a dimension of that name; rename one of them")
     stored = output.dtype
@@ -125,7 +125,7 @@ def _declared(
 def _variables(
     name: Any, names: Sequence[str], result: Any, function_name: str
 ) -> Iterator[tuple[Any, Variable]]:
-    """Yield the variables of a result by name; `names` are those of a tuple's elements."""
+    """Yield the variables of a result by name; `names` name the elements of a tuple."""
     if hasattr(result, "to_xarray"):  # a frame or series of pandas
         result = result.to_xarray()
     if hasattr(result, "coords") and not hasattr(result, "data_vars"):  # a data array
@@ -161,8 +161,8 @@ def _array(subject: str, values: Any) -> NDArray[Any]:
         dates = list(array[~np.isnat(array)].ravel())
     if array.dtype.kind == "M" or dates:
         kind = Date("" if objects else np.datetime_data(array.dtype)[0])
-        if wrong := [value for value in dates if not kind.holds(value)]:
-            raise TypeError(f"{subject} with {wrong[0]!r}, but it must be {kind.allowed}")
+        if invalid := [value for value in dates if not kind.holds(value)]:
+            raise TypeError(f"{subject} with {invalid[0]!r}, but it must be {kind.allowed}")
         return array.astype(DATES)
     if array.dtype.kind in "TU" or (objects and all(isinstance(value, str) for value in objects)):
         texts = array.astype(str)
@@ -171,11 +171,11 @@ def _array(subject: str, values: Any) -> NDArray[Any]:
 
 
 def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
-    """Infer outputs from the layouts of results; attributes are those of the first.
+    """Infer outputs from the layouts of results, with the attributes of the first result.
 
     Raises DeclarationError if results of a variable do not fit together.
     """
-    first: dict[str, tuple[tuple[str, ...], Any, bool]] = {}
+    declarations: dict[str, tuple[tuple[str, ...], Any, bool]] = {}
     shapes: dict[str, list[tuple[np.dtype[Any], tuple[int, ...]]]] = defaultdict(list)
     lengths: dict[str, set[int]] = defaultdict(set)
     for layout in layouts:
@@ -185,11 +185,11 @@ def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]
             if name.startswith(META):
                 continue
             dims, attrs, coordinate = metadata.get(name, ((), {}, False))
-            earlier = first.setdefault(name, (tuple(dims), attrs, coordinate))
+            earlier = declarations.setdefault(name, (tuple(dims), attrs, coordinate))
             shapes[name].append((np.dtype(dtype), shape))
             if earlier[0] != tuple(dims) or _kind(shapes[name][0][0]) != _kind(shapes[name][-1][0]):
-                both = (shapes[name][0], shapes[name][-1])
-                forms = [f"{_kind(dtype)} {list(shape)}" for dtype, shape in both]
+                conflicting = (shapes[name][0], shapes[name][-1])
+                forms = [f"{_kind(dtype)} {list(shape)}" for dtype, shape in conflicting]
                 raise DeclarationError(
                     f"{output.name} returned {name} as {' and as '.join(forms)} for different "
                     "arguments, which one variable cannot be"
@@ -197,7 +197,7 @@ def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]
             for dim, size in zip(dims, shape, strict=True):
                 lengths[dim].add(size)
     outputs: list[Output] = []
-    for name, (dims, returned_attrs, coordinate) in first.items():
+    for name, (dims, returned_attrs, coordinate) in declarations.items():
         attrs = {**returned_attrs, **output.about.get(name, {})}
         dtype = np.result_type(*(dtype for dtype, _ in shapes[name]))
         uneven = [dim for dim in dims if len(lengths[dim]) > 1]
@@ -236,7 +236,7 @@ def longest_arrays(
             if previous is None:
                 continue
             short, long = sorted((array, previous), key=lambda array: array.size)
-            inside = long[tuple(map(slice, short.shape))]
-            agrees = np.array_equal(inside, short, equal_nan=short.dtype.kind in "fc")
+            beginning = long[tuple(map(slice, short.shape))]
+            agrees = np.array_equal(beginning, short, equal_nan=short.dtype.kind in "fc")
             longest[name] = long if agrees else None
     return longest

@@ -209,8 +209,10 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     together = [[_find_setting(experiment, name) for name in names] for names in groups]
     joint = [_zipped(settings, inputs) for settings in together]
     zipped = [key for axis in joint for key in axis.keys]
-    if twice := [key for key in zipped if zipped.count(key) > 1]:
-        raise ConfigurationError(f"grid.zip has {twice[0]!r} more than once, but keys must differ")
+    if repeated := [key for key in zipped if zipped.count(key) > 1]:
+        raise ConfigurationError(
+            f"grid.zip has {repeated[0]!r} more than once, but keys must differ"
+        )
     for key in zipped:  # a setting may repeat values on a joint axis
         if isinstance(listed := inputs.get(key), list):
             inputs[key] = [
@@ -241,16 +243,18 @@ def unknown_key(
     experiment: Experiment, tree: Mapping[str, Any], group: str, key: str
 ) -> ConfigurationError:
     """Return the error of a key that is not in its group, which has the keys of `tree`."""
-    last = key.rpartition(".")[2]
-    wrong = f"{key} is not a key of the configuration"
-    elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
-    meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=SIMILARITY) or elsewhere
-    if not meant:
-        near = difflib.get_close_matches(last, tree, n=1, cutoff=SIMILARITY)
-        meant = [f"{group}.{name}".lstrip(".") for name in near]
-    if meant:
-        return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
-    return ConfigurationError(f"{wrong}; {group or 'it'} has {', '.join(tree) or 'no keys'}")
+    word = key.rpartition(".")[2]
+    problem = f"{key} is not a key of the configuration"
+    candidates = [
+        setting.key for setting in experiment.declared if setting.key.endswith(f".{word}")
+    ]
+    suggestions = difflib.get_close_matches(key, candidates, n=1, cutoff=SIMILARITY) or candidates
+    if not suggestions:
+        similar = difflib.get_close_matches(word, tree, n=1, cutoff=SIMILARITY)
+        suggestions = [f"{group}.{name}".lstrip(".") for name in similar]
+    if suggestions:
+        return ConfigurationError(f"{problem}; did you mean {' or '.join(suggestions)}?")
+    return ConfigurationError(f"{problem}; {group or 'it'} has {', '.join(tree) or 'no keys'}")
 
 
 # settings that run together -----------------------------------------------------------------------
@@ -271,8 +275,8 @@ def _zipped(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Joint:
         zip(*listed, strict=True), key=lambda point: [sort_key(value) for value in point]
     )
     if len(set(points)) < len(points):
-        wrong = f"grid.zip has {', '.join(keys)}"
-        raise ConfigurationError(f"{wrong}, which have the same values together twice")
+        problem = f"grid.zip has {', '.join(keys)}"
+        raise ConfigurationError(f"{problem}, which have the same values together twice")
     return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
@@ -501,12 +505,12 @@ def _expand_jobs(
     return product(*options.values())
 
 
-def _swept_values(override: Override, most: int) -> list[str]:
+def _swept_values(override: Override, limit: int) -> list[str]:
     """Return the values of a swept override as text; refuse too many before making them."""
     values = override.sweep_iterator(transformer=Transformer.encode)
-    texts = [str(value) for value in islice(values, most + 1)]
-    if len(texts) > most:
-        raise ConfigurationError(f"{override.input_line} has more than {most:,} values")
+    texts = [str(value) for value in islice(values, limit + 1)]
+    if len(texts) > limit:
+        raise ConfigurationError(f"{override.input_line} has more than {limit:,} values")
     return texts
 
 
@@ -561,10 +565,10 @@ def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
     """Refuse equal names of values that differ in origin."""
     origins = {(value, getattr(value, "origin", None)) for value in values}
     counts = Counter(value for value, _ in origins)
-    if twice := [value for value, count in counts.items() if count > 1]:
+    if repeated := [value for value, count in counts.items() if count > 1]:
         raise ConfigurationError(
-            f"{setting.key} has {str(twice[0])!r} for two values in jobs of one store, but their "
-            f"names must differ; name one of them, or {SEPARATE}"
+            f"{setting.key} has {str(repeated[0])!r} for two values in jobs of one store, but "
+            f"their names must differ; name one of them, or {SEPARATE}"
         )
 
 

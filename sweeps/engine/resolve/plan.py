@@ -202,9 +202,9 @@ class Plan:
     def _axis_strides(self, bound: BoundStage) -> dict[int, int]:
         """Return the stride of a stage's cells along each swept axis."""
         numbers = sorted({self.axis_number(key) for key in bound.needs})
-        several = [number for number in numbers if self.axes[number].is_swept]
-        lengths = [len(self.axes[number].points) for number in several]
-        return {number: prod(lengths[position + 1 :]) for position, number in enumerate(several)}
+        swept = [number for number in numbers if self.axes[number].is_swept]
+        lengths = [len(self.axes[number].points) for number in swept]
+        return {number: prod(lengths[position + 1 :]) for position, number in enumerate(swept)}
 
     def _check_joint(self, bound: BoundStage) -> None:
         """Refuse gathered settings that run together with others."""
@@ -281,14 +281,18 @@ class Plan:
 
     def _find_input_cells(self, bound: BoundStage, source: BoundStage) -> InputCells:
         cells, strides = self.cells(bound), self._strides[source]
-        moved = {
+        substituted = {
             self.axis_number(target.key): self._substitute(bound, source, target, replacement)
             for target, replacement in bound.stage.substitutions.items()
             if target.key in source.needs
         }
         first = 0 * cells
         for number, stride in strides.items():
-            positions = moved[number] if number in moved else self.positions(bound, number, cells)
+            positions = (
+                substituted[number]
+                if number in substituted
+                else self.positions(bound, number, cells)
+            )
             first += stride * positions
         offsets = np.zeros((), dtype=np.int64)
         for number in (self.axis_number(key) for key in bound.gather if key in source.needs):
@@ -396,9 +400,11 @@ class Plan:
         stream, by_key = bound.stage.stream, self.experiment.by_key
         if stream is None:
             return [(key, by_key[key], False) for key in bound.needs if key != Run.seed.key]
-        both = ((stream.settings, False), (stream.optional, True))
+        sources = ((stream.settings, False), (stream.optional, True))
         return [
-            (setting.name, setting, optional) for settings, optional in both for setting in settings
+            (setting.name, setting, optional)
+            for settings, optional in sources
+            for setting in settings
         ]
 
     # keys -----------------------------------------------------------------------------------
@@ -440,8 +446,8 @@ class Plan:
                 first, codes = np.unique(inputs.first[cells], return_inverse=True)
                 gathered = (first[:, None] + inputs.offsets.ravel()).ravel()
                 rows = known(source)[gathered].reshape(len(first), inputs.offsets.size, 2)
-                several = rows.shape[1] > 1
-                words = hash_texts(row.tobytes() for row in rows) if several else rows[:, 0]
+                gathers = rows.shape[1] > 1
+                words = hash_texts(row.tobytes() for row in rows) if gathers else rows[:, 0]
                 fold(keys, hash_texts([f"{name}:"]))
                 fold(keys, words[codes])
         if bound.random:

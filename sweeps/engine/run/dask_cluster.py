@@ -64,7 +64,7 @@ SCRATCH = "temporary-directory"
 # Removing a scratch folder must not fail for a file that a dying worker still writes.
 CLEANUP: dict[str, Any] = {"ignore_cleanup_errors": True}
 
-# Runs all tasks of this process; a daemon thread, unlike those of `concurrent.futures`.
+# Runs all tasks of this process; a daemon thread, unlike threads of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
 TaskResult = tuple[int, Any, Exception | None]
@@ -213,14 +213,14 @@ def address(
         try:
             client.wait_for_workers(1, timeout=ARRIVAL_SECONDS)
         except TimeoutError as error:
-            wrong = f"cluster.address is {address}, but its scheduler has no workers"
-            raise ConfigurationError(wrong) from error
-        for worker, wrong in client.run(shared.check, on_error="return").items():
-            if wrong is not None:
-                is_known = isinstance(wrong, REQUIREMENT_ERRORS)
-                reason = wrong if is_known else f"cannot be asked: {wrong}"
-                wrong = f"its worker {worker} {reason}"
-                raise ConfigurationError(f"cluster.address is {address}, but {wrong}")
+            problem = f"cluster.address is {address}, but its scheduler has no workers"
+            raise ConfigurationError(problem) from error
+        for worker, problem in client.run(shared.check, on_error="return").items():
+            if problem is not None:
+                is_known = isinstance(problem, REQUIREMENT_ERRORS)
+                reason = problem if is_known else f"cannot be asked: {problem}"
+                problem = f"its worker {worker} {reason}"
+                raise ConfigurationError(f"cluster.address is {address}, but {problem}")
         yield DaskExecutor(client, None, shared)
 
 
@@ -230,8 +230,8 @@ def slurm(
 ) -> Iterator[DaskExecutor]:
     """Submit Slurm jobs with some settings, and cancel them at the end.
 
-    Until then, the certificate of the run and what jobs print are in a private folder in the
-    current directory, which the jobs must be able to read.
+    Until then, a private folder in the current directory, which the jobs must be able to read, has
+    the certificate of the run and the output of the jobs.
     """
     jobs = max(1, min(workers, tasks))
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
@@ -246,8 +246,8 @@ def slurm(
             _submit(cluster, jobs)
         except RuntimeError as error:  # with Slurm's own message, if it refused
             reason = " ".join(str(error).rpartition("stderr:")[2].split())
-            wrong = f"cluster.kind is slurm, but no job starts: {reason}"
-            raise ConfigurationError(wrong) from error
+            problem = f"cluster.kind is slurm, but no job starts: {reason}"
+            raise ConfigurationError(problem) from error
         run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
         look = _SlurmQueue(cluster, run, Path(folder), say).look
         stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_INTERVAL, look=look))
@@ -352,8 +352,8 @@ class _SlurmQueue:
             logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
             last = logs[-1].read_text(errors="replace").split("\n") if logs else []
             message = next((line.strip() for line in reversed(last) if line.strip()), "no message")
-            wrong = f"its jobs end before they have a worker ({message})"
-            await self._run.abandon(f"cluster.kind is slurm, but {wrong}")
+            problem = f"its jobs end before they have a worker ({message})"
+            await self._run.abandon(f"cluster.kind is slurm, but {problem}")
         reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._reported
         for reason in sorted(reasons):
             self._reported.add(reason)

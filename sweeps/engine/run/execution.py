@@ -66,8 +66,8 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     while schedule.ready or under_way or suspects:
         if not under_way and (isolated := bool(suspects) and not schedule.ready):
             submit(suspects.popleft())
-        most = 0 if isolated else QUEUED_TASKS * executor.worker_count
-        while schedule.ready and len(under_way) < most:
+        limit = 0 if isolated else QUEUED_TASKS * executor.worker_count
+        while schedule.ready and len(under_way) < limit:
             if (task := schedule.next_task(executor.worker_count)).batches:
                 submit(task)
         with interruptible():
@@ -78,9 +78,9 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                 suspects += schedule.split_task(task)
                 continue
             if error is not None:
-                lost = Failure("", one_line(error), traceback=format_traceback(error))
+                crash = Failure("", one_line(error), traceback=format_traceback(error))
                 cells = range(len(task.batches[0].cells))
-                report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
+                report = Report((Outcome(0.0, dict.fromkeys(cells, crash)),))
             if report.write_error is not None:
                 raise report.write_error
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):

@@ -102,7 +102,7 @@ def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit numerical libraries, including those loaded meanwhile, to one thread."""
+    """Limit numerical libraries, including ones loaded meanwhile, to one thread."""
     with environment(ONE_THREAD), _libraries(len(sys.modules)).limit(limits=1):
         yield
 

@@ -63,8 +63,8 @@ class ReadyCalls:
     def next_calls(self, most: int) -> tuple[BoundStage, Cells]:
         """Return the stage of the next calls, and the bounds of their cells."""
         calls = self.stage[self.position : self.position + most]
-        same = int(np.argmax(np.append(calls != calls[0], True)))
-        return self.stages[calls[0]], self.begins[self.position : self.position + same + 1]
+        count = int(np.argmax(np.append(calls != calls[0], True)))
+        return self.stages[calls[0]], self.begins[self.position : self.position + count + 1]
 
 
 class CallQueue:
@@ -313,12 +313,12 @@ class Schedule:
         known = np.array([result for results in earlier for result in results], dtype=np.int32)
         first, number = unique_keys(concatenate(self.locations.keys[known], keys))
         reused, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
-        before = len(self.locations)
-        numbers = concatenate(reused, np.arange(before, before + len(new), dtype=np.int32))
+        begin = len(self.locations)
+        numbers = concatenate(reused, np.arange(begin, begin + len(new), dtype=np.int32))
         results = np.full(self.plan.count(bound), -1, dtype=np.int32)
         results[cells] = numbers[number[len(known) :]]
         self.results[bound] = results
-        earlier.append(range(before, before + len(new)))
+        earlier.append(range(begin, begin + len(new)))
         new_keys = keys[new] if len(new) < len(keys) else keys
         cached = self._index.find(new_keys, bound.stage.outputs)
         absent = cells[new[~cached.present]]
@@ -459,8 +459,8 @@ class Schedule:
             stride = plan.along_strides[bound].get(number, 0)
             grid = np.add.outer(grid, stride * np.unique(plan.positions(bound, number, calls[0])))
         order = np.argsort(grid.ravel())
-        moved = cells - np.repeat(firsts, np.diff(begins))
-        positions = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
+        offsets = cells - np.repeat(firsts, np.diff(begins))
+        positions = order[np.searchsorted(grid.ravel(), offsets, sorter=order)]
         results = self.results[bound][cells]
         batch = self._bind_arguments(
             bound,
@@ -592,9 +592,9 @@ class Schedule:
         needed = {name: progress for name, progress in self.progress.items() if progress.total}
         timed = [name for name in needed if name in self.costs]
         totals = {name: self.costs[name] * needed[name].total for name in timed}
-        usual = median(totals.values()) if totals else 0.0
+        typical = median(totals.values()) if totals else 0.0
         return {
-            name: totals.get(name, usual) * progress.left / progress.total
+            name: totals.get(name, typical) * progress.left / progress.total
             for name, progress in needed.items()
         }
 

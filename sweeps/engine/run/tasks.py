@@ -449,8 +449,8 @@ def check_result(
     Raises
     ------
     TypeError
-        If an output is missing, has another shape, or would lose something in its dtype. One
-        sentence with stage, output, what was returned, and what is allowed.
+        If an output is missing, has another shape, or would lose values in its dtype. One sentence
+        with stage, output, returned and allowed values.
     """
     first = outputs[0]
     if isinstance(first, Undeclared):
@@ -466,8 +466,8 @@ def check_result(
         found = {names[0]: found}
     returned = list(found) if isinstance(found, Mapping) else [type(found).__name__]
     if set(returned) != set(names):
-        wrong = f"{stage} returned {', '.join(map(str, returned))}"
-        raise TypeError(f"{wrong}, but must return {', '.join(names)}")
+        problem = f"{stage} returned {', '.join(map(str, returned))}"
+        raise TypeError(f"{problem}, but must return {', '.join(names)}")
     return {
         output.name: _check_output(stage, output, found[output.name], along) for output in outputs
     }
@@ -504,11 +504,11 @@ def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...
 
 def _unmasked(values: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Return an array, or a stack of a list of arrays, with 0 for masked values, and its mask."""
-    several = isinstance(values, list | tuple)
+    is_list = isinstance(values, list | tuple)
     if isinstance(values, np.ma.MaskedArray) or (
-        several and any(isinstance(value, np.ma.MaskedArray) for value in values)
+        is_list and any(isinstance(value, np.ma.MaskedArray) for value in values)
     ):
-        stacked = np.ma.stack([*map(np.ma.asarray, values)]) if several else values
+        stacked = np.ma.stack([*map(np.ma.asarray, values)]) if is_list else values
         return np.asarray(stacked.filled(0)), np.ma.getmaskarray(stacked)
     return np.asarray(values), np.zeros((), bool)
 

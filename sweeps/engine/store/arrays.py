@@ -219,7 +219,7 @@ def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> 
         full = max(size, 1)
         cut = axis >= whole and size > budget
         chunks.append(budget if cut else full)
-        # Once an axis is cut, those before it have chunks of 1.
+        # Once an axis is cut, chunks have length 1 along the axes before it.
         budget = 1 if chunks[-1] < full else max(budget // full, 1)
     return tuple(reversed(chunks))
 

@@ -100,8 +100,8 @@ class RegionReader:
             ends = zip(corner, array.shape, strict=True)
             corner_region: Any = [slice(begin, begin + size) for begin, size in ends]
             flat[(number, *corner_region)] = array
-        inside: Any = (..., *self.own_region)
-        return flat.reshape((*self.shape, *lengths))[inside].transpose(self.order)
+        own_index: Any = (..., *self.own_region)
+        return flat.reshape((*self.shape, *lengths))[own_index].transpose(self.order)
 
 
 def _begins(output: Output, arrays: Arrays) -> list[int]:
@@ -314,7 +314,7 @@ class Cube:
                     ends[dim, dim in origin] = min(low, begin), max(high, begin + size)
         for (dim, _), (low, high) in ends.items():
             lengths[dim] = max(lengths[dim], high - low)
-        return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
+        return {dim: low for (dim, has_origin), (low, _) in ends.items() if has_origin}, lengths
 
     def _make_reader(
         self, variable: StoredVariable, region: Region
@@ -326,7 +326,7 @@ class Cube:
         ranges = [range(span.start, span.stop) for span in natural[:count]]
         results = self._results(variable, ranges)
         state = output.role == STATE
-        lost = np.flatnonzero(np.isin(results, [*self.schedule.failed])) if state else results[:0]
+        failed = np.flatnonzero(np.isin(results, [*self.schedule.failed])) if state else results[:0]
         present = np.flatnonzero(self.schedule.locations.present[results])
         return RegionReader(
             self.packs,
@@ -342,7 +342,7 @@ class Cube:
             own_region=tuple(natural[count:]),
             order=variable.order,
             present=present,
-            failed=lost,
+            failed=failed,
         ).read
 
     def _source_bytes(self, variable: StoredVariable, region: Region) -> bytes:
@@ -355,10 +355,10 @@ class Cube:
         )
         locations, failed = self.schedule.locations, self.schedule.failed
         keys = np.where(locations.present[results, None], locations.keys[results], 0)
-        lost = np.isin(results, [*failed]) if output.role == STATE else np.empty(0, bool)
+        flags = np.isin(results, [*failed]) if output.role == STATE else np.empty(0, bool)
         extents = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
         layout = [output.name, output.pad, variable.order, extents, natural[count:]]
-        return repr(layout).encode() + lost.tobytes() + keys.tobytes()
+        return repr(layout).encode() + flags.tobytes() + keys.tobytes()
 
     def _coordinates(
         self, variables: Sequence[StoredVariable], names: Mapping[int, str]

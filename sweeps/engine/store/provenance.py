@@ -89,14 +89,14 @@ def _code_parts(plan: Plan) -> dict[str, dict[str, str]]:
 
 
 def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
-    """Yield each stage whose keys differ from those of a store, with the differences."""
+    """Yield each stage whose keys differ from the store's, with the differences."""
     settings, parts, new_versions = (
         _result_settings(plan.experiment),
         _code_parts(plan),
         versions(plan),
     )
-    before = read_choices(settings, flatten(settings, old.get("configuration", {})))
-    keys = {setting.key for setting in settings if before[setting] != plan.choices[setting]}
+    old_choices = read_choices(settings, flatten(settings, old.get("configuration", {})))
+    keys = {setting.key for setting in settings if old_choices[setting] != plan.choices[setting]}
     code, old_parts, old_versions = (old.get(name, {}) for name in ("code", "parts", "versions"))
     differing: set[str] = set()
     for name, bound in plan.bound.items():
@@ -186,23 +186,23 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             f"{experiment.name}"
         )
     settings = _result_settings(experiment)
-    before = read_choices(settings, flatten(settings, old["configuration"]))
+    old_choices = read_choices(settings, flatten(settings, old["configuration"]))
     for setting in settings:
-        stored, requested = before[setting], plan.choices[setting]
-        lacking = sorted(set(stored).difference(requested), key=stored.index)
-        if not lacking:
+        stored, requested = old_choices[setting], plan.choices[setting]
+        missing = sorted(set(stored).difference(requested), key=stored.index)
+        if not missing:
             continue
         advice = "give another store"
         if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
-            both = sorted({*stored, *requested}, key=lambda value: (value is None, value))
-            advice = f"give {setting.override(both)} to have both, or another store"
+            union = sorted({*stored, *requested}, key=lambda value: (value is None, value))
+            advice = f"give {setting.override(union)} to have both, or another store"
         raise ConfigurationError(
             f"{setting.message_name} is {', '.join(map(format_value, requested))}, but the store "
-            f"{path!r} has {', '.join(map(format_value, lacking))}: {advice}"
+            f"{path!r} has {', '.join(map(format_value, missing))}: {advice}"
         )
     texts = replace(
-        before,
-        values={key: tuple(map(str, values)) for key, values in before.values.items()},
+        old_choices,
+        values={key: tuple(map(str, values)) for key, values in old_choices.values.items()},
         joint=tuple(Joint(*axis) for axis in old.get("joint", ())),
     )
     for joint in plan.choices.joint:

@@ -43,8 +43,8 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
     failed: dict[str, Failure] = {}
     for table in plan.experiment.tables:
         name = f"table {table.group}"
-        if lost := [group for group in table.of if f"table {group}" in failed]:
-            failed[name] = Failure(name, f"needs table {lost[0]}, which failed")
+        if failed_inputs := [group for group in table.of if f"table {group}" in failed]:
+            failed[name] = Failure(name, f"needs table {failed_inputs[0]}, which failed")
         if name in failed or not all(group in groups for group in table.of):
             continue
         try:
@@ -53,8 +53,8 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                 dataset = table.make(*datasets, plan.choices)
                 if not isinstance(dataset, xr.Dataset | None):
                     kind = type(dataset).__name__
-                    wrong = f"its function returned a {kind}"
-                    raise TypeError(f"{wrong}, but must return a data set or None")
+                    problem = f"its function returned a {kind}"
+                    raise TypeError(f"{problem}, but must return a data set or None")
                 if dataset is None and not _returns(table.make):
                     sentence = "its function has no return, but must return a data set or None"
                     raise TypeError(locate(table.make, sentence))
@@ -97,8 +97,8 @@ def format_tables(path: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
             heads = {
                 variable: f"{variable} [{unit}]" for variable, unit in units.items() if unit != "1"
             }
-            some = table.isel({dim: slice(MAX_ROWS) for dim in table.dims})
-            rows = some.to_dataframe() if table.dims else some.to_pandas().to_frame().T
+            head = table.isel({dim: slice(MAX_ROWS) for dim in table.dims})
+            rows = head.to_dataframe() if table.dims else head.to_pandas().to_frame().T
             rows = rows.rename_axis(index=heads).rename(columns=heads)
             yield rows.to_string(max_rows=MAX_ROWS, float_format="{:.4g}".format)
 

@@ -65,7 +65,7 @@ def write_store(
     The caller holds the lock of the store (`store_lock`), and has called `recover`. `check`, of the
     lock, is called before readers see a change; if anything fails before that, the store is
     unchanged. Readers must open the store again. The operating system flushes files: `verify` finds
-    those that a power cut has lost. Memory holds a few chunks.
+    files that a power cut has lost. Memory holds a few chunks.
 
     `groups` are by path, such as 'classification/acn', without parents. `attributes` belong to the
     root; all groups repeat the ones named in `shared`. `writers` write chunks that other processes
@@ -85,19 +85,19 @@ def write_store(
         array_metadata = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
         nodes = _make_nodes(groups, array_metadata, attributes, shared)
         chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
-        same = [chunk.name for chunk in chunks if chunk.is_unchanged(old, sizes)]
-        unchanged = {name: sizes.get(name) for name in same}
-        new = [chunk for chunk in chunks if chunk.name not in unchanged]
-        coming = [chunk.name for chunk in new]
+        unchanged_names = [chunk.name for chunk in chunks if chunk.is_unchanged(old, sizes)]
+        unchanged = {name: sizes.get(name) for name in unchanged_names}
+        new_chunks = [chunk for chunk in chunks if chunk.name not in unchanged]
+        coming = [chunk.name for chunk in new_chunks]
         intent = replace(old, coming=coming)
         try:
             intent.put(objects)
             chunk_sizes = dict(unchanged)
             if writers is not None:
-                chunk_sizes |= _write_remotely(objects, new, writers)
+                chunk_sizes |= _write_remotely(objects, new_chunks, writers)
             with interruptible():
                 chunk_sizes |= _write_chunks(
-                    objects, [chunk for chunk in new if chunk.name not in chunk_sizes]
+                    objects, [chunk for chunk in new_chunks if chunk.name not in chunk_sizes]
                 )
             files = {name: size for name, size in chunk_sizes.items() if size is not None}
             # Another process may have written something there.
@@ -109,7 +109,9 @@ def write_store(
             raise
         files |= {name: len(content) for name, content in _metadata_objects(nodes).items()}
         files = dict(sorted(files.items()))  # in an order that does not depend on the writers
-        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(unchanged))
+        LOG.debug(
+            "%d chunks are written, %d stay: they have equal cells", len(new_chunks), len(unchanged)
+        )
         chunk_digests = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
             for path, (space, of_array) in layouts.items()
@@ -243,9 +245,9 @@ def _write_remotely(
     This process writes the others, such as chunks of workers that do not see the store.
     """
     objects = Objects(resolve_path(objects.path))  # no worker makes the folder
-    new = [chunk for chunk in chunks if chunk.array.remote_read is not None]
-    size = min(MAX_SENT, len(new) // (4 * writers.worker_count) + 1)
-    batches = enumerate(new[k : k + size] for k in range(0, len(new), size))
+    new_chunks = [chunk for chunk in chunks if chunk.array.remote_read is not None]
+    size = min(MAX_SENT, len(new_chunks) // (4 * writers.worker_count) + 1)
+    batches = enumerate(new_chunks[k : k + size] for k in range(0, len(new_chunks), size))
     files: dict[str, int | None] = {}
     under_way = 0
     try:
@@ -308,14 +310,16 @@ def _make_nodes(
     return nodes
 
 
-def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) -> dict[str, Any]:
+def _group_node(
+    attributes: Mapping[str, Any], descendants: Mapping[str, Any] = {}
+) -> dict[str, Any]:
     return {
         "attributes": dict(attributes),
         "zarr_format": 3,
         "consolidated_metadata": {
             "kind": "inline",
             "must_understand": False,
-            "metadata": dict(below),
+            "metadata": dict(descendants),
         },
         "node_type": "group",
     }
@@ -330,7 +334,7 @@ def _metadata_objects(nodes: Nodes) -> dict[str, bytes]:
         prefix = f"{name}/" if name else ""
         if node["node_type"] == "group":
             descendants = [path for path in ordered if path.startswith(prefix) and path]
-            inside = {path.removeprefix(prefix): nodes[path] for path in descendants}
-            node = _group_node(node["attributes"], inside)
+            relative = {path.removeprefix(prefix): nodes[path] for path in descendants}
+            node = _group_node(node["attributes"], relative)
         documents[f"{prefix}{METADATA}"] = json.dumps(node, separators=(",", ":")).encode()
     return documents
