@@ -165,4 +165,4 @@ TABLES = [
 @pytest.mark.parametrize(("words", "tables"), TABLES)
 def test_a_table_of_a_group_that_nobody_makes_is_named(words, tables):
     with pytest.raises(DeclarationError, match=words):
-        Experiment("few", "Few", (*FEW, GOOD, *(Table(*one, print) for one in tables)))
+        Experiment("few", "Few", (*FEW, GOOD, *(Table(*group, print) for group in tables)))

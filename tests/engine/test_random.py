@@ -73,10 +73,10 @@ def damaged(folder, seed, number, *, flip):
         if there:
             file = chance.choice(there)
             content = bytearray(file.read_bytes())
-            at = chance.randrange(len(content))
+            position = chance.randrange(len(content))
             if flip:
-                content[at] ^= 1 << chance.randrange(8)
-            file.write_bytes(content if flip else content[:at])
+                content[position] ^= 1 << chance.randrange(8)
+            file.write_bytes(content if flip else content[:position])
 
 
 def healed(store, cache, asked):
@@ -96,26 +96,28 @@ def healed(store, cache, asked):
 def test_whatever_happens_the_store_is_that_of_one_clean_run(tmp_path_factory, actions):
     folder = Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp()))
     store, cache = folder / "s.zarr", folder / "cache"
-    asked = dict(FIRST)
-    for what, one, two in actions:
-        match what:
+    settings = dict(FIRST)
+    for action, first, second in actions:
+        match action:
             case "more":
-                value = AXES[one][two % len(AXES[one])]
-                asked = asked | {one: [*{*asked[one], value}]}
+                value = AXES[first][second % len(AXES[first])]
+                settings = settings | {first: [*{*settings[first], value}]}
             case "kill":
-                killed_at(one, store, cache, asked)
+                killed_at(first, store, cache, settings)
             case "cache" | "store":
-                damaged(cache if what == "cache" else store, one, two, flip=what == "cache")
+                damaged(
+                    cache if action == "cache" else store, first, second, flip=action == "cache"
+                )
             case "clear":
                 shutil.rmtree(cache, ignore_errors=True)
             case "lose":
                 shutil.rmtree(store, ignore_errors=True)
             case "run":
-                healed(store, cache, asked)
-    healed(store, cache, asked)
-    assert contents(store) == clean(folder, asked)
-    left = [one.name for one in folder.iterdir() if one.name.startswith(".")]
-    assert left == [], "what a killed run leaves is removed by the next"
+                healed(store, cache, settings)
+    healed(store, cache, settings)
+    assert contents(store) == clean(folder, settings)
+    leftovers = [path.name for path in folder.iterdir() if path.name.startswith(".")]
+    assert leftovers == [], "what a killed run leaves is removed by the next"
     shutil.rmtree(folder)
 
 
@@ -169,16 +171,16 @@ def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
         os.kill(driver.pid, signal.SIGKILL)
         driver.wait()
     assert not (tmp_path / "s.zarr").exists()
-    told, packs = Told(), len(list(cells.rglob("*.pack")))
+    recorder, packs = Told(), len(list(cells.rglob("*.pack")))
     while True:  # until the workers of the dead driver are gone, too
         try:
-            finished = go(tmp_path / "s.zarr", tmp_path / "cache", watch=told.watch, **SLOW)
+            finished = go(tmp_path / "s.zarr", tmp_path / "cache", watch=recorder.watch, **SLOW)
         except ConfigurationError:
             time.sleep(0.05)
         else:
             break
     # Whichever stages they are of, and each has at least one cell.
-    assert sum(one.reused for one in finished.progress.values()) >= packs >= 2
+    assert sum(progress.reused for progress in finished.progress.values()) >= packs >= 2
     go(tmp_path / "t.zarr", tmp_path / "cache", **SLOW)
     assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
-    assert not [one for one in tmp_path.iterdir() if one.name.endswith((".partial", ".lock"))]
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith((".partial", ".lock"))]
