@@ -79,9 +79,9 @@ def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
 
 
 def test_arrays_noise_and_values_of_other_types(tmp_path):
-    def run(function, values, **how):
+    def run(function, values, **options):
         store, cache = tmp_path / f"{function.__name__}.zarr", tmp_path / "c"
-        return sweeps.sweep(function, values, store=store, cache=cache, **how)
+        return sweeps.sweep(function, values, store=store, cache=cache, **options)
 
     assert run(powers, {"base": [2.0]}, dims=("power",)).powers.values.tolist() == [[1, 2, 4, 8]]
     first = run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise

@@ -36,9 +36,9 @@ def backwards(row, valid):
     return np.concatenate(rows)[:, :2].sum(axis=1) + row.reshape(1, -1, ROWS)[0, 0][1]
 
 
-def of_all(name, **how):
+def of_all(name, **options):
     outputs = Output("total", ("number",), "f8", label="total")
-    return stage(outputs, gather=(Few.size,), group=BOTH, name=name, **how)(backwards)
+    return stage(outputs, gather=(Few.size,), group=BOTH, name=name, **options)(backwards)
 
 
 def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):

@@ -65,8 +65,8 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
         cells, names = Objects(Path(name)), range(len(contents))
         pack = write_pack(cells, "stage", names, contents)
         assert pack.size == Path(name, pack.path).stat().st_size
-        there, written = read_pack(cells, pack.path, pack.size)
-        assert there == pack and np.array_equal(written, keys(*names))
+        there, pack_keys = read_pack(cells, pack.path, pack.size)
+        assert there == pack and np.array_equal(pack_keys, keys(*names))
         outputs = read_cells(cells, locations(pack.path, rows, rows))
     arrays = [array for cell in outputs for array in cell.values()]
     for row, cell in zip(rows, outputs, strict=True):
@@ -251,8 +251,8 @@ def of_line(cells: Objects, line, number=0, key=1) -> Pack:
     text = line if isinstance(line, bytes) else json.dumps(line).encode()
     tables = keys(key).tobytes() + np.array([number], "<u4").tobytes() + hash_bytes(record, 8)
     path = sealed_as(cells.path, text + b"\n" + tables, record)
-    pack, found = read_pack(cells, path, len(text) + 1 + len(tables) + len(record))
-    assert len(found) == pack.cells
+    pack, pack_keys = read_pack(cells, path, len(text) + 1 + len(tables) + len(record))
+    assert len(pack_keys) == pack.cells
     [cell] = read_cells(cells, locations(path, [0], [key]))
     return pack, cell
 

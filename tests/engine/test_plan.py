@@ -12,10 +12,10 @@ from sweeps.engine.declare.stage import Experiment, Group, Output, stage
 from sweeps.engine.resolve.plan import Plan
 
 
-def planned(**given):
+def planned(**values):
     """Plan of the springs."""
-    given = {key.replace("__", "."): value for key, value in given.items()}
-    return Plan(SPRINGS, read_choices(SPRINGS.declared, given))
+    values = {key.replace("__", "."): value for key, value in values.items()}
+    return Plan(SPRINGS, read_choices(SPRINGS.declared, values))
 
 
 def keys(plan, name):
@@ -79,9 +79,9 @@ def test_how_an_output_is_kept_counts(change):
     assert not set(keys(after, "period")) & set(keys(planned(), "period"))
 
 
-def summed(**given):
+def summed(**inputs):
     """A function of any keywords: its code is the same by whatever name an input comes."""
-    return sum(given.values())
+    return sum(inputs.values())
 
 
 def test_the_keyword_by_which_a_function_gets_an_input_counts():

@@ -48,19 +48,19 @@ def actions():
     damage = st.tuples(
         st.sampled_from(["cache", "store"]), st.integers(0, 10**6), st.integers(1, 4)
     )
-    others = st.tuples(st.sampled_from(["run", "clear", "lose"]), st.just(0), st.just(0))
-    return st.lists(st.one_of(more, kill, damage, others), min_size=2, max_size=9)
+    simple = st.tuples(st.sampled_from(["run", "clear", "lose"]), st.just(0), st.just(0))
+    return st.lists(st.one_of(more, kill, damage, simple), min_size=2, max_size=9)
 
 
 CLEAN = {}
 
 
-def clean(folder, asked):
+def clean(folder, settings):
     """Files of the store of one run."""
-    name = repr(asked)
+    name = repr(settings)
     if name not in CLEAN:
         with tempfile.TemporaryDirectory(dir=folder) as place:
-            go(Path(place, "s.zarr"), **asked)
+            go(Path(place, "s.zarr"), **settings)
             CLEAN[name] = contents(Path(place, "s.zarr"))
     return CLEAN[name]
 
@@ -79,11 +79,11 @@ def damaged(folder, seed, number, *, flip):
             file.write_bytes(content if flip else content[:position])
 
 
-def healed(store, cache, asked):
+def healed(store, cache, settings):
     """Run until a store is there; one whose metadata are damaged is removed, as users are told."""
     for _ in range(REPAIRS):
         try:
-            go(store, cache, **asked)
+            go(store, cache, **settings)
         except ConfigurationError as error:
             assert "give another path" in str(error), error
             shutil.rmtree(store)
@@ -148,12 +148,12 @@ if __name__ == "__main__":
 SLOW = {"measured__pause": 0.02, "spring__stiffness": list(range(1, 30))}
 
 
-def started(folder, kind, asked):
+def started(folder, kind, settings):
     """A process that runs the springs."""
     workers = 2 if kind == "local" else None
     tests = str(Path(__file__).parent)
     file = folder / "springs_of_a_process.py"
-    file.write_text(SCRIPT.format(tests=tests, kind=kind, workers=workers, asked=asked))
+    file.write_text(SCRIPT.format(tests=tests, kind=kind, workers=workers, asked=settings))
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     return subprocess.Popen(
         [sys.executable, file.name], cwd=folder, env=environment, start_new_session=True

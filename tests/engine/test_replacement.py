@@ -279,12 +279,12 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
     def groups(rows):
         read = []
 
-        def region(part):
-            read.append(part[0].start)
-            return values[rows][part]
+        def region(index):
+            read.append(index[0].start)
+            return values[rows][index]
 
         x = array(values[rows], chunks=(1, 3), read=region)
-        x.source_bytes = lambda part: repr(rows[part[0].start]).encode()
+        x.source_bytes = lambda region: repr(rows[region[0].start]).encode()
         return {"g": Group({"x": x})}, read
 
     everything = [0, 1, 2, 3]

@@ -162,8 +162,8 @@ def answers(noisy, length, rule, doubled, valid):
     values = [
         [functions[name](noisy["noisy"][k][valid]) for name in rule] for k in range(len(length))
     ]
-    taken = np.broadcast_to(valid.astype("i1"), (len(length), len(rule), len(valid)))
-    return {"answer": np.array(values) * (2 if doubled else 1), "taken": taken}
+    flags = np.broadcast_to(valid.astype("i1"), (len(length), len(rule), len(valid)))
+    return {"answer": np.array(values) * (2 if doubled else 1), "taken": flags}
 
 
 @stage(
