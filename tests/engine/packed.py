@@ -51,9 +51,9 @@ def same(cell, expected) -> bool:
 def whole(cells: Objects, index, names) -> bool:
     """True if all cells are found, and read as they were written."""
     index.refresh()
-    locations = index.find(keys(*names), SMALL)
-    read = read_cells(cells, locations)
-    return locations.present.all() and all(
+    cell_locations = index.find(keys(*names), SMALL)
+    read = read_cells(cells, cell_locations)
+    return cell_locations.present.all() and all(
         same(cell, small(name)) for cell, name in zip(read, names, strict=True)
     )
 

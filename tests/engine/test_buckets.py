@@ -130,7 +130,7 @@ def test_secrets_are_in_no_store_log_or_message(bucket, tmp_path, served):
     run("spring.mass=7", status=2)
     name = f"http://{buckets.SECRET}:{buckets.SECRET}@127.0.0.1:9"
     run(AWS_SECRET_ACCESS_KEY=buckets.SECRET, AWS_ENDPOINT_URL=name, status=2)
-    contents = [*files(bucket).values(), *files(tmp_path).values(), *outputs]
-    assert len(contents) > 50 and any(b"too [stiff]" in content for content in contents)
-    assert not [content for content in contents if buckets.SECRET.encode() in content]
+    file_contents = [*files(bucket).values(), *files(tmp_path).values(), *outputs]
+    assert len(file_contents) > 50 and any(b"too [stiff]" in content for content in file_contents)
+    assert not [content for content in file_contents if buckets.SECRET.encode() in content]
     assert buckets.SECRET in json.dumps(served)

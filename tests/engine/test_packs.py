@@ -103,9 +103,9 @@ def test_packs_of_either_kind_of_place_are_alike(place):
 
 def test_every_changed_byte_is_noticed(tmp_path):
     """By its own cell alone if it is among the bytes of one, else by all cells."""
-    contents = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
+    records = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
     cells = Objects(tmp_path)
-    pack = write_pack(cells, "s", range(3), contents)
+    pack = write_pack(cells, "s", range(3), records)
     path = tmp_path / pack.path
     three = locations(pack.path, range(3), range(3))
     content = path.read_bytes()
@@ -121,7 +121,7 @@ def test_every_changed_byte_is_noticed(tmp_path):
         assert [cell is None for cell in outputs] == [owner in (-1, row) for row in range(3)]
         assert all(
             cell is None or same(cell, content)
-            for cell, content in zip(outputs, contents, strict=True)
+            for cell, content in zip(outputs, records, strict=True)
         )
 
 

@@ -74,7 +74,7 @@ def test_how_an_output_is_kept_counts(change):
     """Its declaration is no part of the function's code."""
     (output,) = period.outputs
     replaced = replace(period, outputs=(replace(output, **change),))
-    stages = tuple(replaced if stage is period else stage for stage in SPRINGS.stages)
+    stages = tuple(replaced if declared is period else declared for declared in SPRINGS.stages)
     after = Plan(having(SPRINGS, stages), read_choices(SPRINGS.declared, {}))
     assert not set(keys(after, "period")) & set(keys(planned(), "period"))
 

@@ -55,12 +55,12 @@ def actions():
 CLEAN = {}
 
 
-def clean(folder, settings):
+def clean(folder, values):
     """Files of the store of one run."""
-    name = repr(settings)
+    name = repr(values)
     if name not in CLEAN:
         with tempfile.TemporaryDirectory(dir=folder) as place:
-            go(Path(place, "s.zarr"), **settings)
+            go(Path(place, "s.zarr"), **values)
             CLEAN[name] = contents(Path(place, "s.zarr"))
     return CLEAN[name]
 
@@ -79,11 +79,11 @@ def damaged(folder, seed, number, *, flip):
             file.write_bytes(content if flip else content[:position])
 
 
-def healed(store, cache, settings):
+def healed(store, cache, values):
     """Run until a store is there; one whose metadata are damaged is removed, as users are told."""
     for _ in range(REPAIRS):
         try:
-            go(store, cache, **settings)
+            go(store, cache, **values)
         except ConfigurationError as error:
             assert "give another path" in str(error), error
             shutil.rmtree(store)
@@ -96,14 +96,14 @@ def healed(store, cache, settings):
 def test_whatever_happens_the_store_is_that_of_one_clean_run(tmp_path_factory, actions):
     folder = Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp()))
     store, cache = folder / "s.zarr", folder / "cache"
-    settings = dict(FIRST)
+    values = dict(FIRST)
     for action, first, second in actions:
         match action:
             case "more":
                 value = AXES[first][second % len(AXES[first])]
-                settings = settings | {first: [*{*settings[first], value}]}
+                values = values | {first: [*{*values[first], value}]}
             case "kill":
-                killed_at(first, store, cache, settings)
+                killed_at(first, store, cache, values)
             case "cache" | "store":
                 damaged(
                     cache if action == "cache" else store, first, second, flip=action == "cache"
@@ -113,9 +113,9 @@ def test_whatever_happens_the_store_is_that_of_one_clean_run(tmp_path_factory, a
             case "lose":
                 shutil.rmtree(store, ignore_errors=True)
             case "run":
-                healed(store, cache, settings)
-    healed(store, cache, settings)
-    assert contents(store) == clean(folder, settings)
+                healed(store, cache, values)
+    healed(store, cache, values)
+    assert contents(store) == clean(folder, values)
     leftovers = [path.name for path in folder.iterdir() if path.name.startswith(".")]
     assert leftovers == [], "what a killed run leaves is removed by the next"
     shutil.rmtree(folder)
@@ -148,12 +148,12 @@ if __name__ == "__main__":
 SLOW = {"measured__pause": 0.02, "spring__stiffness": list(range(1, 30))}
 
 
-def started(folder, kind, settings):
+def started(folder, kind, values):
     """A process that runs the springs."""
     workers = 2 if kind == "local" else None
     tests = str(Path(__file__).parent)
     file = folder / "springs_of_a_process.py"
-    file.write_text(SCRIPT.format(tests=tests, kind=kind, workers=workers, asked=settings))
+    file.write_text(SCRIPT.format(tests=tests, kind=kind, workers=workers, asked=values))
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     return subprocess.Popen(
         [sys.executable, file.name], cwd=folder, env=environment, start_new_session=True

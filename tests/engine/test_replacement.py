@@ -223,7 +223,7 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
             assert server.stdout.readline() == "dead\n"
             assert verify(path) == []
             arrays = [opened(path, name)["x"].values for name in small(0)]
-            assert all((array == array.flat[0]).all() for array in arrays)
+            assert all((values == values.flat[0]).all() for values in arrays)
             recover(path)  # as the next writer does
             value = read_attributes(path)["value"]
             assert verify(path) == []

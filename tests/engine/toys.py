@@ -260,8 +260,8 @@ def having(experiment, stages=None, tables=None):
 
 def without(experiment, name):
     """An experiment without one of its stages, and without the tables of its group."""
-    stages = tuple(stage for stage in experiment.stages if stage.name != name)
-    groups = {stage.group.path for stage in stages}
+    stages = tuple(declared for declared in experiment.stages if declared.name != name)
+    groups = {declared.group.path for declared in stages}
     tables = tuple(table for table in experiment.tables if groups.issuperset(table.of))
     return having(experiment, stages, tables)
 
