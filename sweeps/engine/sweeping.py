@@ -41,7 +41,7 @@ from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.provenance import SHARED_ATTRIBUTES, check_extends, differences, provenance
 from sweeps.engine.store.writing import read_attributes, recover, write_store
 
-MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
+MAX_ROUNDS = 20  # rounds of computing damaged results again, before blaming the disk
 LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
 TABLE_MODULES = (
     "sweeps.engine.store.tables",

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 PUBLIC_MODE = 0o755  # mode of folders: others may read them
 PRIVATE_MODE = 0o700  # mode of folders that others may not even read
-MARKER = ".mark"  # ends the name of an object that workers look for in a shared cache
-UNREACHABLE = errno.ECONNABORTED  # of a server that cannot be asked, or fails
-RETRIES = 6  # of a request, with growing pauses: some seconds
+MARKER = ".mark"  # suffix of the object that workers look for in a shared cache
+UNREACHABLE = errno.ECONNABORTED  # errno of a server that cannot be reached, or fails
+RETRIES = 6  # retries of a request, with exponential backoff over some seconds
 
 REQUESTS = 16  # requests under way
 
@@ -149,7 +149,9 @@ class Objects:
 
     def read_range(self, name: str, begin: int, end: int) -> memoryview:
         """Return a range of bytes, cut at the end; FileNotFoundError if the object is absent."""
-        if isinstance(self.path, Path):  # a sixth of obstore's time, which asks another thread
+        if isinstance(
+            self.path, Path
+        ):  # takes a sixth of obstore's time, which uses another thread
             with open(f"{self.path}/{name}", "rb", buffering=0) as file:
                 size = os.fstat(file.fileno()).st_size
                 return memoryview(os.pread(file.fileno(), max(min(end, size) - begin, 0), begin))
@@ -207,7 +209,7 @@ class Objects:
 
     def remove_empty_folders(self) -> None:
         """Remove a folder and the folders in it if they are empty."""
-        for folder, *_ in os.walk(self.path, topdown=False):  # nothing of a URL
+        for folder, *_ in os.walk(self.path, topdown=False):  # yields nothing for a URL
             with suppress(OSError):
                 os.rmdir(folder)
 

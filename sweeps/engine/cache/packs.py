@@ -41,7 +41,7 @@ KEY_DTYPE, LAYOUT_DTYPE = np.dtype(("<u8", 2)), np.dtype("<u4")
 MAX_HEAD_BYTES = 2**30  # bytes of a head, enough for more cells than a sweep may have
 DIGEST_BYTES = 8  # bytes of the digest of a record
 MAX_GAP, READ_BYTES = 2**18, 2**22  # bytes: largest gap that is read, largest range
-CACHED_HEADS = 16  # of packs, that a process remembers
+CACHED_HEADS = 16  # heads of packs that a process caches
 CELLS_AT_ONCE = 4096  # cells that are read together
 
 # Errors of this process, machine or network: they do not mean that a file is damaged.
@@ -127,7 +127,7 @@ class Pack:
     size: int = 0
     cells: int = 0
     stage: str = "(unreadable)"
-    seconds: float = 0.0  # that all cells took
+    seconds: float = 0.0  # time of all cells
     kinds: frozenset[Kind] = frozenset()  # of its cells
 
 
@@ -172,7 +172,7 @@ class Head(NamedTuple):
         numbers = np.frombuffer(content, LAYOUT_DTYPE, cells, begin + keys.nbytes)
         record_sizes = np.array(sizes, np.int64)[numbers]
         ends = len(content) + np.cumsum(record_sizes)
-        if (ends < 0).any():  # beyond the largest number
+        if (ends < 0).any():  # overflow
             raise ValueError("its records are too large")
         checks = content[begin + keys.nbytes + numbers.nbytes :]
         of_cells = keys, numbers, ends - record_sizes, ends, layouts, checks

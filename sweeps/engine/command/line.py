@@ -58,7 +58,7 @@ from sweeps.engine.sweeping import Finished, RunOptions, extended_attributes, pr
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"
-PRUNE = "prune="  # to a size, beside --cache
+PRUNE = "prune="  # before the size to which --cache prunes
 HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
 MAX_CELLS = 10_000_000  # their keys fit into memory
@@ -94,7 +94,7 @@ class Command:
         """
         words = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
-        if isinstance(sys.stdout, TextIOWrapper):  # of any encoding
+        if isinstance(sys.stdout, TextIOWrapper):  # whose encoding may lack characters
             sys.stdout.reconfigure(errors="backslashreplace")
         message, status = self._run_reporting(words)
         if message:

@@ -16,8 +16,8 @@ import numpy as np
 MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MAX_VALUES = 100_000  # longer axes come from a mistaken step
 EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
-DECIMAL = r"[-+.\deE]+"  # as a text
-STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than this part of itself lands on it
+DECIMAL = r"[-+.\deE]+"  # pattern of a number
+STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than 1/this of its size lands on it
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
 

@@ -191,7 +191,7 @@ class Stage:
     # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
     # behind those of `along`. Failed inputs are filled; `valid` flags the others.
     gather: tuple[Setting, ...] = ()
-    stream: Stream | None = None  # of `rng`; None: keyed by all that it depends on
+    stream: Stream | None = None  # of `rng`; None: keyed by all dependencies
     group: Group = NOWHERE  # of the store; by default its results only serve other stages
     # Number of results that are kept: all (UNLIMITED), arrays on disk; some objects, in memory;
     # or none (0), because it is called while planning: a quick function of settings, whose
@@ -315,10 +315,10 @@ class Table:
 
     group: str
     of: tuple[str, ...]
-    # (data set of each of them, ..., choices) -> data set, or None if there is nothing
+    # (data set of each group, ..., choices) -> data set, or None if it is empty
     make: Callable[..., xr.Dataset | None]
     when: Condition = always
-    displays: tuple[Display, ...] = ()  # tables shown of it; none: one of all its variables
+    displays: tuple[Display, ...] = ()  # tables that show it; by default one of all variables
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,9 @@ class Undeclared(Output):
     pad: complex | str | None = np.nan
     infer_dtype: bool = True  # each variable keeps its dtype; numbers become f8 or c16
     names: tuple[str, ...] = ()  # of the elements of a tuple
-    dims_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # where not `dims`
+    dims_of: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # if they differ from `dims`
     reserved: frozenset[str] = frozenset()  # names of arguments and of their dimensions
     about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # attributes by variable
 
@@ -80,7 +82,7 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
     for name, returned in _variables(single_name, output.names, found, output.name):
         values = _array(f"{output.name} returned the variable {name!r}", returned.values)
         if returned.coordinate and not values.ndim and name in output.reserved:
-            continue  # an argument that came back
+            continue  # an argument that the function returned
         key = (name, returned.dims, returned.coordinate, values.dtype, values.ndim)
         if (variable := output.variables.get(key)) is None:
             variable = output.variables[key] = _declared(output, *key)

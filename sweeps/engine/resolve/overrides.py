@@ -50,9 +50,9 @@ from sweeps.engine.declare.settings import (
 from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
-LIST_OVER_MAPPING = "Cannot merge DictConfig with ListConfig"  # says OmegaConf
+LIST_OVER_MAPPING = "Cannot merge DictConfig with ListConfig"  # a message of OmegaConf
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
-SIMILARITY = 0.66  # least similarity of a key that may have been meant
+SIMILARITY = 0.66  # least similarity of a suggested key
 
 
 # composing ----------------------------------------------------------------------------------------
@@ -174,7 +174,7 @@ def error_message(error: BaseException | None) -> str:
     """Return the messages of an error and its causes in one line."""
     words = []
     while error is not None:
-        if isinstance(error, OmegaConfBaseException):  # whose other lines name its classes
+        if isinstance(error, OmegaConfBaseException):  # other lines of its message name its classes
             words += [f"{error.full_key}:", *str(error).partition("\n")[0].split()]
         else:
             words += str(error).split()

@@ -100,8 +100,8 @@ class DaskExecutor:
     @property
     def worker_count(self) -> int:
         """Number of started processes or, on a running cluster, of those present a moment ago."""
-        if self._workers is None and time.monotonic() >= self._due:  # asked for with every task
-            with suppress(OSError):  # of a scheduler that is gone, as `finished` finds out
+        if self._workers is None and time.monotonic() >= self._due:  # called with every task
+            with suppress(OSError):  # the scheduler may be gone, as `finished` finds out
                 self._counted = max(1, len(self._client.nthreads()))
             self._due = time.monotonic() + COUNT_INTERVAL
         return self._workers or self._counted
@@ -157,7 +157,7 @@ def local(
     """
     count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
-    # Workers share the terminal, to which one that dies would log.
+    # Workers share the terminal, to which a dying worker would log.
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
         # In dask's common scratch folder, all would wait for a lock that any user may hold.
@@ -179,7 +179,7 @@ def local(
                         silence_logs=logging.CRITICAL,
                     )
                 )
-        except (OSError, RuntimeError, EOFError) as error:  # as without shared memory
+        except (OSError, RuntimeError, EOFError) as error:  # for example without shared memory
             cause = error.__cause__ or error.__context__ or error
             raise ConfigurationError(
                 "cluster.kind is local, but no worker process can be started here "
@@ -329,7 +329,7 @@ class _SlurmQueue:
     def __init__(self, cluster: Any, run: DaskExecutor, folder: Path, say: Say) -> None:
         self._cluster, self._run, self._folder, self._say = cluster, run, folder, say
         self._reported: set[str] = set()
-        self._vain = 0  # checks, since there was a worker, that found jobs ended
+        self._vain = 0  # checks that found ended jobs, since there was a worker
 
     async def look(self) -> None:
         """Mark ended jobs; say why all others wait; give up if jobs end without a worker."""

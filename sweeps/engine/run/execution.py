@@ -24,7 +24,7 @@ Failures = list[tuple[str, str]]
 def call_each(
     functions: Sequence[Callable[[], object]], executor: Executor, progress: Callable[[], None]
 ) -> None:
-    """Call functions on workers, side by side; `progress` is called whenever one ends.
+    """Call functions on workers, side by side, and `progress` whenever a function has ended.
 
     Raises SweepIncomplete if one fails.
     """

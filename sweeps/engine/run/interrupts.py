@@ -63,7 +63,7 @@ def signals_deferred() -> Iterator[None]:
     }
     hook = sys.unraisablehook
     _state.number, _state.interruptible, _state.handled = None, 0, True
-    # Nothing is printed of a `Stopped` that the interpreter cannot raise.
+    # Print no `Stopped` that the interpreter cannot raise.
     sys.unraisablehook = lambda error: issubclass(error.exc_type, Stopped) or hook(error)
     for number in previous:
         signal.signal(number, _handle)

@@ -21,10 +21,10 @@ from sweeps.engine.resolve.keys import digest
 
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
-BOTH = "is_attribute"  # of a scalar coordinate that the group has as an attribute, too
+BOTH = "is_attribute"  # marks a scalar coordinate that the group has as an attribute, too
 
-# Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array takes the
-# other one, so that the old metadata never refer to new chunks.
+# Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array gets the
+# other prefix, so that the old metadata never refer to new chunks.
 KEY_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20

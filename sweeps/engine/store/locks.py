@@ -31,7 +31,7 @@ from sweeps.engine.run.process import call_every
 
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
 RENEW_INTERVAL = 10.0  # s between renewals
-POLL_INTERVAL = 1.0  # s between looks at the object of another owner
+POLL_INTERVAL = 1.0  # s between checks of the object of another owner
 OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 
 

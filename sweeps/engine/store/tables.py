@@ -31,7 +31,7 @@ from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.arrays import BOTH, SCALARS, Array, Group, metadata
 from sweeps.engine.store.writing import zarr_store
 
-MAX_ROWS = 20  # of a table at the end of a sweep
+MAX_ROWS = 20  # rows of a table at the end of a sweep
 
 
 def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:

@@ -46,7 +46,7 @@ from sweeps.engine.store.manifest import (
 )
 
 LOG = logging.getLogger(__name__)
-MAX_SENT = 64  # chunks of a task of another process
+MAX_SENT = 64  # most chunks in a task of another process
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
