@@ -1,7 +1,7 @@
 """Parameter sweeps: `sweep` of a function over a grid, and experiments of declared stages.
 
-Experiments are wired from declarations, configured by Hydra, run by dask and stored by zarr. The
-names with which they are declared are at hand here: `from sweeps import Settings, Output, stage`.
+Experiments are wired from declarations, configured by Hydra, run by dask and stored by zarr. This
+package exports the names to declare them with: `from sweeps import Settings, Output, stage`.
 """
 
 from __future__ import annotations

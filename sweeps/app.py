@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []
 REPORT_MODULES = ("sweeps.report.summary", "sweeps.report.page.write", "matplotlib.figure")
-MULTIRUN = ("-m", "--multirun")  # the options with which it is a sweep
+MULTIRUN = ("-m", "--multirun")  # options with which the command still runs a sweep
 
 
 def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
@@ -40,22 +40,22 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         Sensors and classifiers besides the project's; see `sweeps.experiment`.
     """
     relax_gc()
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if "--version" in given:
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if "--version" in words:
         print(f"{NAME} {version(NAME)}")
         sys.exit(0)
-    if EXPLAIN in given:
+    if EXPLAIN in words:
         from sweeps.report.explain import said
 
-        sys.exit(said(NAME, " ".join(word for word in given if word != EXPLAIN)))
+        sys.exit(said(NAME, " ".join(word for word in words if word != EXPLAIN)))
     from sweeps.engine.declare.errors import DeclarationError
 
     with ExitStack() as signals:
         signals.enter_context(signals_deferred())
         try:
-            if all(word in MULTIRUN for word in given if word.startswith("-")):
+            if all(word in MULTIRUN for word in words if word.startswith("-")):
                 _say("reading the configuration")
-            status = command(*modules).main(given)
+            status = command(*modules).main(words)
         except Stopped as stopped:
             _say(stopped.words)
             status = stopped.status
@@ -90,7 +90,7 @@ def command(*modules: Any) -> Command:
 def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     """Print the answer of a finished store, then write its page and tables, and draw pictures.
 
-    Raises SweepIncomplete if another file is in the place of one of these; all others are written.
+    Raises SweepIncomplete if a foreign file is in the place of an output; all others are written.
     """
     from sweeps.engine.declare.errors import SweepIncomplete
     from sweeps.report.own import sentence_of
@@ -101,31 +101,31 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
 
-    kept: list[Path] = []
+    kept_files: list[Path] = []
     if finished.written:
-        with suppress(OSError):  # said of all tables below
-            kept += write_work(store, finished.progress)
+        with suppress(OSError):  # `finish` reports it for all tables
+            kept_files += write_work(store, finished.progress)
     frames = tables_of(store)
     print_answer(store, frames, screen())
     if finished.written or not is_current(store):
         with _reporting_errors():  # the tables are complete without it
-            kept += written_page(store, frames)
-    kept += finish(store, frames, screen())
+            kept_files += written_page(store, frames)
+    kept_files += finish(store, frames, screen())
     if looks("irar")(choices) and choices.value(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}
         with _reporting_errors():
-            kept += write_pictures(
+            kept_files += write_pictures(
                 store, screen(), ship=lambda label: read_mesh(hull.function(ships[label]))
             )
-    if kept:
-        raise SweepIncomplete(sentence_of(list(dict.fromkeys(kept))))
+    if kept_files:
+        raise SweepIncomplete(sentence_of(list(dict.fromkeys(kept_files))))
 
 
 @contextmanager
 def _reporting_errors() -> Iterator[None]:
-    """Print a sentence on what cannot be written."""
+    """Print a sentence for an output that cannot be written."""
     from sweeps.engine.declare.errors import ConfigurationError
 
     try:

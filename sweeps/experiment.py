@@ -1,13 +1,13 @@
 """The experiment, assembled from modules that each declare a sensor, a classifier or a study.
 
-Modules are those of `sweeps.stages`, and those that installed packages name as entry points of the
-group `sweeps.modules`. A module declares groups of settings, and of the following what it has:
+Modules come from `sweeps.stages` and from entry points of installed packages in the group
+`sweeps.modules`. A module declares groups of settings, and any of the following:
 
-- `STAGES` and `TABLES`: its stages, by themselves or in tuples, and its tables; the stages of a
-  script need no list
+- `STAGES` and `TABLES`: its stages, singly or in tuples, and its tables; the stages of a script
+  need no list
 - `SENSOR` or `NAME`: its name, if it is a sensor or a classifier
 - `CONF`: a folder of configuration files, such as `experiment/mine.yaml`
-- `WORDS`: by setting, the attribute in which modules list words that the setting may have
+- `WORDS`: by setting, the attribute in which modules list the allowed words of the setting
 - `check_first` and `check`: refuse inconsistent choices or complete them, the first before any ship
   is built
 - `loops`: returns the compiled loops that its stages run
@@ -59,7 +59,7 @@ def conf_folder() -> Path:
 def installed() -> tuple[ModuleType, ...]:
     """Return the modules that installed packages declare, by name; DeclarationError if one fails.
 
-    Studies join in this way, as sensors and classifiers of other packages do.
+    Studies join in this way, like sensors and classifiers of other packages.
     """
     modules = []
     for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda entry: entry.name):
@@ -103,12 +103,12 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     def attributes(choices: Choices) -> dict[str, Any]:
         digests = {str(ship): views.hull.function(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
-        given = {label: words for label, words in transforms.items() if words}
-        return {"mesh_digests": digests} | ({"mesh_transforms": given} if given else {})
+        nonempty = {label: words for label, words in transforms.items() if words}
+        return {"mesh_digests": digests} | ({"mesh_transforms": nonempty} if nonempty else {})
 
     def compile_loops(choices: Choices, say: Callable[[str], None]) -> list[Callable[[], object]]:
         needed = (module.loops(choices) for module in modules if hasattr(module, "loops"))
-        distinct = dict.fromkeys(one for several in needed for one in several)
+        distinct = dict.fromkeys(loops for module_loops in needed for loops in module_loops)
         missing = [loops for loops in distinct if loops.are_missing()]
         if missing:
             names = ", ".join(loops.of for loops in missing)
@@ -135,57 +135,57 @@ def _compile(loops: Loops) -> None:
 
 
 def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
-    """Return the kinds of settings, by key, whose words are what the modules declare."""
+    """Return, by key, the kinds of settings whose words the modules declare."""
     kinds: dict[str, Kind] = {}
     for module in modules:
         words: Mapping[Setting, str] = getattr(module, "WORDS", {})
         for setting, attribute in words.items():
-            listed = [getattr(one, attribute) for one in modules if hasattr(one, attribute)]
-            several = [(one,) if isinstance(one, str) else one for one in listed]
-            word = Word(tuple(name for names in several for name in names))
+            listed = [getattr(owner, attribute) for owner in modules if hasattr(owner, attribute)]
+            lists = [(names,) if isinstance(names, str) else names for names in listed]
+            word = Word(tuple(name for names in lists for name in names))
             kind = setting.kind
             kinds[setting.key] = replace(kind, kind=word) if isinstance(kind, SetOf) else word
     return kinds
 
 
 def about(modules: Sequence[Any], choices: Choices) -> list[str]:
-    """Return the lines to print before a sweep: classifiers without use, and those of modules."""
-    asked = {Classifier.name.key, Classifier.key} & set(choices.given)
+    """Return the lines to print before a sweep, on unused classifiers and of modules."""
+    given_keys = {Classifier.name.key, Classifier.key} & set(choices.given)
     sensors = ",".join(choices.value(Sweep.sensor))
     return [
         f"classifier.name={name} has nothing to do for sensor={sensors}; ignored"
-        for name in (idle(stages_of(modules), choices) if asked else ())
+        for name in (idle(stages_of(modules), choices) if given_keys else ())
     ] + [line for module in modules if hasattr(module, "about") for line in module.about(choices)]
 
 
 def groups_of(module: Any) -> tuple[type[Settings], ...]:
-    """Return the groups of settings that a module declares, in the order in which it does."""
+    """Return the groups of settings that a module declares, in their order."""
     values = [var for var in vars(module).values() if isinstance(var, type)]
-    own = [value for value in values if value.__module__ == module.__name__]
-    return tuple(setting for setting in own if issubclass(setting, Settings))
+    declared = [value for value in values if value.__module__ == module.__name__]
+    return tuple(setting for setting in declared if issubclass(setting, Settings))
 
 
 def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
-    """Return the stages that some modules list as STAGES; those of a script need no list."""
+    """Return the stages that some modules list as STAGES; the stages of a script need no list."""
     listed = (getattr(module, "STAGES", vars(module).values()) for module in modules)
-    values = (value for several in listed for value in several)
-    several = (value if isinstance(value, tuple) else (value,) for value in values)
-    return tuple(dict.fromkeys(s for stages in several for s in stages if isinstance(s, Stage)))
+    values = (value for values_of_module in listed for value in values_of_module)
+    tuples = (value if isinstance(value, tuple) else (value,) for value in values)
+    return tuple(dict.fromkeys(s for stages in tuples for s in stages if isinstance(s, Stage)))
 
 
 def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
     """Return the classifiers of a sweep that add no groups to its store."""
-    asked = {stage.group for stage in stages if stage.group.path and stage.group.when(choices)}
+    groups = {stage.group for stage in stages if stage.group.path and stage.group.when(choices)}
     names = choices[Classifier.name]
 
     def without(name: str) -> Choices:
         return choices.replace(Classifier.name, tuple(other for other in names if other != name))
 
-    return [name for name in names if all(group.when(without(name)) for group in asked)]
+    return [name for name in names if all(group.when(without(name)) for group in groups)]
 
 
 INSTALLED = installed()
 MODULES = (*CORE, *INSTALLED)
 EXPERIMENT = assemble(
-    *MODULES, code=tuple(dict.fromkeys(one.__name__.partition(".")[0] for one in INSTALLED))
+    *MODULES, code=tuple(dict.fromkeys(module.__name__.partition(".")[0] for module in INSTALLED))
 )

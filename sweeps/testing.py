@@ -26,7 +26,7 @@ from sweeps.engine.run.tasks import drop_objects, run_batches
 def check_pure(
     experiment: Experiment, choices: Choices, *, most: int = MAX_TASK_CELLS
 ) -> Counter[str]:
-    """Return how many cells of each stage are the same when computed again, alone.
+    """Return the number of cells of each stage that are equal when computed again, alone.
 
     A result must depend on the arguments of its stage alone: on no clock, no generator of its own,
     no earlier call and no object that another call has changed; and with `along`, not on the other
@@ -39,12 +39,12 @@ def check_pure(
     choices : Choices
         Values of its settings, as `sweeps.engine.declare.settings.read_choices` makes them.
     most : int
-        Cells of a stage that are computed again, spread evenly over all that it has.
+        Cells of a stage that are computed again, spread evenly over all its cells.
 
     Raises
     ------
     AssertionError
-        Naming every cell that failed or differs, and the first number of it that does.
+        Naming every cell that failed or differs, and its first differing number.
     """
     with TemporaryDirectory() as folder, one_thread():  # as in workers
         index = CellIndex(open_packs(Path(folder)), _ignore)
@@ -53,18 +53,18 @@ def check_pure(
         executor = InlineExecutor()
         call_each(experiment.prepare(choices, _ignore), executor, lambda: None)
         failures = execute(schedule, executor, index, Watch(_ignore))
-        found = [f"{name} failed: {why}" for name, why in failures]
+        problems = [f"{name} failed: {reason}" for name, reason in failures]
         compared: Counter[str] = Counter()
         for bound, results in schedule.results.items():
             cells = np.flatnonzero(results >= 0)
             cells = cells[schedule.locations[results[cells]].present].tolist()
             for cell in cells[:: max(1, -(-len(cells) // most))]:
                 compared[bound.name] += 1
-                if how := _difference(schedule, index, bound, cell):
+                if difference := _difference(schedule, index, bound, cell):
                     name = schedule.plan.cell_name(bound, cell)
-                    found.append(f"{name} differs when computed again, alone: {how}")
-    if found:
-        raise AssertionError("\n".join(found))
+                    problems.append(f"{name} differs when computed again, alone: {difference}")
+    if problems:
+        raise AssertionError("\n".join(problems))
     return compared
 
 
@@ -73,7 +73,7 @@ def _ignore(sentence: str) -> None:
 
 
 def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: int) -> str:
-    """Return how a cell that was computed differs from the same computed alone, if it does."""
+    """Return the difference between a computed cell and the same cell computed alone, if any."""
     locations = schedule.locations[schedule.results[bound][[cell]]]
     [first] = iter_cells(index.cells, locations)
     planned = schedule.make_batch(bound, [np.array([cell])])
@@ -83,21 +83,21 @@ def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: i
     if outcome.pack is None:
         return f"it raises {outcome.failed[0].reason}"
     pack = np.array([index.add(outcome.pack)], np.int32)
-    [again] = iter_cells(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
-    if first is None or again is None:
+    [second] = iter_cells(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
+    if first is None or second is None:
         return "it cannot be read back from the disk"
-    for name in (one.name for one in bound.stage.outputs if one.role != MEASURED):
-        if how := _first_difference(name, first[name], again[name]):
-            return how
+    for name in (output.name for output in bound.stage.outputs if output.role != MEASURED):
+        if difference := _first_difference(name, first[name], second[name]):
+            return difference
     return ""
 
 
-def _first_difference(name: str, one: NDArray[Any], other: NDArray[Any]) -> str:
-    """Return the first place where two arrays differ, bit by bit; empty if there is none."""
-    if one.shape != other.shape:
-        return f"{name} has the shape {one.shape}, and then {other.shape}"
-    for at in np.ndindex(one.shape) if one.tobytes() != other.tobytes() else ():
-        if one[at].tobytes() != other[at].tobytes():
-            where = f"{name}{list(at)}" if at else name
-            return f"{where} is {one[at].item()!r}, and then {other[at].item()!r}"
+def _first_difference(name: str, first: NDArray[Any], second: NDArray[Any]) -> str:
+    """Return the first place where two arrays differ, bit by bit; empty if they are equal."""
+    if first.shape != second.shape:
+        return f"{name} has the shape {first.shape}, and then {second.shape}"
+    for index in np.ndindex(first.shape) if first.tobytes() != second.tobytes() else ():
+        if first[index].tobytes() != second[index].tobytes():
+            label = f"{name}{list(index)}" if index else name
+            return f"{label} is {first[index].item()!r}, and then {second[index].item()!r}"
     return ""

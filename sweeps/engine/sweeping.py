@@ -41,7 +41,7 @@ from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.provenance import SHARED_ATTRIBUTES, check_extends, differences, provenance
 from sweeps.engine.store.writing import read_attributes, recover, write_store
 
-MAX_ROUNDS = 20  # of computing damaged results again, before blaming the disk
+MAX_ROUNDS = 20  # rounds of computing damaged results again, before blaming the disk
 LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
 TABLE_MODULES = (
     "sweeps.engine.store.tables",
@@ -57,7 +57,7 @@ PARTIAL = "partial"
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Store, cache and cluster of a sweep, and a size of the cache [byte] that is worth a word.
+    """Store, cache and cluster of a sweep, and the size of the cache [byte] above which it warns.
 
     A `partial` store has the cells that are in the cache; nothing is computed. `imports` are
     modules that the command needs at the end, imported while workers start and compute.
@@ -78,10 +78,10 @@ class RunOptions:
 
 @dataclass
 class Finished:
-    """Outcome of a sweep: progress by stage, and the cells that failed with the reason of each.
+    """Outcome of a sweep: progress by stage, and the failed cells with reasons.
 
-    `axes` has the number of values of everything that was swept, by key; keys of settings that
-    run together are joined by `+`.
+    `axes` has the length of each swept axis by key; keys of settings that run together are joined
+    by `+`.
     """
 
     progress: Mapping[str, Progress] = field(default_factory=dict)
@@ -118,23 +118,23 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
             make_folder(packs, PRIVATE_MODE)
         stack.enter_context(cache_lock(packs))
         index = CellIndex(options.packs, watch.say, plan.identity.values())
-        old = extended_attributes(options.store, plan)
+        attributes = extended_attributes(options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
-            for name, found in differences(plan, old or {}):
-                LOG.debug("%s differs from the store in: %s", name, ", ".join(found))
-        if old is not None and is_complete(plan, options.store, old, watch.say):
+            for name, reasons in differences(plan, attributes or {}):
+                LOG.debug("%s differs from the store in: %s", name, ", ".join(reasons))
+        if attributes is not None and is_complete(plan, options.store, attributes, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
             finished = _unchanged(plan, index, watch)
-        elif options.partial and old is not None and PARTIAL not in old:
+        elif options.partial and attributes is not None and PARTIAL not in attributes:
             raise ConfigurationError(
                 f"store is {str(options.store)!r}, a complete store; partial=true would drop "
                 "results that the cache has lost; give another store="
             )
         else:
-            crash_free = _crash_free(plan, old or {})
+            crash_free = _crash_free(plan, attributes or {})
             finished = _compute_and_write(plan, options, index, watch, check, crash_free)
         size = 0
-        with suppress(OSError):  # the store is written, whatever the cache does now
+        with suppress(OSError):  # the store is complete even if the cache fails now
             size = sum(options.packs.sizes().values()) if finished.written else 0
         if size > options.cache_limit:
             limit = f"{options.cache_limit / 1e9:g} GB"
@@ -147,17 +147,17 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     return finished
 
 
-def _crash_free(plan: Plan, old: Mapping[str, Any]) -> set[str]:
-    """Return the stages of packages that a store, by its attributes, was made with.
+def _crash_free(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
+    """Return the stages of packages with which a store, by its attributes, was made.
 
-    Their calls have ended no process, so they may run in the command; a script's may not.
+    Their calls have ended no process, so they may run in the command; a script's calls may not.
     """
-    if "failures" in old:
+    if "failures" in attributes:
         return set()
     return {
         bound.name
         for bound in plan.bound.values()
-        if bound.name in old.get("code", ())
+        if bound.name in attributes.get("code", ())
         and array_kinds(bound.stage.outputs)
         and is_within(module_and_name(bound.stage.function)[0], plan.experiment.code)
     }
@@ -171,24 +171,24 @@ def _compute_and_write(
     check: Callable[[], None],
     crash_free: Collection[str],
 ) -> Finished:
-    """Compute and write all cells; compute those again that cannot be read back."""
+    """Compute and write all cells; compute unreadable cells again."""
     # The thread starts and ends workers while this one plans and writes.
     with ThreadPoolExecutor(1, "cluster") as thread:
         for _ in range(MAX_ROUNDS):
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
-                how = (thread, stack, crash_free)
-                failures, workers = _compute(schedule, options, index, watch, *how)
-                if options.cluster.kind in LOCAL_KINDS:  # which end meanwhile
+                context = (thread, stack, crash_free)
+                failures, workers = _compute(schedule, options, index, watch, *context)
+                if options.cluster.kind in LOCAL_KINDS:  # workers end meanwhile
                     thread.submit(stack.close)
                     workers = None
                 failures += _write(schedule, options, index, watch, check, workers)
             except DamagedResults as error:
                 damaged = sorted(_damaged_keys(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
-                lost = f"{len(damaged):,} results in the cache are damaged"
-                watch.say(f"{lost} and are computed again")
+                message = f"{len(damaged):,} results in the cache are damaged"
+                watch.say(f"{message} and are computed again")
                 index.drop(keys)
             else:
                 return Finished(schedule.progress, failures, written=True)
@@ -208,15 +208,15 @@ def _compute(
 ) -> tuple[Failures, Executor | None]:
     """Compute missing cells on workers, which `stack` ends; return failures and workers, if any.
 
-    Little work of stages that are `crash_free` is done here instead of in local workers.
-    Returns and raises as `execute` does.
+    If little work of only `crash_free` stages is left, this process does it instead of local
+    workers. Raises as `execute` does.
     """
     plan, choice = schedule.plan, options.cluster
     with interruptible():
         schedule.look_up(index)
         missing = schedule.missing_cells
     cells = sum(number for _, number, _ in missing)
-    total = sum(one.total for one in schedule.progress.values())
+    total = sum(progress.total for progress in schedule.progress.values())
     if options.partial:
         watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
         return [], None
@@ -228,7 +228,9 @@ def _compute(
         return [], None
     if choice.kind == "local":
         check_guard()
-        safe = all(one.name in schedule.costs and one.name in crash_free for one, *_ in missing)
+        safe = all(
+            bound.name in schedule.costs and bound.name in crash_free for bound, *_ in missing
+        )
         if safe and sum(schedule.remaining_seconds().values()) < INLINE_SECONDS:
             choice = ClusterChoice("inline")
     entered = open_executor(
@@ -240,19 +242,21 @@ def _compute(
         say=watch.say,
     )
     starting = thread.submit(stack.enter_context, entered)
-    here = choice.kind in LOCAL_KINDS
-    first = plan.experiment.prepare(plan.choices, unless_stopped(watch.say)) if here else ()
+    is_local = choice.kind in LOCAL_KINDS
+    preparations = (
+        plan.experiment.prepare(plan.choices, unless_stopped(watch.say)) if is_local else ()
+    )
     tables = TABLE_MODULES if plan.experiment.tables else ()
     names = deque((*tables, *options.imports) if choice.kind != "inline" else ())
     while names and not starting.done():
         raise_if_stopped()
-        with suppress(Exception):  # of which the report says why, when the store is written
+        with suppress(Exception):  # the report gives the reason, when the store is written
             import_module(names.popleft())
     with interruptible():
         workers = starting.result()
     for name in names:  # while workers compute
         thread.submit(import_module, name)
-    call_each(first, workers, lambda: watch.step(schedule))
+    call_each(preparations, workers, lambda: watch.step(schedule))
     return execute(schedule, workers, index, watch), workers
 
 
@@ -271,21 +275,21 @@ def is_complete(
     plan: Plan, path: PathOrUrl, old: Mapping[str, object], say: Callable[[str], None]
 ) -> bool:
     """Return whether an undamaged store has all results of a plan."""
-    # As read back from a store.
     raise_if_stopped()
-    new = decode_attrs(encode_attrs(provenance(plan)))
-    if "failures" in old or dict(old) != new:
-        keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
+    # In the form in which a store returns them.
+    attributes = decode_attrs(encode_attrs(provenance(plan)))
+    if "failures" in old or dict(old) != attributes:
+        keys = sorted(key for key in {*old, *attributes} if old.get(key) != attributes.get(key))
         LOG.debug("store is written again: its %s differ", ", ".join(keys))
         return False
-    bad = verify(path)
-    if bad:
-        say(f"{len(bad):,} files of the store are damaged ({bad[0]}) and are written again")
-    return not bad
+    damaged = verify(path)
+    if damaged:
+        say(f"{len(damaged):,} files of the store are damaged ({damaged[0]}) and are written again")
+    return not damaged
 
 
 def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
-    """Return the outcome of a sweep whose store has everything already."""
+    """Return the outcome of a sweep whose store is complete already."""
     progress = {}
     index.refresh()
     for bound in plan.targets:
@@ -293,7 +297,7 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
         plan.drop_keys(bound)
         total = len(unique_keys(keys)[0])
         progress[bound.name] = Progress(total, total)
-    cells = sum(one.total for one in progress.values())
+    cells = sum(stage.total for stage in progress.values())
     watch.say(f"0 cells to compute, {cells:,} are in the store")
     return Finished(progress)
 
@@ -319,31 +323,31 @@ def _write(
         if failed and (results := schedule.results.get(bound)) is not None
         for cell in np.flatnonzero(np.isin(results, [*failed])).tolist()
     }
-    found: list[Failure] = []
+    table_failures: list[Failure] = []
     with interruptible():
         groups = cube.groups()
         if plan.experiment.tables and not options.partial:
             from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
 
-            found = add_tables(plan, groups)
-    lost = {failure.name: failure.reason for failure in found}
-    for failure in found:
+            table_failures = add_tables(plan, groups)
+    failed_tables = {failure.name: failure.reason for failure in table_failures}
+    for failure in table_failures:
         watch.failed(failure)
-    attributes = provenance(plan, failures | lost)
+    attributes = provenance(plan, failures | failed_tables)
     shared: tuple[str, ...] = SHARED_ATTRIBUTES
     if options.partial:
-        every = Progress.sum(schedule.progress.values())
-        attributes[PARTIAL] = f"{every.left:,} of {every.total:,} cells are missing"
+        total = Progress.sum(schedule.progress.values())
+        attributes[PARTIAL] = f"{total.left:,} of {total.total:,} cells are missing"
         shared = (*SHARED_ATTRIBUTES, PARTIAL)
     write_store(options.store, groups, attributes, shared=shared, check=check, writers=workers)
-    return list(lost.items())
+    return list(failed_tables.items())
 
 
 # dry run ------------------------------------------------------------------------------------------
 
 
 def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, int]], str]:
-    """Return the cells of each stage, those to be computed among them, and the work in words.
+    """Return the numbers of cells, and of cells to compute, of each stage, and the work in words.
 
     Nothing is written, and neither store nor cache need exist.
 
@@ -352,21 +356,27 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     ConfigurationError
         If the sweep would be refused.
     """
-    old = extended_attributes(options.store, plan)
-    if old is not None and is_complete(plan, options.store, old, lambda sentence: None):
+    attributes = extended_attributes(options.store, plan)
+    if attributes is not None and is_complete(
+        plan, options.store, attributes, lambda sentence: None
+    ):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
     packs = replace(options.packs, make=False)
     index = CellIndex(packs, lambda sentence: None, plan.identity.values())
     schedule, costs = Schedule(plan), index.costs()
     schedule.look_up(index)
-    stages = {name: (one.total, one.left) for name, one in schedule.progress.items() if one.total}
+    stages = {
+        name: (progress.total, progress.left)
+        for name, progress in schedule.progress.items()
+        if progress.total
+    }
     calls = sum(number for *_, number in schedule.missing_cells)
     if not calls:
         return stages, "nothing to compute: all cells are in the cache"
     size = work = "unknown"
-    left = {name: cells for name, (_, cells) in stages.items() if cells}
-    if all(name in costs for name in left):  # each has been timed
-        size = f"{sum(costs[name][1] * cells for name, cells in left.items()) / 1e6:.3g} MB"
-        work = f"{sum(costs[name][0] * cells for name, cells in left.items()):.3g} s"
+    missing = {name: cells for name, (_, cells) in stages.items() if cells}
+    if all(name in costs for name in missing):  # each has been timed
+        size = f"{sum(costs[name][1] * cells for name, cells in missing.items()) / 1e6:.3g} MB"
+        work = f"{sum(costs[name][0] * cells for name, cells in missing.items()):.3g} s"
     return stages, f"{calls:,} calls to run; new results {size}; time on one core {work}"

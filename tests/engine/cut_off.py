@@ -35,7 +35,7 @@ def main(folder):
     def cut_off():
         eventually(lambda: list(folder.glob("* * *")))
         first = int(next(folder.glob("* * *")).name.split()[1])
-        (victim,) = (one for one in running_server().children() if one.pid == first)
+        (victim,) = (process for process in running_server().children() if process.pid == first)
         victims.append(victim.pid)
         victim.suspend()
         time.sleep(MINUTE)
@@ -43,8 +43,8 @@ def main(folder):
 
     begin = time.monotonic()
     with meanwhile(cut_off):
-        how = {"sizes": range(1, 7), "kind": "local", "workers": 2}
-        finished = run_few([slow], folder / "s.zarr", **how)
+        options = {"sizes": range(1, 7), "kind": "local", "workers": 2}
+        finished = run_few([slow], folder / "s.zarr", **options)
     took = time.monotonic() - begin
     print(json.dumps({"failures": finished.failures, "victim": victims[0], "took": took}))
 

@@ -20,10 +20,10 @@ EVENTS = {"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir", "os.truncate
 
 @cache
 def _forking():
-    here = Path(__file__)
-    paths = os.pathsep.join(map(str, (ROOT, here.parents[1], here.parent)))
+    path = Path(__file__)
+    paths = os.pathsep.join(map(str, (ROOT, path.parents[1], path.parent)))
     return subprocess.Popen(
-        [sys.executable, here],
+        [sys.executable, path],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -31,10 +31,10 @@ def _forking():
     )
 
 
-def killed_at(moment, store, cache, asked):
+def killed_at(moment, store, cache, values):
     """Run in a process that ends, as by SIGKILL, when it is about to touch its so manieth file."""
     forking = _forking()
-    case = [moment, str(store.parent), store.name, cache.name, asked]
+    case = [moment, str(store.parent), store.name, cache.name, values]
     forking.stdin.write(json.dumps(case) + "\n")
     forking.stdin.flush()
     assert forking.stdout.readline() == "ended\n"
@@ -48,24 +48,24 @@ def main():
     from sweeps.engine.cache.objects import Objects
 
     for line in sys.stdin:
-        moment, folder, store, cache, asked = json.loads(line)
+        moment, folder, store, cache, values = json.loads(line)
         child = os.fork()
         if child == 0:
-            left = moment
+            countdown = moment
 
             def touched():
-                nonlocal left
-                left -= 1
-                if left == 0:
+                nonlocal countdown
+                countdown -= 1
+                if countdown == 0:
                     os._exit(9)
 
             def counted(method):
                 @wraps(method)
                 def call(*arguments):
                     touched()
-                    found = method(*arguments)
+                    result = method(*arguments)
                     touched()
-                    return found
+                    return result
 
                 return call
 
@@ -77,7 +77,7 @@ def main():
                 setattr(Objects, name, counted(getattr(Objects, name)))
             sys.addaudithook(hook)
             try:
-                go(Path(folder, store), Path(folder, cache), **asked)
+                go(Path(folder, store), Path(folder, cache), **values)
             finally:
                 os._exit(0)
         _, status = os.waitpid(child, 0)

@@ -19,8 +19,8 @@ def keys(*names) -> np.ndarray:
 
 def write_pack(cells: Objects, stage: str, names, arrays, seconds=0.0) -> Pack:
     packing = PackWriter()
-    for one in arrays:
-        packing.add(one)
+    for array in arrays:
+        packing.add(array)
     return packing.write(cells, stage, keys(*names), seconds)
 
 
@@ -51,9 +51,9 @@ def same(cell, expected) -> bool:
 def whole(cells: Objects, index, names) -> bool:
     """True if all cells are found, and read as they were written."""
     index.refresh()
-    found = index.find(keys(*names), SMALL)
-    read = read_cells(cells, found)
-    return found.present.all() and all(
+    cell_locations = index.find(keys(*names), SMALL)
+    read = read_cells(cells, cell_locations)
+    return cell_locations.present.all() and all(
         same(cell, small(name)) for cell, name in zip(read, names, strict=True)
     )
 

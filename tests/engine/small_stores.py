@@ -64,28 +64,28 @@ def contents(path):
     assert verify(path) == []
     there = files(path)
     root = json.loads(there["zarr.json"])
-    found = {"": root["attributes"]}
+    tree = {"": root["attributes"]}
     for name, node in root["consolidated_metadata"]["metadata"].items():
-        own = json.loads(there[f"{name}/zarr.json"])
+        document = json.loads(there[f"{name}/zarr.json"])
         if node["node_type"] == "group":
-            below = own["consolidated_metadata"]["metadata"]
+            below = document["consolidated_metadata"]["metadata"]
             assert below == {
-                inner.removeprefix(f"{name}/"): one
-                for inner, one in root["consolidated_metadata"]["metadata"].items()
+                inner.removeprefix(f"{name}/"): node
+                for inner, node in root["consolidated_metadata"]["metadata"].items()
                 if inner.startswith(f"{name}/")
             }
-            found[name] = own["attributes"]
+            tree[name] = document["attributes"]
             continue
-        assert own == node
-        encoding = own.pop("chunk_key_encoding")
+        assert document == node
+        encoding = document.pop("chunk_key_encoding")
         separator = encoding["configuration"]["separator"]
         begin = f"c{separator}" if encoding["name"] == "default" else ""
-        found[name] = own
-        counts = map(math.ceil, np.divide(own["shape"], chunks_of(own)))
-        for index in itertools.product(*map(range, counts)) if own["shape"] else ():
+        tree[name] = document
+        counts = map(math.ceil, np.divide(document["shape"], chunks_of(document)))
+        for index in itertools.product(*map(range, counts)) if document["shape"] else ():
             chunk = begin + separator.join(map(str, index))
-            found[name, index] = there.get(f"{name}/{chunk}")
-    return found
+            tree[name, index] = there.get(f"{name}/{chunk}")
+    return tree
 
 
 def chunks_of(node):

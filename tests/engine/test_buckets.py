@@ -51,7 +51,7 @@ def test_a_failed_write_is_resumed(place, tmp_path, monkeypatch):
 
 
 def test_damage_is_found_and_mended(place, tmp_path):
-    store, cache, told = below(place, "s.zarr"), tmp_path / "cache", Told()
+    store, cache, recorder = below(place, "s.zarr"), tmp_path / "cache", Told()
     go(store, cache)
     before, names, there = contents(store), files(store), Objects(store)
     changed = next(name for name in names if name.startswith("answers/answer/c."))
@@ -59,8 +59,8 @@ def test_damage_is_found_and_mended(place, tmp_path):
     there.put(changed, b"other")
     there.delete([gone])
     assert verify(store) == [changed, gone]
-    go(store, cache, watch=told.watch)
-    assert any("2 files of the store are damaged" in sentence for sentence in told.sentences)
+    go(store, cache, watch=recorder.watch)
+    assert any("2 files of the store are damaged" in sentence for sentence in recorder.sentences)
     assert contents(store) == before
     there.put("mine.txt", b"")
     with pytest.raises(ConfigurationError, match="which contains 'mine"):
@@ -83,13 +83,13 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
         lambda near: [near.with_name(f"{near.name}-tables")],
     )
 
-    def start(*given):
-        return command.main(["cache=cache", "cluster=inline", *given])
+    def start(*arguments):
+        return command.main(["cache=cache", "cluster=inline", *arguments])
 
     assert start(f"store={bucket}/s.zarr", "dry_run=true") == 0
     assert not files(bucket)
     assert start(f"store={bucket}/s.zarr") == 0 and reported == [f"{bucket}/s.zarr"]
-    assert not [one for one in tmp_path.iterdir() if one.name != "cache"]
+    assert not [path for path in tmp_path.iterdir() if path.name != "cache"]
     capsys.readouterr()
     for store, reason in {
         f"{bucket}/s.zarr/inner.zarr": f"must not be in the store '{bucket}/s.zarr'",
@@ -99,8 +99,8 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
     }.items():
         if reason:
             assert start(f"store={store}") == 2
-            (said,) = capsys.readouterr().err.splitlines()
-            assert said.startswith(f"springs: store is '{store}'") and reason in said
+            (message,) = capsys.readouterr().err.splitlines()
+            assert message.startswith(f"springs: store is '{store}'") and reason in message
     assert start("-m", f"store={bucket}/s.zarr,{bucket}/other/s.zarr") == 2
     assert "whose report would replace that of" in capsys.readouterr().err
     assert opened(f"{bucket}/s.zarr", "springs").sizes["mass"] == 2
@@ -117,20 +117,20 @@ sys.exit(Command(SPRINGS).main(sys.argv[1:]))
 
 def test_secrets_are_in_no_store_log_or_message(bucket, tmp_path, served):
     script = SWEEP.format(paths=[str(Path(__file__).parent)])
-    given = ["-c", script, "cache=cache", "cluster.workers=2", f"store={bucket}/s.zarr"]
-    said = []
+    arguments = ["-c", script, "cache=cache", "cluster.workers=2", f"store={bucket}/s.zarr"]
+    outputs = []
 
     def run(*more, status=0, **environment):
-        done = python(*given, *more, cwd=tmp_path, check=False, **environment)
+        done = python(*arguments, *more, cwd=tmp_path, check=False, **environment)
         assert done.returncode == status, done.stderr
-        said.append((done.stdout + done.stderr).encode())
+        outputs.append((done.stdout + done.stderr).encode())
 
     run("spring.limit=1.5", status=1)  # a cell fails, and its arguments are kept
     run("spring.limit=1.5", "dry_run=true")
     run("spring.mass=7", status=2)
     name = f"http://{buckets.SECRET}:{buckets.SECRET}@127.0.0.1:9"
     run(AWS_SECRET_ACCESS_KEY=buckets.SECRET, AWS_ENDPOINT_URL=name, status=2)
-    written = [*files(bucket).values(), *files(tmp_path).values(), *said]
-    assert len(written) > 50 and any(b"too [stiff]" in one for one in written)
-    assert not [one for one in written if buckets.SECRET.encode() in one]
+    file_contents = [*files(bucket).values(), *files(tmp_path).values(), *outputs]
+    assert len(file_contents) > 50 and any(b"too [stiff]" in content for content in file_contents)
+    assert not [content for content in file_contents if buckets.SECRET.encode() in content]
     assert buckets.SECRET in json.dumps(served)

@@ -66,9 +66,9 @@ def test_files_that_are_no_certificates_are_refused(tmp_path):
 
 def test_a_scheduler_without_workers_is_refused(monkeypatch):
     monkeypatch.setattr(dask_cluster, "ARRIVAL_SECONDS", 0.5)
-    how = {"processes": False, "protocol": "tcp://", "dashboard_address": None}
-    how |= {"n_workers": 0, "scheduler_kwargs": dask_cluster.SCHEDULER}
-    with distributed.LocalCluster(**how) as cluster:
+    options = {"processes": False, "protocol": "tcp://", "dashboard_address": None}
+    options |= {"n_workers": 0, "scheduler_kwargs": dask_cluster.SCHEDULER}
+    with distributed.LocalCluster(**options) as cluster:
         address = cluster.scheduler_address
         choice = ClusterChoice(kind="address", address=address)
         fails_with(choice, f"cluster.address is {address}, but its scheduler has no workers")

@@ -31,5 +31,5 @@ JOB = {"kind": "slurm", "workers": 1, "memory": "1GB"}
 def test_settings_that_do_not_fit_are_refused(key, settings):
     with pytest.raises(ConfigurationError) as refused:
         ClusterChoice(**settings)
-    given = "null" if settings.get(key) is None else settings[key]
-    assert str(refused.value).startswith(f"cluster.{key} is {given}, but must be")
+    text = "null" if settings.get(key) is None else settings[key]
+    assert str(refused.value).startswith(f"cluster.{key} is {text}, but must be")

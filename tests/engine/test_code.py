@@ -60,10 +60,10 @@ def digest_in(monkeypatch):
             patch.syspath_prepend(folder)
             imported = importlib.import_module(module)
             assert str(folder) in imported.__file__
-            given = getattr(imported, function)
-            declared = [one for one in vars(imported).values() if isinstance(one, Stage)]
-            homes = {module_and_name(one.function)[0] for one in declared} | {module}
-            return Code(roots, frozenset(homes)).digest(getattr(given, "function", given))
+            value = getattr(imported, function)
+            declared = [stage_ for stage_ in vars(imported).values() if isinstance(stage_, Stage)]
+            homes = {module_and_name(stage_.function)[0] for stage_ in declared} | {module}
+            return Code(roots, frozenset(homes)).digest(getattr(value, "function", value))
 
     yield digest
     forget()
@@ -103,24 +103,24 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
     )
 
     def digest() -> str:
-        where = {"PYTHONPATH": f"{folder}:{ROOT}", "XDG_CACHE_HOME": str(tmp_path / "home")}
-        return python("-c", script, **where).stdout.strip()
+        variables = {"PYTHONPATH": f"{folder}:{ROOT}", "XDG_CACHE_HOME": str(tmp_path / "home")}
+        return python("-c", script, **variables).stdout.strip()
 
-    plain = digest()
+    expected = digest()
     [file] = (tmp_path / "home").rglob(CACHE_FILE)
-    whole = file.read_text()
+    content = file.read_text()
     assert not file.parent.stat().st_mode & 0o077
-    assert digest() == plain and file.read_text() == whole
-    for damaged in ("", "{", "[]", "7", whole[:-9]):
+    assert digest() == expected and file.read_text() == content
+    for damaged in ("", "{", "[]", "7", content[:-9]):
         file.write_text(damaged)
-        assert digest() == plain
-        assert json.loads(file.read_text()) == json.loads(whole)
+        assert digest() == expected
+        assert json.loads(file.read_text()) == json.loads(content)
     # Another source, or another rule, is another key; what is there counts as it is.
-    file.write_text(re.sub(r'\["[0-9a-f]{32}",', f'["{32 * "0"}",', whole))
-    assert digest() != plain
+    file.write_text(re.sub(r'\["[0-9a-f]{32}",', f'["{32 * "0"}",', content))
+    assert digest() != expected
     file.parent.chmod(0o720)
-    assert digest() == plain
-    assert json.loads(file.read_text()) == json.loads(whole)
+    assert digest() == expected
+    assert json.loads(file.read_text()) == json.loads(content)
 
 
 def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
@@ -139,20 +139,20 @@ def test_the_engine_is_left_out(tmp_path, digest_in):
     text = (
         "from sweeps.engine.declare.errors import ConfigurationError as E\ndef length(): raise E\n"
     )
-    found = digest_in(write(tmp_path, {"fleet/measure.py": text}), roots=ROOTS | {"sweeps"})
-    assert [*found.parts] == ["code of fleet.measure.length"]
-    assert found.libraries == {}
+    digest = digest_in(write(tmp_path, {"fleet/measure.py": text}), roots=ROOTS | {"sweeps"})
+    assert [*digest.parts] == ["code of fleet.measure.length"]
+    assert digest.libraries == {}
 
 
 @pytest.mark.parametrize("how", IMPORTS)
 def test_ways_of_importing(tmp_path, digest_in, how):
-    given, modules = IMPORTS[how]["files"], set(IMPORTS[how]["modules"])
+    sources, modules = IMPORTS[how]["files"], set(IMPORTS[how]["modules"])
     empty = {"__init__": "", "deck/__init__": "", "deck/wood": "", "rope": "wood = 1", "tools": ""}
     measure = {"measure": "from fleet import tools\ndef length(): return tools"}
-    files = {f"fleet/{name}.py": f"{text}\n" for name, text in (empty | measure | given).items()}
-    found = digest_in(write(tmp_path, files))
-    named = {f"code of {name}" for name in modules | {"fleet", "fleet.tools"}}
-    assert set(found.parts) == named | {"code of fleet.measure.length"}
+    files = {f"fleet/{name}.py": f"{text}\n" for name, text in (empty | measure | sources).items()}
+    digest = digest_in(write(tmp_path, files))
+    names = {f"code of {name}" for name in modules | {"fleet", "fleet.tools"}}
+    assert set(digest.parts) == names | {"code of fleet.measure.length"}
 
 
 def test_a_module_that_no_distribution_has_counts_by_its_source(tmp_path, digest_in):

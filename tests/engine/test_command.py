@@ -44,16 +44,16 @@ def test_settings_are_listed_without_a_broken_word_and_found_by_one(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) < 80
     words = " ".join(" ".join(lines).split())
-    for one in SPRINGS.declared:
-        assert f"{one.key}={format_value(one.default_input)}" in words
-        assert f" {one.label} " in words and one.kind.allowed in words
+    for setting in SPRINGS.declared:
+        assert f"{setting.key}={format_value(setting.default_input)}" in words
+        assert f" {setting.label} " in words and setting.kind.allowed in words
     assert main(["--settings", "mass"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == "spring.mass=[1, 2] [kg]"
     assert main(["--settings", "compared", "WITH"]) == 0
     assert capsys.readouterr().out.startswith("spring.reference=null [N m-1]\n")
     assert main(["--settings", "colour"]) == 2
-    (said,) = capsys.readouterr().err.splitlines()
-    assert "'colour'" in said
+    (message,) = capsys.readouterr().err.splitlines()
+    assert "'colour'" in message
 
 
 def test_a_sweep_ends_with_its_tables_its_store_and_the_next_command(start, capsys):
@@ -79,8 +79,10 @@ def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     go(tmp_path / "t.zarr")
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
     assert [path.name for path, _ in reported] == ["s.zarr"]
-    said = capsys.readouterr()
-    assert said.out == "" and "springs: 74 cells to compute, 0 reused from the cache" in said.err
+    output = capsys.readouterr()
+    assert (
+        output.out == "" and "springs: 74 cells to compute, 0 reused from the cache" in output.err
+    )
     CALLS.clear()
     assert command.main(arguments) == 0 and not CALLS and len(reported) == 2
     assert "springs: 0 cells to compute, 74 are in the store" in capsys.readouterr().err
@@ -97,8 +99,8 @@ def test_workers_prepare_before_the_first_cell(kind, capsys, tmp_path, monkeypat
 
     compiling = replace(SPRINGS, prepare=prepare)
     assert Command(compiling).main(["cache=cache", f"cluster={kind}"]) == 0
-    said = capsys.readouterr().err.splitlines()
-    assert said.index("springs: compiling the loops") < len(said) - 1 and "computed" in said[-1]
+    lines = capsys.readouterr().err.splitlines()
+    assert lines.index("springs: compiling the loops") < len(lines) - 1 and "computed" in lines[-1]
     assert Path("a").exists() and Path("b").exists()
 
 
@@ -133,9 +135,9 @@ def test_the_fork_server_starts_before_choices_are_checked(words, starts, tmp_pa
 
 def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
     assert start("store=s.zarr", "spring.limit=1.5") == 1
-    said = capsys.readouterr().err
-    assert "springs: failed: period stiffness=4 mass=1: ValueError: too [stiff]" in said
-    assert said.splitlines()[-1].startswith(
+    output = capsys.readouterr().err
+    assert "springs: failed: period stiffness=4 mass=1: ValueError: too [stiff]" in output
+    assert output.splitlines()[-1].startswith(
         "springs: 1 cell failed: period stiffness=4 mass=1 (ValueError: too [stiff]); tracebacks "
     )
     text = Path("s-failures.log").read_text(encoding="utf-8")
@@ -154,18 +156,18 @@ def test_what_is_wrong_exits_with_2_and_one_sentence(start, tmp_path, capsys, ar
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     before = files(tmp_path)
     assert start(*argument.split(" ")) == 2  # as a shell splits it
-    said = capsys.readouterr()
-    (sentence,) = said.err.splitlines()
-    assert said.out == "" and sentence.startswith("springs: ") and REFUSED[argument] in sentence
+    output = capsys.readouterr()
+    (sentence,) = output.err.splitlines()
+    assert output.out == "" and sentence.startswith("springs: ") and REFUSED[argument] in sentence
     assert files(tmp_path) == before and not CALLS
 
 
 def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
     assert start("store=s.zarr") == 0
-    other = replace(SPRINGS, name="pendulums", title="Pendulums")
+    pendulums = replace(SPRINGS, name="pendulums", title="Pendulums")
     before = files(tmp_path)
     capsys.readouterr()
-    assert Command(other).main(["cache=cache", "cluster=inline", "store=s.zarr"]) == 2
+    assert Command(pendulums).main(["cache=cache", "cluster=inline", "store=s.zarr"]) == 2
     assert capsys.readouterr().err == (
         f"pendulums: store is {str(tmp_path / 's.zarr')!r}, which holds other data; it must be "
         "a new path, or a store of pendulums\n"
@@ -176,12 +178,12 @@ def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
 
 
 def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
-    asked = ("store=s.zarr", "dry_run=true")
-    assert start(*asked) == 0
+    overrides = ("store=s.zarr", "dry_run=true")
+    assert start(*overrides) == 0
     assert files(tmp_path) == {} and list(tmp_path.iterdir()) == []
-    said = capsys.readouterr().out.split("\n")
-    assert said[-2] == "50 calls to run; new results unknown; time on one core unknown"
-    rows = {row.split()[0]: row.split()[1:] for row in said[1:-2]}
+    output = capsys.readouterr().out.split("\n")
+    assert output[-2] == "50 calls to run; new results unknown; time on one core unknown"
+    rows = {row.split()[0]: row.split()[1:] for row in output[1:-2]}
     assert rows == {
         "period": ["4", "0", "4"],
         "energy": ["6", "0", "6"],
@@ -192,18 +194,20 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     assert start("store=s.zarr") == 0
     before = files(tmp_path)
     capsys.readouterr()
-    assert start(*asked) == 0
+    assert start(*overrides) == 0
     assert capsys.readouterr().out.endswith("nothing to compute: all cells are in the store\n")
-    assert start(*asked, "measured.rule=[max,mean,min]") == 0
-    said = capsys.readouterr().out
-    assert re.search(r"answers +24 +16 +8\n", said) and "4 calls to run; new results 0.00" in said
+    assert start(*overrides, "measured.rule=[max,mean,min]") == 0
+    output = capsys.readouterr().out
+    assert (
+        re.search(r"answers +24 +16 +8\n", output) and "4 calls to run; new results 0.00" in output
+    )
     # Without the cache, a store that has everything counts, and no other.
-    assert start(*asked, "cache=new", "measured.rule=[max,mean,min]") == 0
+    assert start(*overrides, "cache=new", "measured.rule=[max,mean,min]") == 0
     rows = [row.split() for row in capsys.readouterr().out.splitlines()]
     assert ["answers", "24", "0", "24"] in rows and ["noisy", "24", "0", "24"] in rows
     assert ["trace", "24", "0", "24"] in rows
     assert start("dry_run=true") == 0  # without a store
-    assert start(*asked, "spring.mass=9") == 2
+    assert start(*overrides, "spring.mass=9") == 2
     assert files(tmp_path) == before and not (tmp_path / "new").exists()
 
 
@@ -246,7 +250,7 @@ def test_printing_costs_no_results(ended):
     assert stores["ascii"].name == "s [bold] ä.zarr"
     for name in PRINTED:
         assert files(stores[name]) == files(stores["closed"]) and (stores[name] / "tables").exists()
-    out, error = ((ended["ascii"][0] / one).read_text() for one in ("out", "err"))
+    out, error = ((ended["ascii"][0] / stream).read_text() for stream in ("out", "err"))
     assert "s [bold] \\xe4.zarr [/bold]\\xe4" in out and "cells computed" in error
     assert "Traceback" not in out + error
 
@@ -255,12 +259,12 @@ def test_printing_costs_no_results(ended):
 def test_a_command_that_is_stopped_says_so_and_goes_on(ended, number):
     folder, status = ended[number]
     assert status == 128 + number
-    said = (folder / "err").read_text()
+    output = (folder / "err").read_text()
     last = f"springs: {SIGNALS[number]}; the same command resumes the sweep"
-    assert said.splitlines()[-1] == last and "Traceback" not in said
+    assert output.splitlines()[-1] == last and "Traceback" not in output
     assert not (folder / "s.zarr").exists()
-    assert not [one for one in folder.iterdir() if one.name.endswith((".partial", ".lock"))]
+    assert not [path for path in folder.iterdir() if path.name.endswith((".partial", ".lock"))]
     if number == signal.SIGTERM:
         slow = {"measured__pause": 0.02, "spring__stiffness": STIFF}
         finished = go(folder / "s.zarr", folder / "cache", **slow)
-        assert any(one.reused for one in finished.progress.values())
+        assert any(progress.reused for progress in finished.progress.values())

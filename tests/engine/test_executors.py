@@ -83,31 +83,31 @@ def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(a
     processes = {process for process, *_ in spans}
     assert len(processes) <= any_executor.worker_count
     for process in processes:
-        here = sorted((one for one in spans if one[0] == process), key=lambda one: one[2])
-        assert len({thread for _, thread, *_ in here}) == 1
-        assert all(a[3] <= b[2] for a, b in pairwise(here))
+        tasks = sorted((span for span in spans if span[0] == process), key=lambda span: span[2])
+        assert len({thread for _, thread, *_ in tasks}) == 1
+        assert all(a[3] <= b[2] for a, b in pairwise(tasks))
 
 
 # -- a scheduler at an address
 
 
 def test_a_scheduler_makes_the_same_store_as_this_process(running, tmp_path):
-    asked = {"spring__limit": 1.5}  # the stiffest spring fails
+    values = {"spring__limit": 1.5}  # the stiffest spring fails
     stores = {kind: tmp_path / f"{kind}.zarr" for kind in ("inline", "remote")}
-    inline = go(stores["inline"], **asked)
-    remote = go(stores["remote"], kind=running, **asked)
+    inline = go(stores["inline"], **values)
+    remote = go(stores["remote"], kind=running, **values)
     assert inline.failures and sorted(inline.failures) == sorted(remote.failures)
     assert files(stores["inline"]) == files(stores["remote"])
-    done = {name: one.done for name, one in remote.progress.items()}
+    done = {name: progress.done for name, progress in remote.progress.items()}
     assert done["noisy"] and done["answers"]  # which draws, and which gathers
-    assert done == {name: one.done for name, one in inline.progress.items()}
+    assert done == {name: progress.done for name, progress in inline.progress.items()}
 
 
 def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     running, place, tmp_path, monkeypatch
 ):
     """Each chunk of cells whole, by one of them; coordinates, states and metadata are its own."""
-    sent, own = Counter(), []
+    sent, local = Counter(), []
     submit, put = dask_cluster.DaskExecutor.submit, Objects.put
 
     def submitted(run, number, function, *arguments):
@@ -118,7 +118,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
         submit(run, number, function, *arguments)
 
     def putting(objects, name, content):
-        own.append(name)
+        local.append(name)
         put(objects, name, content)
 
     monkeypatch.chdir(tmp_path)
@@ -128,13 +128,13 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     for masses in ([1, 2], [1, 2, 3]):
         before = set(files(store))
         sent.clear()
-        own.clear()
+        local.clear()
         go(store, cache, kind=running, spring__mass=masses)
         new = {name for name in files(store) if name not in before}
-        made = {name for name in new if name.startswith(("springs/period/", "answers/answer/"))}
-        assert {name for name in made if not name.endswith(METADATA)} <= sent.keys()
-        assert set(sent.values()) == {1} and sent.keys() <= new and not sent.keys() & set(own)
-        assert {"manifest", METADATA, "springs/mass/zarr.json"} <= set(own)
+        expected = {name for name in new if name.startswith(("springs/period/", "answers/answer/"))}
+        assert {name for name in expected if not name.endswith(METADATA)} <= sent.keys()
+        assert set(sent.values()) == {1} and sent.keys() <= new and not sent.keys() & set(local)
+        assert {"manifest", METADATA, "springs/mass/zarr.json"} <= set(local)
         go(tmp_path / f"{len(masses)}.zarr", cache, spring__mass=masses)
         assert contents(store) == contents(tmp_path / f"{len(masses)}.zarr")
 
@@ -152,9 +152,9 @@ def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
 @pytest.mark.usefixtures("impatient")
 def test_a_scheduler_answers_neither_other_certificates_nor_none(running, tmp_path):
     files = executors.written(Security.temporary(), tmp_path)
-    others = ClusterChoice(kind="address", address=running.address, **files)
-    plain = ClusterChoice(kind="address", address=running.address.replace("tls:", "tcp:"))
-    for choice in (others, plain):
+    stranger = ClusterChoice(kind="address", address=running.address, **files)
+    unencrypted = ClusterChoice(kind="address", address=running.address.replace("tls:", "tcp:"))
+    for choice in (stranger, unencrypted):
         executors.fails_with(
             choice, f"cluster.address is {choice.address}, but no scheduler answers there .*"
         )

@@ -29,14 +29,14 @@ GROWN = {
 @pytest.fixture(scope="module")
 def grown(tmp_path_factory):
     """Stores of single runs, by what was asked for."""
-    folder, made = tmp_path_factory.mktemp("grown"), {}
+    folder, stores = tmp_path_factory.mktemp("grown"), {}
 
-    def clean(**given):
-        name = repr(sorted(given.items()))
-        if name not in made:
-            made[name] = folder / f"{len(made)}.zarr"
-            go(made[name], **given)
-        return made[name]
+    def clean(**values):
+        name = repr(sorted(values.items()))
+        if name not in stores:
+            stores[name] = folder / f"{len(stores)}.zarr"
+            go(stores[name], **values)
+        return stores[name]
 
     return clean
 
@@ -105,15 +105,15 @@ def piece(begin, size):
 @stage(Output("hash", label="hash", dtype="i8"), uses=(Cut,), group=Group("hashes"))
 def hashed(piece):
     """What the next stage is given: a number for the bytes and the types of all."""
-    given = [(name, piece[name].dtype.str, piece[name].tolist()) for name in sorted(piece)]
-    return zlib.crc32(repr([*given, *(array.shape for array in piece.values())]).encode())
+    arrays = [(name, piece[name].dtype.str, piece[name].tolist()) for name in sorted(piece)]
+    return zlib.crc32(repr([*arrays, *(array.shape for array in piece.values())]).encode())
 
 
 def test_ragged_arrays_come_back_as_they_were(tmp_path):
-    alone = Experiment("cut", "Cut", (Cut, piece))
+    experiment = Experiment("cut", "Cut", (Cut, piece))
     both = Experiment("cut", "Cut", (Cut, piece, hashed))
-    choices = read_choices(alone.declared, {})
-    run(alone, choices, tmp_path / "s.zarr", tmp_path / "a")
+    choices = read_choices(experiment.declared, {})
+    run(experiment, choices, tmp_path / "s.zarr", tmp_path / "a")
     CALLS.clear()
     run(both, choices, tmp_path / "s.zarr", tmp_path / "a")
     assert CALLS == {"piece": 1}  # the one that failed
@@ -179,9 +179,9 @@ def test_another_configuration_is_refused_by_its_keys(grown, given, asked, store
 def test_other_code_is_refused(grown):
     store = grown()
     changed = replace(SPRINGS.by_name["period"], function=SPRINGS.by_name["energy"].function)
-    other = having(SPRINGS, (*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
+    changed_springs = having(SPRINGS, (*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
     with pytest.raises(ConfigurationError, match="was made by another code of period \\("):
-        run(other, read_choices(SPRINGS.declared, {}), store)
+        run(changed_springs, read_choices(SPRINGS.declared, {}), store)
 
 
 def joined(points, labels=None):

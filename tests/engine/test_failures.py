@@ -18,10 +18,10 @@ STIFF = "ValueError: too [stiff]"
 
 
 def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
-    store, told = tmp_path / "s.zarr", Told()
-    finished = go(store, watch=told.watch, spring__limit=1.5)
+    store, recorder = tmp_path / "s.zarr", Told()
+    finished = go(store, watch=recorder.watch, spring__limit=1.5)
     name = "period stiffness=4 mass=1"
-    assert told.failures == finished.failures == [(name, STIFF)]
+    assert recorder.failures == finished.failures == [(name, STIFF)]
     failures = read_attributes(store)["failures"]
     needing = {
         f"noisy stiffness=4 mass=1 length={length} draw={draw}": f"needs {name}, which failed"
@@ -37,9 +37,9 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
         assert np.isfinite(springs[variable]).sum() == (status[variable] == 1).sum()
     assert (status.energy == 1).all() and (status.trace == 1).all()
     # What gathers them goes on without those that failed.
-    noisy, answers, taken = springs.noisy, opened(store, "answers"), opened(store, "status").taken
-    assert (taken.sel(mass=1, stiffness=4) == 0).all()
-    assert taken.sum() == 2 * 2 * 2 * (3 * 2 - 1)
+    noisy, answers, states = springs.noisy, opened(store, "answers"), opened(store, "status").taken
+    assert (states.sel(mass=1, stiffness=4) == 0).all()
+    assert states.sum() == 2 * 2 * 2 * (3 * 2 - 1)
     np.testing.assert_array_equal(
         answers.answer.sel(rule="max"), noisy.max("stiffness").transpose("mass", "length", "draw")
     )
@@ -121,7 +121,7 @@ def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, v
     failed = [n in values or n + 10 in values for n in (1, 2, 3, 4)]
     # A cell that failed, and not those that need it and are missing.
     assert (state == np.where(failed, 0, 1)).all()
-    assert np.isfinite(there["first"]).sum() == 4 - len({one for one in values if one < 10})
+    assert np.isfinite(there["first"]).sum() == 4 - len({value for value in values if value < 10})
     assert np.isfinite(there["second"]).sum() == 4 - len(values)
     expected = sum(np.sqrt(n) + n for n in (1, 2, 3, 4) if not {n, n + 10} & values)
     everything = np.nan if len(values) == 4 else expected
@@ -156,17 +156,19 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
                 file.unlink()
             case "header":
                 damage(file, at=20)
-    told = Told()
+    recorder = Told()
     CALLS.clear()
-    finished = go(tmp_path / "t.zarr", cache, watch=told.watch)
+    finished = go(tmp_path / "t.zarr", cache, watch=recorder.watch)
     if way == "gone":
         assert CALLS["noisy"] == 24  # the index knows it, and there is nothing to be said
     else:
-        assert any("results in the cache are damaged" in one for one in told.sentences)
+        assert any(
+            "results in the cache are damaged" in sentence for sentence in recorder.sentences
+        )
         assert 0 < sum(CALLS.values()) <= 78
     assert contents(tmp_path / "t.zarr") == before
-    for one in finished.progress.values():
-        assert one.reused + one.done == one.total and one.done >= 0
+    for progress in finished.progress.values():
+        assert progress.reused + progress.done == progress.total and progress.done >= 0
     wider = {"measured__rule": ["max", "mean", "min"]}
     go(store, cache, **wider)
     go(tmp_path / "clean.zarr", **wider)
@@ -175,15 +177,15 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
 
 @pytest.mark.parametrize("kept", [True, False], ids=["with cache", "without cache"])
 def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept):
-    store, cache, told = tmp_path / "s.zarr", tmp_path / "cache", Told()
+    store, cache, recorder = tmp_path / "s.zarr", tmp_path / "cache", Told()
     go(store, cache)
     before, names = contents(store), files(store)
     short = store / next(name for name in names if name.startswith("answers/answer/c."))
     short.write_bytes(short.read_bytes()[:-1])
     (store / next(name for name in names if name.startswith("springs/period/c."))).unlink()
     CALLS.clear()
-    go(store, cache if kept else tmp_path / "new", watch=told.watch)
-    assert any("files of the store are damaged" in sentence for sentence in told.sentences)
+    go(store, cache if kept else tmp_path / "new", watch=recorder.watch)
+    assert any("files of the store are damaged" in sentence for sentence in recorder.sentences)
     assert bool(CALLS["answers"]) == (not kept)
     assert contents(store) == before
 
@@ -192,21 +194,21 @@ def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept
 
 
 def test_a_full_cache_stops_a_sweep_that_is_resumed(tmp_path, monkeypatch):
-    write, written = PackWriter.write, []
+    write, packed = PackWriter.write, []
 
     def full(packing, folder, *what):
-        if written:
+        if packed:
             raise OSError(errno.ENOSPC, "No space left on device", str(folder))
-        written.append(what)
+        packed.append(what)
         return write(packing, folder, *what)
 
     monkeypatch.setattr(PackWriter, "write", full)
     with pytest.raises(OSError, match="No space left on device"):
         go(tmp_path / "s.zarr", tmp_path / "cache")
-    assert [one.name for one in tmp_path.iterdir()] == ["cache"]
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
     monkeypatch.undo()
     finished = go(tmp_path / "s.zarr", tmp_path / "cache")
-    assert sum(one.reused for one in finished.progress.values()) > 0
+    assert sum(progress.reused for progress in finished.progress.values()) > 0
     go(tmp_path / "t.zarr")
     assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
 
@@ -226,7 +228,7 @@ def test_a_store_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space left"):
         go(store, spring__mass=[1, 2, 3])
     assert contents(store) == before
-    assert [one.name for one in tmp_path.iterdir() if one.name.startswith(".")] == []
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
     monkeypatch.undo()
     CALLS.clear()
     go(store, spring__mass=[1, 2, 3])

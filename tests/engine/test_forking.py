@@ -21,8 +21,8 @@ def parent_and_modules():
 
 def test_workers_have_the_modules_of_stages_and_what_these_list():
     assert preloaded_modules([__name__, "nowhere", __name__]) == [__name__, "wave", "nowhere"]
-    asked = ["tabnanny", "no_such_module", *IMPORTS]
-    with open_executor(ClusterChoice(workers=1), modules=asked, say=silent) as run:
+    names = ["tabnanny", "no_such_module", *IMPORTS]
+    with open_executor(ClusterChoice(workers=1), modules=names, say=silent) as run:
         threads, modules = result_of(run, parent_and_modules)
     assert {"tabnanny", "wave"} <= modules
     assert threads == 1  # or it would not be safe to fork
@@ -56,10 +56,10 @@ if __name__ == "__main__":
 def test_a_module_that_is_edited_at_a_prompt_is_run_as_it_is_now(tmp_path):
     (tmp_path / "prompt.py").write_text(EDITED)
     command = [sys.executable, "-B", "prompt.py"]
-    found = subprocess.run(
+    done = subprocess.run(
         command, cwd=tmp_path, env={"PYTHONPATH": SEARCH}, capture_output=True, text=True
     )
-    assert found.stdout.split() == ["1", "2"], found.stderr
+    assert done.stdout.split() == ["1", "2"], done.stderr
 
 
 def test_the_process_ends_with_the_one_that_started_it():
@@ -68,14 +68,15 @@ def test_the_process_ends_with_the_one_that_started_it():
         "from sweeps.engine.run.forking import start_fork_server\n"
         "start_fork_server([]); print(running_server().pid)"
     )
-    found = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", source], env={"PYTHONPATH": SEARCH}, capture_output=True, text=True
     )
-    assert found.returncode == 0, found.stderr
+    assert done.returncode == 0, done.stderr
     psutil.wait_procs(
-        [one for one in psutil.process_iter() if one.pid == int(found.stdout)], timeout=30
+        [process for process in psutil.process_iter() if process.pid == int(done.stdout)],
+        timeout=30,
     )
-    assert not psutil.pid_exists(int(found.stdout))
+    assert not psutil.pid_exists(int(done.stdout))
 
 
 def test_the_server_s_module_hides_no_failure_elsewhere():

@@ -62,15 +62,15 @@ def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
         CALLS.clear()
         return sweeps.sweep(product, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
 
-    found = run(x=[2, 1], y=np.array([0.5, 1.5]))
-    assert found["product"].dims == ("x", "y") and len(CALLS) == 4
-    assert found["product"].sel(x=2, y=1.5) == 6 and found.x.values.tolist() == [1, 2]
-    assert run(x=[1, 2], y=[0.5, 1.5]).equals(found) and not CALLS
+    results = run(x=[2, 1], y=np.array([0.5, 1.5]))
+    assert results["product"].dims == ("x", "y") and len(CALLS) == 4
+    assert results["product"].sel(x=2, y=1.5) == 6 and results.x.values.tolist() == [1, 2]
+    assert run(x=[1, 2], y=[0.5, 1.5]).equals(results) and not CALLS
     more = run(x=[1, 2, 3], y=[0.5, 1.5])
-    assert CALLS == [(3, 0.5), (3, 1.5)] and more.sel(x=[1, 2]).equals(found)
-    how = {"store": tmp_path / "t.zarr", "cache": tmp_path / "d", "cluster": "local"}
-    elsewhere = sweeps.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, **how)
-    assert elsewhere.equals(found) and len(CALLS) == 2  # which workers of this machine computed
+    assert CALLS == [(3, 0.5), (3, 1.5)] and more.sel(x=[1, 2]).equals(results)
+    options = {"store": tmp_path / "t.zarr", "cache": tmp_path / "d", "cluster": "local"}
+    elsewhere = sweeps.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, **options)
+    assert elsewhere.equals(results) and len(CALLS) == 2  # which workers of this machine computed
     both = (
         r"values\['x'\] is 4, but .* has 1, 2, 3: give values={'x': \[1, 2, 3, 4\], ...} to have bo"
     )
@@ -79,35 +79,35 @@ def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
 
 
 def test_arrays_noise_and_values_of_other_types(tmp_path):
-    def run(function, values, **how):
+    def run(function, values, **options):
         store, cache = tmp_path / f"{function.__name__}.zarr", tmp_path / "c"
-        return sweeps.sweep(function, values, store=store, cache=cache, **how)
+        return sweeps.sweep(function, values, store=store, cache=cache, **options)
 
     assert run(powers, {"base": [2.0]}, dims=("power",)).powers.values.tolist() == [[1, 2, 4, 8]]
     first = run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise
     assert first.equals(run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise)
     assert first[0] != first[1] / 2  # each has a stream of its own
-    found = run(
+    results = run(
         mixed, {"word": ["bow", "stern"], "flag": [False, True], "size": [1, 2]}, dtype="i4"
     )
-    assert found.mixed.sel(word="stern", flag=True, size=2) == 10
+    assert results.mixed.sel(word="stern", flag=True, size=2) == 10
 
 
 def test_a_function_may_have_the_name_of_the_group_of_states(tmp_path):
     def status(x):
         return 2 * x
 
-    found = sweeps.sweep(status, {"x": [1, 2]}, store=tmp_path / "s.zarr", cache=tmp_path / "c")
-    assert found.status.values.tolist() == [2, 4]
+    results = sweeps.sweep(status, {"x": [1, 2]}, store=tmp_path / "s.zarr", cache=tmp_path / "c")
+    assert results.status.values.tolist() == [2, 4]
     assert opened(tmp_path / "s.zarr", "status").status.values.tolist() == [1, 1]
 
 
 def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
-    given = {"base": [-1.0, 2.0]}
-    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "dims": ("power",)}
+    values = {"base": [-1.0, 2.0]}
+    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "dims": ("power",)}
     with pytest.warns(CallsFailed) as warned:
-        found = sweeps.sweep(powers, given, **how)
-    np.testing.assert_array_equal(found.powers, [[np.nan] * 4, [1, 2, 4, 8]])
+        results = sweeps.sweep(powers, values, **options)
+    np.testing.assert_array_equal(results.powers, [[np.nan] * 4, [1, 2, 4, 8]])
     lines = str(warned[0].message).splitlines()
     assert lines[:3] == [
         "1 of 2 calls failed; the same sweep tries them again",
@@ -181,19 +181,19 @@ def moving(a):
 
 @pytest.mark.parametrize("cluster", ["inline", "local"])
 def test_a_call_that_exits_fails(tmp_path, cluster):
-    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "cluster": cluster}
+    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "cluster": cluster}
     with pytest.warns(CallsFailed, match="leaving a=2: SystemExit: 3"):
-        found = sweeps.sweep(leaving, {"a": [1, 2, 3]}, **how)
-    np.testing.assert_array_equal(found.leaving, [1, np.nan, 3])
+        results = sweeps.sweep(leaving, {"a": [1, 2, 3]}, **options)
+    np.testing.assert_array_equal(results.leaving, [1, np.nan, 3])
 
 
 def test_a_call_that_kills_its_process_kills_no_other(tmp_path):
     """Neither where its stage is known to be quick."""
-    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
-    assert sweeps.sweep(ending, {"a": [1]}, **how).ending.item() == 1
+    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    assert sweeps.sweep(ending, {"a": [1]}, **options).ending.item() == 1
     with pytest.warns(CallsFailed, match="ending a=2: RuntimeError: the worker process died"):
-        found = sweeps.sweep(ending, {"a": [1, 2, 3]}, cluster="local", **how)
-    np.testing.assert_array_equal(found.ending, [1, np.nan, 3])
+        results = sweeps.sweep(ending, {"a": [1, 2, 3]}, cluster="local", **options)
+    np.testing.assert_array_equal(results.ending, [1, np.nan, 3])
 
 
 def test_relative_paths_are_where_the_command_was_given(tmp_path, monkeypatch):
@@ -217,8 +217,8 @@ def double(a):
 def test_workers_of_a_script_a_word_and_a_prompt(tmp_path, way):
     code = DOUBLE.format(guard="if __name__ == '__main__':")
     (tmp_path / "job.py").write_text(code)
-    given = {"script": ["job.py"], "-c": ["-c", code], "stdin": ["-"]}[way]
-    ran = begun(given, tmp_path, code)
+    arguments = {"script": ["job.py"], "-c": ["-c", code], "stdin": ["-"]}[way]
+    ran = begun(arguments, tmp_path, code)
     assert (ran.stdout, ran.stderr, ran.returncode) == ("[2.0, 4.0]\n", "", 0)
 
 
@@ -234,20 +234,22 @@ def test_a_script_without_guard_is_refused_in_a_sentence(tmp_path):
     )
 
 
-def begun(given, folder, text=""):
+def begun(arguments, folder, text=""):
     """Run Python, and return what it printed."""
     path = os.pathsep.join(filter(None, (os.getcwd(), os.environ.get("PYTHONPATH"))))
-    how = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 120}
-    how |= {"capture_output": True, "text": True, "check": False}
-    return subprocess.run([sys.executable, *given], input=text, **how)
+    options = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 120}
+    options |= {"capture_output": True, "text": True, "check": False}
+    return subprocess.run([sys.executable, *arguments], input=text, **options)
 
 
 def test_help_opens_with_an_example(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = sweeps.sweep.__doc__
     assert text.index(">>>") < 200
-    parser, how = doctest.DocTestParser(), {"sweeps": sweeps}
-    example = parser.get_doctest(text.partition("What was")[0], how, "sweep", __file__, 0)
+    parser, namespace = doctest.DocTestParser(), {"sweeps": sweeps}
+    example = parser.get_doctest(
+        text.partition("Earlier results")[0], namespace, "sweep", __file__, 0
+    )
     assert not doctest.DocTestRunner().run(example).failed and example.examples
 
 
@@ -260,17 +262,21 @@ def test_what_is_offered_is_documented():
 
 
 def test_a_dry_run_says_what_would_be_computed(tmp_path, capsys):
-    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
-    found = sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **how)
-    said = "area: 2 to compute, 0 reused; 2 calls to run; new results unknown; time on one core unk"
-    assert capsys.readouterr().out.startswith(said) and found.attrs["left"] == 2
-    assert not (tmp_path / "s.zarr").exists() and not (tmp_path / "c").exists() and not found.sizes
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **how)
-    found = sweeps.sweep(area, {"x": [1, 2, 3], "y": [1.0]}, dry_run=True, **how)
-    assert (found.attrs["left"], found.attrs["reused"]) == (1, 2)
-    said = "area: 1 to compute, 2 reused; 1 calls to run; new results 9"
-    assert capsys.readouterr().out.startswith(said[:-1])
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **how)
+    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    results = sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **options)
+    message = (
+        "area: 2 to compute, 0 reused; 2 calls to run; new results unknown; time on one core unk"
+    )
+    assert capsys.readouterr().out.startswith(message) and results.attrs["left"] == 2
+    assert (
+        not (tmp_path / "s.zarr").exists() and not (tmp_path / "c").exists() and not results.sizes
+    )
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **options)
+    results = sweeps.sweep(area, {"x": [1, 2, 3], "y": [1.0]}, dry_run=True, **options)
+    assert (results.attrs["left"], results.attrs["reused"]) == (1, 2)
+    message = "area: 1 to compute, 2 reused; 1 calls to run; new results 9"
+    assert capsys.readouterr().out.startswith(message[:-1])
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **options)
     assert (
         capsys.readouterr().out
         == "area: 0 to compute, 2 reused; nothing to compute: all cells are in the store\n"
@@ -299,11 +305,11 @@ def test_progress_is_shown_in_a_terminal_and_a_notebook(tmp_path, monkeypatch, c
         monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
         monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(**offered))
         monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
-    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **how)
+    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **options)
     printed = capsys.readouterr()
     assert not printed.out and ("2/2" in printed.err) == (where == "terminal")
     assert bool(drawn) == (where == "notebook") and len({*map(type, drawn)}) <= 1
     drawn.clear()
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **how)
+    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **options)
     assert not drawn  # as nothing is computed

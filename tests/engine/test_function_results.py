@@ -24,9 +24,9 @@ def run(tmp_path, monkeypatch):
     """Sweeps a function in a fresh place."""
     monkeypatch.chdir(tmp_path)
 
-    def swept(function, values, **how):
+    def swept(function, values, **options):
         CALLS.clear()
-        return sweeps.sweep(function, values, **{"store": "s", "cache": "c", **how})
+        return sweeps.sweep(function, values, **{"store": "s", "cache": "c", **options})
 
     return swept
 
@@ -109,41 +109,41 @@ VALUES = {"a": [1, 2]}
 
 
 def test_a_data_array_keeps_dimensions_coordinates_and_attributes(run):
-    found = run(spectrum, VALUES)
-    assert found.spectrum.dims == ("a", "frequency") and list(found) == ["spectrum"]
-    np.testing.assert_array_equal(found.spectrum, np.outer([1, 2], 1 / FREQUENCY))
-    assert found.spectrum.attrs == {"units": "W", "long_name": "power", "sensor": "A"}
-    np.testing.assert_array_equal(found.frequency, FREQUENCY)
-    assert found.frequency.attrs["units"] == "Hz" and "frequency" in found.indexes
+    results = run(spectrum, VALUES)
+    assert results.spectrum.dims == ("a", "frequency") and list(results) == ["spectrum"]
+    np.testing.assert_array_equal(results.spectrum, np.outer([1, 2], 1 / FREQUENCY))
+    assert results.spectrum.attrs == {"units": "W", "long_name": "power", "sensor": "A"}
+    np.testing.assert_array_equal(results.frequency, FREQUENCY)
+    assert results.frequency.attrs["units"] == "Hz" and "frequency" in results.indexes
 
 
 def test_a_data_set_becomes_variables(run):
-    found = run(variables, VALUES)
-    assert set(found.data_vars) == {"power", "peak", "name"} and set(found.coords) == {
+    results = run(variables, VALUES)
+    assert set(results.data_vars) == {"power", "peak", "name"} and set(results.coords) == {
         "a",
         "frequency",
     }
-    assert found.peak.values.tolist() == [2, 4] and found.peak.attrs["units"] == "m"
-    assert found.name.values.tolist() == ["number 1", "number 2"]
-    assert found.power.sel(a=2, frequency=10).item() == 0.2
-    xr.testing.assert_identical(found, run(variables, VALUES))
-    xr.testing.assert_identical(found, run(variables, {"a": [1, 2, 3]}).sel(a=[1, 2]))
+    assert results.peak.values.tolist() == [2, 4] and results.peak.attrs["units"] == "m"
+    assert results.name.values.tolist() == ["number 1", "number 2"]
+    assert results.power.sel(a=2, frequency=10).item() == 0.2
+    xr.testing.assert_identical(results, run(variables, VALUES))
+    xr.testing.assert_identical(results, run(variables, {"a": [1, 2, 3]}).sel(a=[1, 2]))
 
 
 def test_a_mapping_becomes_variables(run):
-    found = run(mapping, VALUES, dims={"flat": "side"}, attrs={"peak": {"units": "m"}})
-    assert set(found.data_vars) == {"power", "peak", "flat"}
-    assert found.flat.dims == ("a", "side") and found.flat.values.tolist() == [[1, 1], [2, 2]]
-    assert found.peak.attrs["units"] == "m" and found.power.attrs["units"] == "W"
+    results = run(mapping, VALUES, dims={"flat": "side"}, attrs={"peak": {"units": "m"}})
+    assert set(results.data_vars) == {"power", "peak", "flat"}
+    assert results.flat.dims == ("a", "side") and results.flat.values.tolist() == [[1, 1], [2, 2]]
+    assert results.peak.attrs["units"] == "m" and results.power.attrs["units"] == "W"
 
 
 def test_a_tuple_becomes_variables(run):
-    found = run(elements, VALUES, outputs=("first", "second", "third"), dims={"second": "k"})
-    assert found.first.values.tolist() == [1, 2] and found.second.values.tolist() == [
+    results = run(elements, VALUES, outputs=("first", "second", "third"), dims={"second": "k"})
+    assert results.first.values.tolist() == [1, 2] and results.second.values.tolist() == [
         [1, 2],
         [2, 3],
     ]
-    assert found.third.values.tolist() == ["odd", "even"] and found.second.dims == ("a", "k")
+    assert results.third.values.tolist() == ["odd", "even"] and results.second.dims == ("a", "k")
     with pytest.warns(
         CallsFailed, match="elements returned 3 values, but must return first, second"
     ):
@@ -151,15 +151,15 @@ def test_a_tuple_becomes_variables(run):
 
 
 def test_a_frame_and_one_named_output(run):
-    found = run(frame, VALUES, store="f")
-    assert found.u.sel(a=2, row="y").item() == 4 and found.v.dims == ("a", "row")
+    results = run(frame, VALUES, store="f")
+    assert results.u.sel(a=2, row="y").item() == 4 and results.v.dims == ("a", "row")
     assert list(run(turning, VALUES, outputs="turn", store="t")) == ["turn"]
 
 
 @pytest.mark.parametrize("function", [turning, half])
 def test_complex_numbers(run, function):
-    found = run(function, {"a": [1, 2, 3]})[function.__name__]
-    assert found.dtype == complex and found.values.tolist() == [
+    results = run(function, {"a": [1, 2, 3]})[function.__name__]
+    assert results.dtype == complex and results.values.tolist() == [
         complex(function(a)) for a in (1, 2, 3)
     ]
 
@@ -169,36 +169,36 @@ def test_arrays_without_names_of_dimensions_get_some(run):
 
 
 def test_arrays_of_different_length_are_padded(run, capsys):
-    found = run(uneven, {"a": [1, 3]}, dims="bin").uneven
-    np.testing.assert_array_equal(found, [[0, np.nan, np.nan], [0, 1, 2]])
-    said = "sweeps: uneven is padded with NaN along bin (1 to 3 values)\n"
-    assert capsys.readouterr().err == said
+    results = run(uneven, {"a": [1, 3]}, dims="bin").uneven
+    np.testing.assert_array_equal(results, [[0, np.nan, np.nan], [0, 1, 2]])
+    message = "sweeps: uneven is padded with NaN along bin (1 to 3 values)\n"
+    assert capsys.readouterr().err == message
 
 
 def test_a_variable_that_a_call_does_not_return_is_missing_there(run):
-    found = run(lacking, VALUES)
-    np.testing.assert_array_equal(found.other, [np.nan, -2])
+    results = run(lacking, VALUES)
+    np.testing.assert_array_equal(results.other, [np.nan, -2])
 
 
 @pytest.mark.parametrize("unit", ["D", "s", "ms", "us", "ns"])
 def test_times_stay_times(run, unit):
     axis = np.array(["2021-01-01", "2020-01-01"], f"M8[{unit}]")
-    found = run(later, {"t": axis, "days": [1, 2]})
-    assert {type(one) for one in CALLS} == {np.datetime64}
-    assert {one.dtype for one in CALLS} == {axis.dtype} and len(CALLS) == 4
-    assert found.later.sel(t="2020-01-01", days=2).values == np.datetime64("2020-01-03")
-    assert found.t.values.tolist() == np.sort(axis).astype("M8[ns]").tolist()
+    results = run(later, {"t": axis, "days": [1, 2]})
+    assert {type(time) for time in CALLS} == {np.datetime64}
+    assert {time.dtype for time in CALLS} == {axis.dtype} and len(CALLS) == 4
+    assert results.later.sel(t="2020-01-01", days=2).values == np.datetime64("2020-01-03")
+    assert results.t.values.tolist() == np.sort(axis).astype("M8[ns]").tolist()
     again = run(later, {"t": [*axis, np.datetime64("2022", unit)], "days": [1, 2]})
-    assert len(CALLS) == 2 and again.sel(t=np.sort(axis)).equals(found)
+    assert len(CALLS) == 2 and again.sel(t=np.sort(axis)).equals(results)
 
 
 def test_times_of_python(run):
-    given = [datetime(2020, 1, 1), datetime(2020, 2, 1, 3)]
-    found = run(later, {"t": given, "days": [0]})
-    assert all(type(one) is datetime for one in CALLS)
-    assert found.t.values.tolist() == np.array(given, "M8[ns]").tolist()
-    found = run(python_date, VALUES, store="p").python_date
-    assert found.values.tolist() == np.array(["2020-01-01", "2020-01-02"], "M8[ns]").tolist()
+    times = [datetime(2020, 1, 1), datetime(2020, 2, 1, 3)]
+    results = run(later, {"t": times, "days": [0]})
+    assert all(type(time) is datetime for time in CALLS)
+    assert results.t.values.tolist() == np.array(times, "M8[ns]").tolist()
+    results = run(python_date, VALUES, store="p").python_date
+    assert results.values.tolist() == np.array(["2020-01-01", "2020-01-02"], "M8[ns]").tolist()
     with pytest.warns(CallsFailed):  # of the first of January 0001
         missing = run(
             lambda a: np.datetime64("0001") if a == 1 else python_date(a), VALUES, store="m"
@@ -207,18 +207,18 @@ def test_times_of_python(run):
 
 
 def test_labels_that_longer_results_have_more_of(run):
-    found = run(labelled, {"a": [1, 3]})
-    assert found.k.dtype == int and found.k.values.tolist() == [5, 6, 7]
-    assert found.name.values.tolist() == ["a", "bb", "ccc"]
-    assert found.side.dims == ("k",) and found.side.values.tolist() == [False, True, True]
-    assert found.t.sel(a=3).values.tolist() == ["a", "b", "c"]
-    assert found.t.sel(a=1).values.tolist() == ["a", "", ""]
+    results = run(labelled, {"a": [1, 3]})
+    assert results.k.dtype == int and results.k.values.tolist() == [5, 6, 7]
+    assert results.name.values.tolist() == ["a", "bb", "ccc"]
+    assert results.side.dims == ("k",) and results.side.values.tolist() == [False, True, True]
+    assert results.t.sel(a=3).values.tolist() == ["a", "b", "c"]
+    assert results.t.sel(a=1).values.tolist() == ["a", "", ""]
 
 
 def test_all_calls_may_fail(run):
     with pytest.warns(CallsFailed, match="2 of 2 calls failed"):
-        found = run(lambda a: 1 / 0, VALUES, outputs=("u", "v"))
-    assert np.isnan(found.u).all() and found.v.dims == ("a",)
+        results = run(lambda a: 1 / 0, VALUES, outputs=("u", "v"))
+    assert np.isnan(results.u).all() and results.v.dims == ("a",)
 
 
 def test_an_interrupt_ends_the_sweep(run):
@@ -254,9 +254,9 @@ def test_a_fixed_argument_may_be_named_like_an_attribute_of_the_store(tmp_path):
 
     fixed = {"seed": 3, "version": 5, "coordinates": 7, "gain": 9}
     values = xr.Dataset({"x": ("x", [1, 2]), **fixed})
-    found = sweeps.sweep(total, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
-    assert found.total.values.tolist() == [25, 26]
-    assert {name: found[name].item() for name in fixed} == fixed
+    results = sweeps.sweep(total, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
+    assert results.total.values.tolist() == [25, 26]
+    assert {name: results[name].item() for name in fixed} == fixed
     stored = xr.open_zarr(tmp_path / "s.zarr", group="total").attrs
     assert stored["seed"] == 0 and stored["gain"] == 9
 
@@ -302,37 +302,39 @@ def test_wrong_arguments_are_refused_before_any_call(run, how, sentence):
 
 
 def test_variables_that_share_a_dimension_run_together(run):
-    given = xr.Dataset(
+    dataset = xr.Dataset(
         {"a": ("case", [3, 1, 1]), "b": ("case", [5, 6, 6]), "c": 7},
         {"case": ["x", "y", "z"], "note": ("case", [0.5, 0.25, 0.5], {"units": "m"})},
     )
-    found = run(plus, given)
-    assert found.plus.dims == ("case",) and found.plus.values.tolist() == [357, 167, 167]
+    results = run(plus, dataset)
+    assert results.plus.dims == ("case",) and results.plus.values.tolist() == [357, 167, 167]
     assert CALLS == [(3, 5, 7), (1, 6, 7)]  # each once
-    assert set(found.coords) == {"a", "b", "c", "case", "note"} and found.c.item() == 7
-    xr.testing.assert_equal(found.drop_vars("plus"), given.set_coords(["a", "b", "c"]))
-    assert found.note.attrs["units"] == "m"
+    assert set(results.coords) == {"a", "b", "c", "case", "note"} and results.c.item() == 7
+    xr.testing.assert_equal(results.drop_vars("plus"), dataset.set_coords(["a", "b", "c"]))
+    assert results.note.attrs["units"] == "m"
     more = xr.concat(
-        [given, given.isel(case=[0]).assign(a=("case", [4]), case=["w"])], "case", data_vars="all"
+        [dataset, dataset.isel(case=[0]).assign(a=("case", [4]), case=["w"])],
+        "case",
+        data_vars="all",
     )
     assert run(plus, more.assign(c=7)).plus.values.tolist() == [357, 167, 167, 457]
     assert CALLS == [(4, 5, 7)]
 
 
 def test_variables_on_dimensions_of_their_own_cross(run):
-    given = xr.Dataset({"a": ("i", [2, 1]), "b": ("j", [3, 4, 5])}, {"j": [30, 40, 50]})
-    found = run(plus, given)
-    assert found.plus.dims == ("i", "j") and found.sizes == {"i": 2, "j": 3}
-    assert found.plus.values.tolist() == [[230, 240, 250], [130, 140, 150]]
-    assert "i" not in found.coords and found.j.values.tolist() == [30, 40, 50]
+    dataset = xr.Dataset({"a": ("i", [2, 1]), "b": ("j", [3, 4, 5])}, {"j": [30, 40, 50]})
+    results = run(plus, dataset)
+    assert results.plus.dims == ("i", "j") and results.sizes == {"i": 2, "j": 3}
+    assert results.plus.values.tolist() == [[230, 240, 250], [130, 140, 150]]
+    assert "i" not in results.coords and results.j.values.tolist() == [30, 40, 50]
     index = run(plus, xr.Dataset(coords={"a": [2, 1]}), store="t")
     assert index.plus.dims == ("a",) and index.plus.sel(a=2).item() == 200
 
 
 def test_failed_calls_of_a_data_set_are_named_by_their_arguments(run):
-    given = xr.Dataset({"a": ("i", [2, 0]), "b": ("i", [3, 4])})
+    dataset = xr.Dataset({"a": ("i", [2, 0]), "b": ("i", [3, 4])})
     with pytest.warns(CallsFailed, match="result a=0,? b=4: ZeroDivisionError"):
-        run(lambda a, b: b / a, given)
+        run(lambda a, b: b / a, dataset)
 
 
 @pytest.mark.parametrize(
@@ -366,6 +368,6 @@ def test_any_array_comes_back(tmp_path_factory, values):
     if values.dtype.kind == "M":
         values = np.abs(values.astype(int) % 10**15).astype(values.dtype)
     folder = tmp_path_factory.mktemp("any")
-    how = {"store": folder / "s", "cache": folder / "c", "dims": "own", "version": "1"}
-    found = sweeps.sweep(lambda row: values[row], {"row": range(len(values))}, **how)
-    np.testing.assert_array_equal(found.result.values, values)
+    options = {"store": folder / "s", "cache": folder / "c", "dims": "own", "version": "1"}
+    results = sweeps.sweep(lambda row: values[row], {"row": range(len(values))}, **options)
+    np.testing.assert_array_equal(results.result.values, values)

@@ -31,14 +31,14 @@ def row(size):
 
 def backwards(row, valid):
     """The numbers of each size, the last size first, read one size at a time."""
-    each = [row[k : k + 1] for k in reversed(range(len(row)))]
+    rows = [row[k : k + 1] for k in reversed(range(len(row)))]
     assert row.shape == (len(valid), ROWS) and not np.isfinite(row[~valid]).any()
-    return np.concatenate(each)[:, :2].sum(axis=1) + row.reshape(1, -1, ROWS)[0, 0][1]
+    return np.concatenate(rows)[:, :2].sum(axis=1) + row.reshape(1, -1, ROWS)[0, 0][1]
 
 
-def of_all(name, **how):
+def of_all(name, **options):
     outputs = Output("total", ("number",), "f8", label="total")
-    return stage(outputs, gather=(Few.size,), group=BOTH, name=name, **how)(backwards)
+    return stage(outputs, gather=(Few.size,), group=BOTH, name=name, **options)(backwards)
 
 
 def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
@@ -46,9 +46,9 @@ def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
         stages = [row, of_all(name, reads={"row": read})]
         finished = run_few(stages, tmp_path / f"{name}.zarr", sizes=range(1, 6))
         assert [*dict(finished.failures)] == ["row size=3"], finished.failures
-    whole, blocks = (opened(tmp_path / f"{name}.zarr", "both") for name in ("whole", "blocks"))
-    assert np.isfinite(whole.total).sum() == 4
-    np.testing.assert_array_equal(blocks.total, whole.total)
+    arrays, blocks = (opened(tmp_path / f"{name}.zarr", "both") for name in ("whole", "blocks"))
+    assert np.isfinite(arrays.total).sum() == 4
+    np.testing.assert_array_equal(blocks.total, arrays.total)
 
 
 @pytest.fixture(scope="module")
@@ -87,11 +87,11 @@ def test_indices_are_those_of_an_array(gathered, at):
 def test_what_is_read_is_in_memory_alone(gathered):
     lazy, array = gathered
     tracemalloc.start()
-    each = lazy.reshape(12, ROWS)
-    total = sum(np.nansum(each[k]) for k in range(12))
-    held = tracemalloc.get_traced_memory()[1]
+    reshaped = lazy.reshape(12, ROWS)
+    total = sum(np.nansum(reshaped[k]) for k in range(12))
+    traced = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert total == np.nansum(array) and held < array.nbytes / 2
+    assert total == np.nansum(array) and traced < array.nbytes / 2
 
 
 def test_damage_is_noticed_when_it_is_read(gathered):

@@ -125,11 +125,11 @@ HELD = {
 @pytest.mark.parametrize("how", HELD)
 def test_another_value_gives_its_own_results(tmp_path, how):
     for k in (2.0, 5.0, 2.0):
-        found = sweeps.sweep(
+        results = sweeps.sweep(
             HELD[how](k), {"x": NUMBERS}, store=tmp_path / f"{k}.zarr", cache=tmp_path / "cache"
         )
-        [name] = found.data_vars
-        assert found[name].values.tolist() == [k * x for x in NUMBERS]
+        [name] = results.data_vars
+        assert results[name].values.tolist() == [k * x for x in NUMBERS]
     assert digest(HELD[how](2.0)) == digest(HELD[how](2.0)) != digest(HELD[how](3.0))
 
 
@@ -156,23 +156,24 @@ def test_a_global_that_is_set_from_the_command_line_counts(tmp_path):
     ],
 )
 def test_functions_without_a_file_are_swept(tmp_path, made):
-    how = f"store={str(tmp_path / 's.zarr')!r}, cache={str(tmp_path / 'c')!r}"
+    options = f"store={str(tmp_path / 's.zarr')!r}, cache={str(tmp_path / 'c')!r}"
     swept = (
-        f"found = sweeps.sweep(f, {{'x': [1.0, 2.0]}}, {how})\nprint([*found.values()][0].values)"
+        f"found = sweeps.sweep(f, {{'x': [1.0, 2.0]}}, {options})\n"
+        "print([*found.values()][0].values)"
     )
     assert python("-c", f"import sweeps\n{made}\n{swept}").stdout == "[ 7. 14.]\n"
 
 
 def test_a_lambda_is_shipped_to_other_processes(tmp_path):
-    values, held = {"x": NUMBERS}, {"k": 3.0}
-    found = sweeps.sweep(
-        lambda x: x * held["k"],
+    values, captured = {"x": NUMBERS}, {"k": 3.0}
+    results = sweeps.sweep(
+        lambda x: x * captured["k"],
         values,
         store=tmp_path / "s.zarr",
         cache=tmp_path / "c",
         cluster="local",
     )
-    assert found.result.values.tolist() == [3.0, 6.0]
+    assert results.result.values.tolist() == [3.0, 6.0]
 
 
 # values -------------------------------------------------------------------------------------------
@@ -196,42 +197,42 @@ VALUES = st.recursive(
 )
 
 
-def same(one, other):
+def same(first, second):
     """Whether two values are of equal types and contents; numbers as they are printed."""
-    if type(one) is not type(other):
+    if type(first) is not type(second):
         return False
-    if isinstance(one, np.ndarray):
+    if isinstance(first, np.ndarray):
         return (
-            one.dtype == other.dtype
-            and one.shape == other.shape
-            and one.tobytes() == other.tobytes()
+            first.dtype == second.dtype
+            and first.shape == second.shape
+            and first.tobytes() == second.tobytes()
         )
-    if isinstance(one, Scale):
-        return same(one.factor, other.factor)
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, dict):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
-    if isinstance(one, frozenset):
-        return {(type(v), v) for v in one} == {(type(v), v) for v in other}
-    return repr(one) == repr(other)
+    if isinstance(first, Scale):
+        return same(first.factor, second.factor)
+    if isinstance(first, list | tuple):
+        return len(first) == len(second) and all(map(same, first, second))
+    if isinstance(first, dict):
+        return first.keys() == second.keys() and all(same(first[key], second[key]) for key in first)
+    if isinstance(first, frozenset):
+        return {(type(v), v) for v in first} == {(type(v), v) for v in second}
+    return repr(first) == repr(second)
 
 
 @given(VALUES, VALUES)
-def test_digests_are_equal_where_values_are(one, other):
-    assert (digest(by_default(one)) == digest(by_default(other))) == same(one, other)
+def test_digests_are_equal_where_values_are(first, second):
+    assert (digest(by_default(first)) == digest(by_default(second))) == same(first, second)
 
 
 @given(VALUES)
 def test_a_copy_in_another_order_has_the_same_digest(value):
-    def copied(one):
-        if isinstance(one, dict):
-            return {"".join(key): copied(one[key]) for key in reversed(one)}
-        if isinstance(one, list | tuple):
-            return type(one)(map(copied, one))
-        if isinstance(one, frozenset):
-            return frozenset(sorted(one, key=repr, reverse=True))
-        return one.copy() if isinstance(one, np.ndarray) else one
+    def copied(part):
+        if isinstance(part, dict):
+            return {"".join(key): copied(part[key]) for key in reversed(part)}
+        if isinstance(part, list | tuple):
+            return type(part)(map(copied, part))
+        if isinstance(part, frozenset):
+            return frozenset(sorted(part, key=repr, reverse=True))
+        return part.copy() if isinstance(part, np.ndarray) else part
 
     assert digest(by_default(value)) == digest(by_default(copied(value)))
 
@@ -315,11 +316,11 @@ def in_this_process():
 
 
 def test_digests_are_the_same_in_another_process():
-    found = [
+    digests = [
         json.loads(python("-c", PRINTED, PYTHONPATH=PATHS, PYTHONHASHSEED=seed).stdout)
         for seed in "12"
     ]
-    assert found[0] == found[1] and len({*found[0].values()}) == len(SEVERAL)
+    assert digests[0] == digests[1] and len({*digests[0].values()}) == len(SEVERAL)
 
 
 def test_what_was_computed_from_an_object_is_no_part_of_it():
@@ -341,15 +342,15 @@ def made(text, name="f", **space):
 FUNCTIONS = yaml.safe_load(Path(__file__).with_name("functions.yaml").read_text())
 
 
-@pytest.mark.parametrize(("one", "other"), FUNCTIONS["same"])
-def test_the_same_code_has_the_same_digest(one, other):
-    assert digest(made(one)) == digest(made(other))
+@pytest.mark.parametrize(("first", "second"), FUNCTIONS["same"])
+def test_the_same_code_has_the_same_digest(first, second):
+    assert digest(made(first)) == digest(made(second))
 
 
-@pytest.mark.parametrize(("one", "other"), FUNCTIONS["other"])
-def test_other_code_has_another_digest(one, other):
-    assert digest(made(one)) != digest(made(other))
-    assert digest(made(one)) == digest(made(one))
+@pytest.mark.parametrize(("first", "second"), FUNCTIONS["other"])
+def test_other_code_has_another_digest(first, second):
+    assert digest(made(first)) != digest(made(second))
+    assert digest(made(first)) == digest(made(first))
 
 
 def test_circles_and_shared_values_end():
@@ -380,10 +381,10 @@ def test_circles_and_shared_values_end():
 
 
 def deep():
-    found: list[object] = []
+    nested: list[object] = []
     for _ in range(100_000):
-        found = [found]
-    return found
+        nested = [nested]
+    return nested
 
 
 NONE = {
@@ -397,15 +398,15 @@ NONE = {
 @pytest.mark.parametrize("kind_of", NONE)
 def test_what_has_no_content_is_refused_by_its_name(tmp_path, kind_of):
     value = NONE[kind_of]()
-    how = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
-    given = {"x": NUMBERS}
+    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
+    values = {"x": NUMBERS}
     function = made("def f(x): return x if K else 0", K=value)
     with pytest.raises(ConfigurationError, match=f"^__main__.K .*'{kind_of}'.*give version='1'"):
-        sweeps.sweep(function, given, **how)
+        sweeps.sweep(function, values, **options)
     with pytest.raises(ConfigurationError, match=rf"^factor of .*scaled .*{kind_of}.*version="):
-        sweeps.sweep(by_default([value]), given, **how)
+        sweeps.sweep(by_default([value]), values, **options)
     assert not (tmp_path / "s.zarr").exists()
-    assert sweeps.sweep(function, given, version="1", **how).f.values.tolist() == NUMBERS
+    assert sweeps.sweep(function, values, version="1", **options).f.values.tolist() == NUMBERS
 
 
 def test_eval_in_no_file_is_refused():
@@ -418,7 +419,7 @@ def test_eval_in_no_file_is_refused():
 def test_a_version_counts_instead_of_code(tmp_path):
     def run(k, version):
         function = by_default(k)
-        how = {"store": tmp_path / f"{version}{k}.zarr", "cache": tmp_path / "c"}
-        return sweeps.sweep(function, {"x": [1.0]}, version=version, **how).scaled.item()
+        options = {"store": tmp_path / f"{version}{k}.zarr", "cache": tmp_path / "c"}
+        return sweeps.sweep(function, {"x": [1.0]}, version=version, **options).scaled.item()
 
     assert [run(2.0, "1"), run(3.0, "1"), run(3.0, "2"), run(4.0, "")] == [2, 2, 3, 4]

@@ -24,8 +24,8 @@ from sweeps.engine.cache.packs import Pack, PackWriter, array_kinds, open_packs
 
 
 @pytest.fixture
-def said():
-    """Sentences of an index; opened with `say=said.append`."""
+def warnings():
+    """Sentences of an index; opened with `say=warnings.append`."""
     return []
 
 
@@ -38,16 +38,16 @@ def six(tmp_path) -> Objects:
     return cells
 
 
-def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, said):
+def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, warnings):
     cells = open_packs(place)
     older, newer = written(cells, 1), written(cells, 1, 2)
-    added = CellIndex(Objects(Path("none")), said.append)
+    added = CellIndex(Objects(Path("none")), warnings.append)
     assert [added.add(older, keys(1)), added.add(newer, keys(1, 2))] == [0, 1]
-    for index in (added, CellIndex(cells, said.append)):
+    for index in (added, CellIndex(cells, warnings.append)):
         index.refresh()
-        found = index.find(keys(3, 2, 1), SMALL)
-        assert found.pack.tolist() == [-1, 1, 1] and found.row[1:].tolist() == [1, 0]
-        assert index.packs == [older, newer] and found.paths == [older.path, newer.path]
+        locations = index.find(keys(3, 2, 1), SMALL)
+        assert locations.pack.tolist() == [-1, 1, 1] and locations.row[1:].tolist() == [1, 0]
+        assert index.packs == [older, newer] and locations.paths == [older.path, newer.path]
         index.drop(keys(1))
         assert index.find(keys(1, 2), SMALL).pack.tolist() == [-1, 1]
 
@@ -56,8 +56,8 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, said):
 @given(st.data())
 def test_an_index_finds_what_a_dictionary_finds(data):
     """Whatever is in how many packs; another key of the same first half is not found."""
-    one = st.integers(0, 4).map(lambda n: (n * (2**62 - 1), n))
-    some = st.lists(one, max_size=6)
+    key = st.integers(0, 4).map(lambda n: (n * (2**62 - 1), n))
+    some = st.lists(key, max_size=6)
     with tempfile.TemporaryDirectory() as name:
         index = CellIndex(Objects(Path(name)), print)
         expected = {}
@@ -70,17 +70,20 @@ def test_an_index_finds_what_a_dictionary_finds(data):
             if data.draw(st.booleans()):
                 index.refresh()
         index.refresh()
-        asked = [*data.draw(some), (0, 1)]
-        found = index.find(np.array(asked, np.uint64).reshape(-1, 2), SMALL)
-        at = [(n, row) if n >= 0 else None for n, row in zip(found.pack, found.row, strict=True)]
-        assert at == [expected.get(key) for key in asked]
+        queries = [*data.draw(some), (0, 1)]
+        locations = index.find(np.array(queries, np.uint64).reshape(-1, 2), SMALL)
+        rows = [
+            (n, row) if n >= 0 else None
+            for n, row in zip(locations.pack, locations.row, strict=True)
+        ]
+        assert rows == [expected.get(key) for key in queries]
 
 
-def test_costs_are_means_of_the_latest_packs(tmp_path, said):
+def test_costs_are_means_of_the_latest_packs(tmp_path, warnings):
     cells = open_packs(tmp_path)
     for seconds in (1000.0, *10 * [3.0]):
         pack = write_pack(cells, "a", range(6), map(small, range(6)), seconds)
-    assert CellIndex(cells, said.append).costs() == {"a": (0.5, pack.size / 6)}
+    assert CellIndex(cells, warnings.append).costs() == {"a": (0.5, pack.size / 6)}
 
 
 KILLED = """
@@ -97,7 +100,7 @@ while True:
 """
 
 
-def test_packs_of_a_killed_run_are_whole_or_absent(six, said, tmp_path):
+def test_packs_of_a_killed_run_are_whole_or_absent(six, warnings, tmp_path):
     """It is killed at any moment; what it left half done goes once nobody can be writing to it."""
     for moment in range(4):
         command = [sys.executable, "-c", KILLED, tmp_path]
@@ -107,31 +110,31 @@ def test_packs_of_a_killed_run_are_whole_or_absent(six, said, tmp_path):
             time.sleep(0.02 * moment)
             run.kill()
             assert run.wait() == -signal.SIGKILL
-    index = CellIndex(six, said.append)
-    assert whole(six, index, range(6)) and said == []
+    index = CellIndex(six, warnings.append)
+    assert whole(six, index, range(6)) and warnings == []
     assert sum(pack.cells for pack in index.packs) >= 10
 
 
-def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, said):
-    left = [six.path / name for name in ("0.pack#1", f"0{MARKER}")]
-    for path in left:
+def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, warnings):
+    leftovers = [six.path / name for name in ("0.pack#1", f"0{MARKER}")]
+    for path in leftovers:
         path.write_bytes(b"")
-    index = CellIndex(six, said.append)
+    index = CellIndex(six, warnings.append)
     assert index.prune(2**40) == (0, 0)
-    assert not any(path.exists() for path in left)
-    assert whole(six, index, range(6)) and said == []
+    assert not any(path.exists() for path in leftovers)
+    assert whole(six, index, range(6)) and warnings == []
 
 
-def test_a_pack_that_says_something_else_has_no_cells(six, said):
+def test_a_pack_that_says_something_else_has_no_cells(six, warnings):
     lost = written(six, "lost").path
     (six.path / lost).write_bytes(b"something else")
     (six.path / "notes.pack").write_text("of another version")
-    index = CellIndex(six, said.append)
+    index = CellIndex(six, warnings.append)
     assert whole(six, index, range(6)) and not index.find(keys("lost"), SMALL).present
     cells, size = index.size()
     assert cells == 6 and index.costs().keys() == {"render"}
     assert index.prune(0) == (6, size) and not six.sizes()
-    assert said == ["2 files of results in the cache are damaged, or of another version"]
+    assert warnings == ["2 files of results in the cache are damaged, or of another version"]
 
 
 @settings(max_examples=20, deadline=None)
@@ -153,7 +156,7 @@ def test_the_oldest_packs_go_first(sizes, percent):
         assert cells.sizes().keys() == {pack.path for pack in stay}
 
 
-def test_an_index_reads_the_packs_of_its_rooms_alone(place, said):
+def test_an_index_reads_the_packs_of_its_rooms_alone(place, warnings):
     """Those of other stages, or of other code, cost no time, and may be damaged."""
     cells = open_packs(place)
     packing = PackWriter()
@@ -161,8 +164,8 @@ def test_an_index_reads_the_packs_of_its_rooms_alone(place, said):
     mine = packing.write(cells, "stage", keys(1), folder="a1")
     packing.write(cells, "stage", keys(2), folder="b2")
     cells.put("b2/bad.pack", b"")
-    index = CellIndex(cells, said.append, ["a1", "absent"])
-    assert index.packs == [mine] and said == []
+    index = CellIndex(cells, warnings.append, ["a1", "absent"])
+    assert index.packs == [mine] and warnings == []
     index.refresh()
     assert index.find(keys(1, 2), SMALL).present.tolist() == [True, False]
     assert index.costs().keys() == {"stage"}
@@ -172,35 +175,35 @@ def test_an_index_reads_the_packs_of_its_rooms_alone(place, said):
 
 
 @pytest.mark.parametrize("mask", [0, 0o002, 0o022])
-def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, said, mask):
+def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, warnings, mask):
     umask(mask)
     cells = open_packs(tmp_path / "home" / "cache")
     written(cells, 1)
-    made = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
-    assert {stat.S_IMODE(one.stat().st_mode) for one in made if one.is_dir()} == {0o700}
-    assert whole(cells, CellIndex(cells, said.append), [1]) and said == []
+    paths = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
+    assert {stat.S_IMODE(path.stat().st_mode) for path in paths if path.is_dir()} == {0o700}
+    assert whole(cells, CellIndex(cells, warnings.append), [1]) and warnings == []
 
 
 # several at once ----------------------------------------------------------------------------------
 
 
 def drive(cache, driver: int) -> list[str]:
-    """Add packs as one of several drivers; sentences that were said."""
-    said: list[str] = []
+    """Add packs as one of several drivers; return its warnings."""
+    warnings: list[str] = []
     cells = open_packs(cache)
     for number in range(4):
-        index = CellIndex(cells, said.append)
+        index = CellIndex(cells, warnings.append)
         for name in (driver, "shared"):
             index.add(written(cells, (name, number)))
         assert whole(cells, index, [(driver, number), ("shared", number)])
-    return said
+    return warnings
 
 
-def test_several_drivers_share_a_cache(place, said):
+def test_several_drivers_share_a_cache(place, warnings):
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         assert list(pool.map(drive, [place] * 4, range(4))) == [[]] * 4
     cells = open_packs(place)
-    index = CellIndex(cells, said.append)
+    index = CellIndex(cells, warnings.append)
     names = [(driver, number) for driver in [*range(4), "shared"] for number in range(4)]
     assert whole(cells, index, names)
-    assert index.size()[0] == 32 and said == []
+    assert index.size()[0] == 32 and warnings == []

@@ -24,8 +24,8 @@ def together(keys, points, given=REFERENCES):
 @pytest.mark.parametrize("points", [DESCENDING, DESCENDING[::-1], DESCENDING[1:] + DESCENDING[:1]])
 def test_an_input_on_a_joint_axis_is_that_of_the_value_asked_for(tmp_path, points):
     run(FEWER, together(("spring.limit", "spring.stiffness"), points), tmp_path / "s.zarr")
-    found = opened(tmp_path / "s.zarr", "references").ratio
-    assert found.dims == (
+    results = opened(tmp_path / "s.zarr", "references").ratio
+    assert results.dims == (
         "mass",
         "stiffness_there",
     )  # what runs together with the stiffness moves with it
@@ -43,5 +43,7 @@ def test_an_input_on_a_joint_axis_is_that_of_the_value_asked_for(tmp_path, point
             ),
             tmp_path / f"{reference}.zarr",
         )
-        alone = opened(tmp_path / f"{reference}.zarr", "references").ratio
-        assert float(found.sel(stiffness_there=reference).squeeze()) == float(alone.squeeze())
+        reference_results = opened(tmp_path / f"{reference}.zarr", "references").ratio
+        assert float(results.sel(stiffness_there=reference).squeeze()) == float(
+            reference_results.squeeze()
+        )

@@ -34,12 +34,12 @@ def arrive(number=signal.SIGINT):
 @pytest.fixture(autouse=True)
 def heard():
     """Signals are heard, whatever started the tests."""
-    before = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGHUP)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGHUP)}
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
-    for one, handler in before.items():
-        signal.signal(one, handler)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def test_a_signal_waits_until_it_is_heeded():
@@ -62,14 +62,14 @@ def test_a_signal_waits_until_it_is_heeded():
 def arriving(function):
     """A function during which a signal arrives."""
 
-    def called(*given, **named):
+    def called(*arguments, **keywords):
         arrive()
-        return function(*given, **named)
+        return function(*arguments, **keywords)
 
     return called
 
 
-def swallowing(*given, **named):
+def swallowing(*arguments, **keywords):
     """Code that swallows anything."""
     with contextlib.suppress(BaseException):
         arrive()
@@ -97,9 +97,9 @@ WHERE = {  # what happens meanwhile
 def encoding(encode):
     """Encoding of chunks, meanwhile a signal arrives."""
 
-    def encoded(*given):
+    def encoded(*arguments):
         arrive()
-        return encode(*given)
+        return encode(*arguments)
 
     return encoded
 
@@ -117,14 +117,14 @@ def test_a_signal_at_any_moment_is_one_sentence_and_resumed(
     where, whole, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    given = ["cache=cache", "cluster=inline", "store=s.zarr", *TYPED]
+    arguments = ["cache=cache", "cluster=inline", "store=s.zarr", *TYPED]
     with monkeypatch.context() as patch:
         experiment = WHERE[where](patch) or SPRINGS
-        assert Command(experiment).main(given) == 130
-    said = capsys.readouterr()
+        assert Command(experiment).main(arguments) == 130
+    output = capsys.readouterr()
     sentence = "springs: interrupted; the same command resumes the sweep"
-    assert said.err.splitlines()[-1] == sentence and said.err.count("interrupted") == 1
-    assert "Traceback" not in said.err and "Exception" not in said.err
-    assert not [one for one in Path().iterdir() if one.name.startswith(".")]
-    assert Command(SPRINGS).main(given) == 0
+    assert output.err.splitlines()[-1] == sentence and output.err.count("interrupted") == 1
+    assert "Traceback" not in output.err and "Exception" not in output.err
+    assert not [path for path in Path().iterdir() if path.name.startswith(".")]
+    assert Command(SPRINGS).main(arguments) == 0
     assert files(tmp_path / "s.zarr") == whole

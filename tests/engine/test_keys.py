@@ -37,14 +37,14 @@ def test_mixing_changes_half_of_the_bits():
     """For any bit of what is mixed in: 64,000 flips, within five standard deviations of a half."""
     keys = hash_texts(map(str, range(1000)))
     for bit in range(64):
-        one, other = keys.copy(), keys.copy()
-        fold(one, np.zeros(2, np.uint64))
-        fold(other, np.full(2, 1 << bit, np.uint64))
-        changed = np.bitwise_count(one ^ other).sum() / (128 * len(keys))
+        first, second = keys.copy(), keys.copy()
+        fold(first, np.zeros(2, np.uint64))
+        fold(second, np.full(2, 1 << bit, np.uint64))
+        changed = np.bitwise_count(first ^ second).sum() / (128 * len(keys))
         assert abs(changed - 0.5) < 0.05
 
 
 def test_arrays_that_are_joined_are_copied_only_if_several_are_filled():
-    one, none = np.arange(3), np.arange(0)
-    assert concatenate(none, one, none) is one and concatenate(none, none) is none
-    assert concatenate(one, one).tolist() == [0, 1, 2, 0, 1, 2]
+    filled, none = np.arange(3), np.arange(0)
+    assert concatenate(none, filled, none) is filled and concatenate(none, none) is none
+    assert concatenate(filled, filled).tolist() == [0, 1, 2, 0, 1, 2]

@@ -49,14 +49,14 @@ def test_a_local_cluster_listens_on_the_loopback_interface_only(others, local):
 def heard(port, security):
     """First byte that a server sends to a peer that trusts anybody, if it accepts the peer."""
     if security is None:
-        own = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     else:
-        own = security.get_connection_args("client")["ssl_context"]
-    own.check_hostname, own.verify_mode = False, ssl.CERT_NONE
+        context = security.get_connection_args("client")["ssl_context"]
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:
         with (
-            socket.create_connection(("127.0.0.1", port), timeout=5) as plain,
-            own.wrap_socket(plain) as encrypted,
+            socket.create_connection(("127.0.0.1", port), timeout=5) as connection,
+            context.wrap_socket(connection) as encrypted,
         ):
             return encrypted.recv(1)
     except (ssl.SSLError, ConnectionError):
@@ -65,10 +65,10 @@ def heard(port, security):
 
 def page(port):
     """Answer to a plain HTTP request."""
-    with socket.create_connection(("127.0.0.1", port), timeout=5) as plain:
-        plain.sendall(b"GET /info/main/workers.html HTTP/1.0\r\n\r\n")
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as connection:
+        connection.sendall(b"GET /info/main/workers.html HTTP/1.0\r\n\r\n")
         try:
-            return plain.recv(1000)
+            return connection.recv(1000)
         except ConnectionError:
             return b""
 
@@ -114,11 +114,17 @@ sys.exit(Command(SPRINGS).main(sys.argv[1:]))
 
 def test_a_terminal_that_closes_ends_a_sweep_in_a_sentence(tmp_path):
     """It sends SIGHUP to the command, its workers and what starts them."""
-    here = Path(__file__).parent
-    asked = ["cluster=local", "cluster.workers=2", "cache=c", "store=s.zarr", "measured.pause=0.3"]
+    folder = Path(__file__).parent
+    arguments = [
+        "cluster=local",
+        "cluster.workers=2",
+        "cache=c",
+        "store=s.zarr",
+        "measured.pause=0.3",
+    ]
     command = subprocess.Popen(
-        [sys.executable, "-c", SPRINGS_IN_A_TERMINAL, *asked],
-        env=os.environ | {"PYTHONPATH": f"{here}:{here.parents[1]}"},
+        [sys.executable, "-c", SPRINGS_IN_A_TERMINAL, *arguments],
+        env=os.environ | {"PYTHONPATH": f"{folder}:{folder.parents[1]}"},
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,
@@ -126,10 +132,10 @@ def test_a_terminal_that_closes_ends_a_sweep_in_a_sentence(tmp_path):
     )
     eventually(lambda: list(tmp_path.glob("c/**/*.pack")))
     os.killpg(command.pid, signal.SIGHUP)
-    _, said = command.communicate(timeout=60)
+    _, errors = command.communicate(timeout=60)
     assert command.returncode == 128 + signal.SIGHUP
-    assert {line.partition(" ")[0] for line in said.splitlines()} == {"springs:"}, said
-    assert said.endswith("springs: stopped by SIGHUP; the same command resumes the sweep\n")
+    assert {line.partition(" ")[0] for line in errors.splitlines()} == {"springs:"}, errors
+    assert errors.endswith("springs: stopped by SIGHUP; the same command resumes the sweep\n")
 
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
@@ -141,10 +147,10 @@ def deadly(size):
 
 
 def test_a_cell_that_kills_its_workers_fails_alone(tmp_path):
-    how = {"sizes": range(1, 7), "kind": "local", "workers": 2}
-    finished = run_few([deadly], tmp_path / "s.zarr", **how)
-    [(what, why)] = finished.failures
-    assert what == "deadly size=3" and "worker process died" in why
+    options = {"sizes": range(1, 7), "kind": "local", "workers": 2}
+    finished = run_few([deadly], tmp_path / "s.zarr", **options)
+    [(name, why)] = finished.failures
+    assert name == "deadly size=3" and "worker process died" in why
     assert opened(tmp_path / "s.zarr", "all").x.isnull().values.tolist() == [0, 0, 1, 0, 0, 0]
 
 

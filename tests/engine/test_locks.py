@@ -159,11 +159,11 @@ def test_an_owner_in_a_bucket_that_is_silent_loses_it_and_is_told(bucket):
     path = below(bucket, "s.zarr")
     with store_lock(path) as check:
         check()
-        with store_lock(path) as other:
+        with store_lock(path) as recheck:
             for _ in range(2):
                 with pytest.raises(OSError, match="its lock was taken by another process"):
                     check()
-            other()
+            recheck()
         with pytest.raises(OSError, match="its lock was taken by another process"):
             check()
     assert not beside(path)

@@ -41,10 +41,12 @@ class Seed(Settings):
     seed = number(1.0, label="seed")
 
 
-def one(*outputs, function=lambda size: size, name="one", group="few", uses=(Few,), **how):
+def few_stage(
+    *outputs, function=lambda size: size, name="one", group="few", uses=(Few,), **options
+):
     """A stage of one function."""
     group = Group(group) if isinstance(group, str) else group
-    declare = stage(*(outputs or (Output("x"),)), name=name, group=group, uses=uses, **how)
+    declare = stage(*(outputs or (Output("x"),)), name=name, group=group, uses=uses, **options)
     return declare(function)
 
 
@@ -54,45 +56,64 @@ ELSEWHERE, OVER_MASS = (
     Group("few", status=Status("few", over=(Spring.mass,))),
 )
 ONE = Status("one", over=(Few.size,))
-GOOD = one()
-CIRCLE = one(name="a", reads={"size": "b"}), one(Output("y"), name="b", reads={"size": "a"})
+GOOD = few_stage()
+CIRCLE = (
+    few_stage(name="a", reads={"size": "b"}),
+    few_stage(Output("y"), name="b", reads={"size": "a"}),
+)
 MISTAKES = [
-    ("two stages have the name one", FEW, [GOOD, one(Output("y"))]),
-    ("the name few/x", FEW, [one(Output("x"), Output("x"))]),
-    ("outputs of stage one have the name x", FEW, [one(Output("x"), Output("x"), group="")]),
-    ("the name few/x", FEW, [GOOD, one(name="two")]),
+    ("two stages have the name one", FEW, [GOOD, few_stage(Output("y"))]),
+    ("the name few/x", FEW, [few_stage(Output("x"), Output("x"))]),
+    ("outputs of stage one have the name x", FEW, [few_stage(Output("x"), Output("x"), group="")]),
+    ("the name few/x", FEW, [GOOD, few_stage(name="two")]),
     (
         "the name status/few",
         FEW,
-        [one(Output(x, role="state"), group=ELSEWHERE, name=x) for x in "xy"],
+        [few_stage(Output(x, role="state"), group=ELSEWHERE, name=x) for x in "xy"],
     ),
-    ("the name status/one", FEW, [GOOD, one(name="two", group=Group("b", status=ONE))]),
-    ("stage one is in the group 'status', which has states of cells", FEW, [one(group="status")]),
+    ("the name status/one", FEW, [GOOD, few_stage(name="two", group=Group("b", status=ONE))]),
+    (
+        "stage one is in the group 'status', which has states of cells",
+        FEW,
+        [few_stage(group="status")],
+    ),
     ("two settings have the name few.size", (Few, Again), [GOOD]),
     ("two settings have the name seed", (Seed,), []),
     (
         "stage two: argument 'period' is both the setting named.period and a stage",
         (*TOYS, Named),
-        [*SPRINGS.stages[:3], one(function=lambda period: period, name="two", uses=(Named,))],
+        [*SPRINGS.stages[:3], few_stage(function=lambda period: period, name="two", uses=(Named,))],
     ),
-    ("stage one: setting few.size is not in", (Spring,), [one(group="")]),
+    ("stage one: setting few.size is not in", (Spring,), [few_stage(group="")]),
     ("setting few.size", TOYS, [replace(period, along=(Few.size,)), solver, SPRINGS.stages[0]]),
-    ("one: size is named like the setting few.size", FEW, [one(Output("size"))]),
-    ("one: x has a dimension named like the setting few.size", FEW, [one(Output("x", ("size",)))]),
-    ("one: x is named like a dimension of its group", FEW, [one(Output("x", ("x", "y")))]),
-    ("argument 'size' is neither a setting of the groups it uses nor a stage", FEW, [one(uses=())]),
+    ("one: size is named like the setting few.size", FEW, [few_stage(Output("size"))]),
+    (
+        "one: x has a dimension named like the setting few.size",
+        FEW,
+        [few_stage(Output("x", ("size",)))],
+    ),
+    ("one: x is named like a dimension of its group", FEW, [few_stage(Output("x", ("x", "y")))]),
+    (
+        "argument 'size' is neither a setting of the groups it uses nor a stage",
+        FEW,
+        [few_stage(uses=())],
+    ),
     ("stages need each other: a -> b -> a", FEW, CIRCLE),
-    ("stage a/b has the name 'a/b'", FEW, [one(name="a/b")]),
-    ("stage one has the name 'a/b'", FEW, [one(Output("a/b"))]),
-    ("stage one has the name 'a/b'", FEW, [one(Output("x", ("a/b",)))]),
+    ("stage a/b has the name 'a/b'", FEW, [few_stage(name="a/b")]),
+    ("stage one has the name 'a/b'", FEW, [few_stage(Output("a/b"))]),
+    ("stage one has the name 'a/b'", FEW, [few_stage(Output("x", ("a/b",)))]),
     ("setting slashed.size has the name 'a/b'", (Slashed,), []),
     ("setting few.size has single='scalar', but must have one of 'dimension'", (Scalar,), []),
-    ("stage one in group '../few' has the name '..'", FEW, [one(group="../few")]),
-    ("stage one has a stream, but its function does not", FEW, [one(stream=Stream((Few.size,)))]),
-    ("one takes valid, but gathers nothing", FEW, [one(function=lambda size, valid: size)]),
-    ("one: x has the dtype 'O', but must have", FEW, [one(Output("x", dtype="O"))]),
-    ("one: x has the dtype 'f3', unknown", FEW, [one(Output("x", dtype="f3"))]),
-    ("stage one: setting spring.mass is not", FEW, [one(group=OVER_MASS)]),
+    ("stage one in group '../few' has the name '..'", FEW, [few_stage(group="../few")]),
+    (
+        "stage one has a stream, but its function does not",
+        FEW,
+        [few_stage(stream=Stream((Few.size,)))],
+    ),
+    ("one takes valid, but gathers nothing", FEW, [few_stage(function=lambda size, valid: size)]),
+    ("one: x has the dtype 'O', but must have", FEW, [few_stage(Output("x", dtype="O"))]),
+    ("one: x has the dtype 'f3', unknown", FEW, [few_stage(Output("x", dtype="f3"))]),
+    ("stage one: setting spring.mass is not", FEW, [few_stage(group=OVER_MASS)]),
 ]
 
 
@@ -120,16 +141,16 @@ HERE = r"^[\w/]*test_mistakes\.py:\d+: "  # before a sentence
 )
 def test_one_of_what_may_be_several_needs_a_comma(sentence, wrong):
     with pytest.raises(DeclarationError, match=HERE + sentence):
-        one(**wrong)
+        few_stage(**wrong)
 
 
 def test_an_output_has_a_tuple_of_dimensions_and_a_unit_that_is_a_text():
     with pytest.raises(DeclarationError, match=HERE + "stage one has 'row' as dims of x, but must"):
-        one(Output("x", "row"))
+        few_stage(Output("x", "row"))
     with pytest.raises(
         DeclarationError, match=HERE + r"stage one: x has unit=\('m', 2\), but must"
     ):
-        one(Output("x", unit=("m", 2)))
+        few_stage(Output("x", unit=("m", 2)))
 
 
 def test_a_setting_has_a_name_that_is_free_and_a_unit_that_is_a_text():
@@ -145,8 +166,8 @@ def test_a_setting_has_a_name_that_is_free_and_a_unit_that_is_a_text():
 
 
 def test_a_stage_that_draws_without_a_stream_is_named_where_its_draws_are_gathered():
-    drawn = one(function=lambda size, rng: size, name="drawn")
-    mean = one(Output("y"), function=lambda drawn, size: drawn, name="mean")
+    drawn = few_stage(function=lambda size, rng: size, name="drawn")
+    mean = few_stage(Output("y"), function=lambda drawn, size: drawn, name="mean")
     with pytest.raises(DeclarationError) as caught:
         Experiment("few", "Few", (Few, Spring, drawn, replace(mean, gather=(Spring.mass,))))
     assert re.match(
@@ -165,4 +186,4 @@ TABLES = [
 @pytest.mark.parametrize(("words", "tables"), TABLES)
 def test_a_table_of_a_group_that_nobody_makes_is_named(words, tables):
     with pytest.raises(DeclarationError, match=words):
-        Experiment("few", "Few", (*FEW, GOOD, *(Table(*one, print) for one in tables)))
+        Experiment("few", "Few", (*FEW, GOOD, *(Table(*group, print) for group in tables)))

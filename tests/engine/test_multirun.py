@@ -43,9 +43,9 @@ def test_the_choices_of_a_group_run_together_under_its_name(command, tmp_path):
     assert springs.spring.values.tolist() == ["hard", "soft"]
     assert springs.limit.values.tolist() == [90, 50] and springs.mass.values.tolist() == [2, 1]
     go(tmp_path / "s.zarr", spring__limit=[50, 90], spring__mass=[1, 2], measured__draw=1)
-    whole = opened(tmp_path / "s.zarr", "springs")
+    results = opened(tmp_path / "s.zarr", "springs")
     for name, limit, mass in (("hard", 90, 2), ("soft", 50, 1)):
-        expected = whole.period.sel(limit=limit, mass=mass).values
+        expected = results.period.sel(limit=limit, mass=mass).values
         np.testing.assert_array_equal(springs.period.sel(spring=name), expected)
     joint = read_attributes(tmp_path / "m.zarr")["joint"]
     assert joint == [
@@ -69,10 +69,10 @@ def test_experiments_that_no_product_makes_are_jobs(command, tmp_path):
         "length=3,rule=mean",
         "length=4,rule=mean",
     ]
-    one = ("experiment=long", "measured.draw=1", "store=s.zarr")
-    assert command("+" + one[0], *one[1:]) == 0
-    alone = opened(tmp_path / "s.zarr", "answers").answer
-    np.testing.assert_array_equal(answers.answer[:, 1:], alone)
+    overrides = ("experiment=long", "measured.draw=1", "store=s.zarr")
+    assert command("+" + overrides[0], *overrides[1:]) == 0
+    job_answers = opened(tmp_path / "s.zarr", "answers").answer
+    np.testing.assert_array_equal(answers.answer[:, 1:], job_answers)
 
 
 def test_settings_run_together_by_zip(command, tmp_path):
@@ -84,8 +84,8 @@ def test_settings_run_together_by_zip(command, tmp_path):
     assert springs.limit.values.tolist() == [9, 5, 9]
     labels = ["mass=1,limit=9", "mass=3,limit=5", "mass=3,limit=9"]
     assert springs.mass_limit.values.tolist() == labels
-    one = springs.sel(mass_limit="mass=3,limit=5")
-    assert (one.mass, one.limit) == (3, 5)
+    point = springs.sel(mass_limit="mass=3,limit=5")
+    assert (point.mass, point.limit) == (3, 5)
     assert CALLS["period"] == 3 * 3
     assert springs.energy.sizes == {"stiffness": 3, "mass_limit": 3}
 
@@ -98,9 +98,9 @@ REFUSED, TOO_LARGE = ROWS["multirun"], ROWS["too large"]
 @pytest.mark.parametrize("arguments", REFUSED)
 def test_what_cannot_be_one_sweep_is_refused(command, tmp_path, capsys, arguments):
     assert command(*arguments.split(" ")) == 2
-    (said,) = capsys.readouterr().err.splitlines()
-    assert said.startswith("springs: ")
-    assert not [word for word in REFUSED[arguments].split(" ") if word not in said]
+    (message,) = capsys.readouterr().err.splitlines()
+    assert message.startswith("springs: ")
+    assert not [word for word in REFUSED[arguments].split(" ") if word not in message]
     assert not list(tmp_path.glob("*.zarr")) and not (tmp_path / "cache").exists()
 
 
@@ -126,6 +126,6 @@ def test_grids_that_no_memory_holds_are_refused(arguments, tmp_path, monkeypatch
         Command(SPRINGS).main(["cluster=inline", "cache=cache", "store=s.zarr", *arguments.split()])
         == 2
     )
-    (said,) = capsys.readouterr().err.splitlines()
-    assert said.startswith("springs: ") and not list(tmp_path.iterdir())
-    assert not [word for word in TOO_LARGE[arguments].split(" ") if word not in said]
+    (message,) = capsys.readouterr().err.splitlines()
+    assert message.startswith("springs: ") and not list(tmp_path.iterdir())
+    assert not [word for word in TOO_LARGE[arguments].split(" ") if word not in message]

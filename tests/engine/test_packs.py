@@ -60,20 +60,20 @@ def contents(draw):
 @settings(max_examples=60, deadline=None)
 @given(contents=contents(), data=st.data())
 def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
-    asked = data.draw(st.lists(st.integers(0, len(contents) - 1), max_size=8))
+    rows = data.draw(st.lists(st.integers(0, len(contents) - 1), max_size=8))
     with tempfile.TemporaryDirectory() as name:
         cells, names = Objects(Path(name)), range(len(contents))
         pack = write_pack(cells, "stage", names, contents)
         assert pack.size == Path(name, pack.path).stat().st_size
-        there, written = read_pack(cells, pack.path, pack.size)
-        assert there == pack and np.array_equal(written, keys(*names))
-        found = read_cells(cells, locations(pack.path, asked, asked))
-    arrays = [array for cell in found for array in cell.values()]
-    for row, cell in zip(asked, found, strict=True):
+        there, pack_keys = read_pack(cells, pack.path, pack.size)
+        assert there == pack and np.array_equal(pack_keys, keys(*names))
+        outputs = read_cells(cells, locations(pack.path, rows, rows))
+    arrays = [array for cell in outputs for array in cell.values()]
+    for row, cell in zip(rows, outputs, strict=True):
         assert same(cell, contents[row])
     for array in arrays:
         assert array.flags.aligned and array.flags.c_contiguous and array.flags.writeable
-        assert not any(np.shares_memory(array, one) for one in arrays if one is not array)
+        assert not any(np.shares_memory(array, other) for other in arrays if other is not array)
 
 
 @pytest.mark.parametrize(
@@ -93,19 +93,19 @@ def test_what_cannot_be_kept_is_refused(tmp_path, values):
 
 def test_packs_of_either_kind_of_place_are_alike(place):
     cells = open_packs(place)
-    one, other = written(cells, 1, 2), written(cells, 3)
-    found = read_cells(cells, locations(one.path, [1, 0, 1], [2, 1, 2]))
-    assert [same(cell, small(n)) for cell, n in zip(found, (2, 1, 2), strict=True)] == 3 * [True]
-    assert read_cells(cells, locations(other.path, [0, 1], [4, 3])) == [None] * 2
+    first, second = written(cells, 1, 2), written(cells, 3)
+    outputs = read_cells(cells, locations(first.path, [1, 0, 1], [2, 1, 2]))
+    assert [same(cell, small(n)) for cell, n in zip(outputs, (2, 1, 2), strict=True)] == 3 * [True]
+    assert read_cells(cells, locations(second.path, [0, 1], [4, 3])) == [None] * 2
     assert read_cells(cells, locations(f"{'0' * 56}.pack", [0], [1])) == [None]
-    assert cells.sizes() == {one.path: one.size, other.path: other.size}
+    assert cells.sizes() == {first.path: first.size, second.path: second.size}
 
 
 def test_every_changed_byte_is_noticed(tmp_path):
     """By its own cell alone if it is among the bytes of one, else by all cells."""
-    made = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
+    records = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
     cells = Objects(tmp_path)
-    pack = write_pack(cells, "s", range(3), made)
+    pack = write_pack(cells, "s", range(3), records)
     path = tmp_path / pack.path
     three = locations(pack.path, range(3), range(3))
     content = path.read_bytes()
@@ -117,9 +117,12 @@ def test_every_changed_byte_is_noticed(tmp_path):
         flipped[place] ^= 1 << place % 8
         path.write_bytes(flipped)
         packs._head.cache_clear()
-        found = read_cells(cells, three)
-        assert [cell is None for cell in found] == [owner in (-1, row) for row in range(3)]
-        assert all(cell is None or same(cell, one) for cell, one in zip(found, made, strict=True))
+        outputs = read_cells(cells, three)
+        assert [cell is None for cell in outputs] == [owner in (-1, row) for row in range(3)]
+        assert all(
+            cell is None or same(cell, content)
+            for cell, content in zip(outputs, records, strict=True)
+        )
 
 
 MIXED = [
@@ -151,10 +154,10 @@ def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
         pack = write_pack(cells, "s", range(3), MIXED)
         content = Path(name, pack.path).read_bytes()
         size = int(HEAD.fullmatch(pack.path)[2], 16)
-        where = size if sealed else len(content)
-        new = changed(content[:where], data.draw(st.lists(changes(where), max_size=3)))
+        begin = size if sealed else len(content)
+        new = changed(content[:begin], data.draw(st.lists(changes(begin), max_size=3)))
         path = sealed_as(Path(name), new, content[size:]) if sealed else pack.path
-        Path(name, path).write_bytes(new + content[where:])
+        Path(name, path).write_bytes(new + content[begin:])
         packs._head.cache_clear()
         read_pack(cells, path, Path(name, path).stat().st_size)
         for cell, before in zip(
@@ -194,19 +197,19 @@ def test_what_is_cut_off_is_absent(tmp_path):
 # packs that are not what they were ---------------------------------------------------------------
 
 
-def exchange(one: Path, other: Path) -> None:
-    first, second = one.read_bytes(), other.read_bytes()
-    one.write_bytes(second)
+def exchange(path: Path, other: Path) -> None:
+    first, second = path.read_bytes(), other.read_bytes()
+    path.write_bytes(second)
     other.write_bytes(first)
 
 
 def test_a_cell_of_another_key_is_not_read(tmp_path):
     cells = Objects(tmp_path)
-    one, other = written(cells, 1, 2), written(cells, 3, 4)
-    assert read_cells(cells, locations(one.path, [0, 1], [3, 1])) == [None] * 2
-    exchange(tmp_path / one.path, tmp_path / other.path)
-    assert read_cells(cells, locations(one.path, [0, 1], [1, 2])) == [None] * 2
-    assert read_cells(cells, locations(other.path, [0, 0], [1, 3])) == [None] * 2
+    first, second = written(cells, 1, 2), written(cells, 3, 4)
+    assert read_cells(cells, locations(first.path, [0, 1], [3, 1])) == [None] * 2
+    exchange(tmp_path / first.path, tmp_path / second.path)
+    assert read_cells(cells, locations(first.path, [0, 1], [1, 2])) == [None] * 2
+    assert read_cells(cells, locations(second.path, [0, 0], [1, 3])) == [None] * 2
 
 
 def stage_of(path: Path) -> str:
@@ -214,24 +217,28 @@ def stage_of(path: Path) -> str:
 
 
 def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, monkeypatch):
-    cache, told = tmp_path / "cache", Told()
+    cache, recorder = tmp_path / "cache", Told()
     go(tmp_path / "s.zarr", cache)
     first = {stage_of(path): path for path in pack_files(cache)}
     go(tmp_path / "t.zarr", cache, seed=1)  # cells of the same shapes
 
-    def found(index, *asked, find=CellIndex.find):
-        if not told.failures:
-            told.failures.append("exchanged")  # at the first look-up, after the index is read
+    def found(index, *arguments, find=CellIndex.find):
+        if not recorder.failures:
+            recorder.failures.append("exchanged")  # at the first look-up, after the index is read
             for path in pack_files(cache):
                 if path not in first.values():
                     exchange(path, first[stage_of(path)])
             packs._head.cache_clear()
-        return find(index, *asked)
+        return find(index, *arguments)
 
     monkeypatch.setattr(CellIndex, "find", found)
-    go(tmp_path / "again.zarr", cache, watch=told.watch)
+    go(tmp_path / "again.zarr", cache, watch=recorder.watch)
     assert files(tmp_path / "again.zarr") == files(tmp_path / "s.zarr")
-    again = [one for one in told.sentences if "are damaged and are computed again" in one]
+    again = [
+        sentence
+        for sentence in recorder.sentences
+        if "are damaged and are computed again" in sentence
+    ]
     assert len(again) == 1, "one round mends the cells of all stages"
 
 
@@ -244,8 +251,8 @@ def of_line(cells: Objects, line, number=0, key=1) -> Pack:
     text = line if isinstance(line, bytes) else json.dumps(line).encode()
     tables = keys(key).tobytes() + np.array([number], "<u4").tobytes() + hash_bytes(record, 8)
     path = sealed_as(cells.path, text + b"\n" + tables, record)
-    pack, found = read_pack(cells, path, len(text) + 1 + len(tables) + len(record))
-    assert len(found) == pack.cells
+    pack, pack_keys = read_pack(cells, path, len(text) + 1 + len(tables) + len(record))
+    assert len(pack_keys) == pack.cells
     [cell] = read_cells(cells, locations(path, [0], [key]))
     return pack, cell
 
@@ -297,11 +304,11 @@ def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     path = written(cells, 1).path
     size = int(HEAD.fullmatch(path)[2], 16)
     content = (tmp_path / path).read_bytes()
-    other = f"{path[:48]}{size + longer:08x}.pack"
-    (tmp_path / other).write_bytes(content)
-    assert read_cells(cells, locations(other, [0], [1])) == [None]
-    pack, there = read_pack(cells, other, len(content))
-    assert pack == Pack(other, len(content)) and len(there) == 0
+    longer_path = f"{path[:48]}{size + longer:08x}.pack"
+    (tmp_path / longer_path).write_bytes(content)
+    assert read_cells(cells, locations(longer_path, [0], [1])) == [None]
+    pack, there = read_pack(cells, longer_path, len(content))
+    assert pack == Pack(longer_path, len(content)) and len(there) == 0
 
 
 @pytest.mark.parametrize(
@@ -317,35 +324,35 @@ def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     ],
 )
 def test_only_what_a_stage_declares_is_found(tmp_path, other):
-    cells, said = Objects(tmp_path), []
-    for made in (small(1), other):
-        write_pack(cells, "s", [1], [made])
-        index = CellIndex(cells, said.append)
+    cells, warnings = Objects(tmp_path), []
+    for content in (small(1), other):
+        write_pack(cells, "s", [1], [content])
+        index = CellIndex(cells, warnings.append)
         index.refresh()
-        assert index.find(keys(1), SMALL).present.tolist() == [made is not other]
-    [said] = said
-    assert said.startswith("1 results in the cache differ from the declaration of their stage")
-    outputs = [Output(name, one.ndim * ("x",), one.dtype.str) for name, one in other.items()]
+        assert index.find(keys(1), SMALL).present.tolist() == [content is not other]
+    [warnings] = warnings
+    assert warnings.startswith("1 results in the cache differ from the declaration of their stage")
+    outputs = [Output(name, array.ndim * ("x",), array.dtype.str) for name, array in other.items()]
     assert index.find(keys(1), outputs).present.all()
 
 
 def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, monkeypatch):
     cache = tmp_path / "cache"
     go(tmp_path / "s.zarr", cache)
-    before = {name: one for name, one in files(cache).items() if name.endswith(".pack")}
+    before = {name: content for name, content in files(cache).items() if name.endswith(".pack")}
     with monkeypatch.context() as patch:
-        part, short = Objects.read_range, False
+        read_range, short = Objects.read_range, False
 
-        def refused(cells, *asked):
+        def refused(cells, *arguments):
             if short:
                 raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(cells.path))
-            return part(cells, *asked)
+            return read_range(cells, *arguments)
 
-        def found(index, *asked, find=CellIndex.find):
+        def found(index, *arguments, find=CellIndex.find):
             nonlocal short
             short = True  # from the first look-up on, after the index is read
             packs._head.cache_clear()
-            return find(index, *asked)
+            return find(index, *arguments)
 
         patch.setattr(Objects, "read_range", refused)
         patch.setattr(CellIndex, "find", found)

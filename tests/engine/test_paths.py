@@ -34,11 +34,11 @@ def test_objects_of_either_kind_behave_alike(place):
 def test_an_object_of_a_bucket_is_written_if_it_is_of_a_version(bucket):
     there = Objects(bucket)
     assert there.get_versioned("a") is None
-    one = there.put_if("a", b"one", None)
-    assert there.get_versioned("a") == (b"one", one)
+    version = there.put_if("a", b"one", None)
+    assert there.get_versioned("a") == (b"one", version)
     assert there.put_if("a", b"two", None) is None
-    two = there.put_if("a", b"two", one)
-    assert there.put_if("a", b"three", one) is None
+    two = there.put_if("a", b"two", version)
+    assert there.put_if("a", b"three", version) is None
     assert there.get_versioned("a") == (b"two", two)
 
 
@@ -78,9 +78,9 @@ def test_absent_buckets_and_refused_keys_are_failures(bucket, monkeypatch):
         there.put("a", b"")
     monkeypatch.setattr(places, "RETRIES", 1)
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
-    for method, given in (("sizes", ()), ("get", ("a",)), ("put", ("a", b""))):
+    for method, arguments in (("sizes", ()), ("get", ("a",)), ("put", ("a", b""))):
         with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
-            getattr(Objects(bucket), method)(*given)
+            getattr(Objects(bucket), method)(*arguments)
         assert failed.value.errno == places.UNREACHABLE
         assert not isinstance(failed.value, FileNotFoundError)
         assert failed.value.filename == bucket

@@ -12,10 +12,10 @@ from sweeps.engine.declare.stage import Experiment, Group, Output, stage
 from sweeps.engine.resolve.plan import Plan
 
 
-def planned(**given):
+def planned(**values):
     """Plan of the springs."""
-    given = {key.replace("__", "."): value for key, value in given.items()}
-    return Plan(SPRINGS, read_choices(SPRINGS.declared, given))
+    values = {key.replace("__", "."): value for key, value in values.items()}
+    return Plan(SPRINGS, read_choices(SPRINGS.declared, values))
 
 
 def keys(plan, name):
@@ -34,13 +34,15 @@ def test_a_key_depends_on_values_and_not_on_their_places(masses, lengths, data):
     wide = planned(spring__mass=masses, measured__length=lengths)
     mass, length = data.draw(st.sampled_from(masses)), data.draw(st.sampled_from(lengths))
     narrow = planned(spring__mass=mass, measured__length=length)
-    asked = {"spring.mass": mass, "measured.length": length}
+    values = {"spring.mass": mass, "measured.length": length}
     for name in ("period", "noisy", "trace", "answers"):
         bound = wide.bound[name]
         there = [
             wide.key(bound, cell)
             for cell in wide.cells(bound).tolist()
-            if all(wide.value(bound, key, cell) == asked[key] for key in asked.keys() & bound.needs)
+            if all(
+                wide.value(bound, key, cell) == values[key] for key in values.keys() & bound.needs
+            )
         ]
         assert there == keys(narrow, name)
 
@@ -59,30 +61,34 @@ CHANGED = {
 def test_another_value_changes_the_keys_of_what_depends_on_it_alone(key):
     value, stages = CHANGED[key]
     before, after = planned(), planned(**{key: value})
-    other = {one.name for one in before.targets if keys(before, one.name) != keys(after, one.name)}
-    assert other == stages
+    changed = {
+        bound.name
+        for bound in before.targets
+        if keys(before, bound.name) != keys(after, bound.name)
+    }
+    assert changed == stages
 
 
 @pytest.mark.parametrize("change", [{"dtype": "f2"}, {"name": "swing"}])
 def test_how_an_output_is_kept_counts(change):
     """Its declaration is no part of the function's code."""
     (output,) = period.outputs
-    other = replace(period, outputs=(replace(output, **change),))
-    stages = tuple(other if one is period else one for one in SPRINGS.stages)
+    replaced = replace(period, outputs=(replace(output, **change),))
+    stages = tuple(replaced if declared is period else declared for declared in SPRINGS.stages)
     after = Plan(having(SPRINGS, stages), read_choices(SPRINGS.declared, {}))
     assert not set(keys(after, "period")) & set(keys(planned(), "period"))
 
 
-def summed(**given):
+def summed(**inputs):
     """A function of any keywords: its code is the same by whatever name an input comes."""
-    return sum(given.values())
+    return sum(inputs.values())
 
 
 def test_the_keyword_by_which_a_function_gets_an_input_counts():
     def key(name):
-        how = {"reads": {name: "period"}, "name": "told", "group": Group("told")}
-        told = stage(Output("told", label="told"), **how)(summed)
-        springs = having(SPRINGS, (*SPRINGS.stages[:3], told), ())
+        options = {"reads": {name: "period"}, "name": "told", "group": Group("told")}
+        declared = stage(Output("told", label="told"), **options)(summed)
+        springs = having(SPRINGS, (*SPRINGS.stages[:3], declared), ())
         plan = Plan(springs, read_choices(SPRINGS.declared, {}))
         return plan.key(plan.bound["told"], 0)
 

@@ -48,19 +48,19 @@ def actions():
     damage = st.tuples(
         st.sampled_from(["cache", "store"]), st.integers(0, 10**6), st.integers(1, 4)
     )
-    others = st.tuples(st.sampled_from(["run", "clear", "lose"]), st.just(0), st.just(0))
-    return st.lists(st.one_of(more, kill, damage, others), min_size=2, max_size=9)
+    simple = st.tuples(st.sampled_from(["run", "clear", "lose"]), st.just(0), st.just(0))
+    return st.lists(st.one_of(more, kill, damage, simple), min_size=2, max_size=9)
 
 
 CLEAN = {}
 
 
-def clean(folder, asked):
+def clean(folder, values):
     """Files of the store of one run."""
-    name = repr(asked)
+    name = repr(values)
     if name not in CLEAN:
         with tempfile.TemporaryDirectory(dir=folder) as place:
-            go(Path(place, "s.zarr"), **asked)
+            go(Path(place, "s.zarr"), **values)
             CLEAN[name] = contents(Path(place, "s.zarr"))
     return CLEAN[name]
 
@@ -73,17 +73,17 @@ def damaged(folder, seed, number, *, flip):
         if there:
             file = chance.choice(there)
             content = bytearray(file.read_bytes())
-            at = chance.randrange(len(content))
+            position = chance.randrange(len(content))
             if flip:
-                content[at] ^= 1 << chance.randrange(8)
-            file.write_bytes(content if flip else content[:at])
+                content[position] ^= 1 << chance.randrange(8)
+            file.write_bytes(content if flip else content[:position])
 
 
-def healed(store, cache, asked):
+def healed(store, cache, values):
     """Run until a store is there; one whose metadata are damaged is removed, as users are told."""
     for _ in range(REPAIRS):
         try:
-            go(store, cache, **asked)
+            go(store, cache, **values)
         except ConfigurationError as error:
             assert "give another path" in str(error), error
             shutil.rmtree(store)
@@ -96,26 +96,28 @@ def healed(store, cache, asked):
 def test_whatever_happens_the_store_is_that_of_one_clean_run(tmp_path_factory, actions):
     folder = Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp()))
     store, cache = folder / "s.zarr", folder / "cache"
-    asked = dict(FIRST)
-    for what, one, two in actions:
-        match what:
+    values = dict(FIRST)
+    for action, first, second in actions:
+        match action:
             case "more":
-                value = AXES[one][two % len(AXES[one])]
-                asked = asked | {one: [*{*asked[one], value}]}
+                value = AXES[first][second % len(AXES[first])]
+                values = values | {first: [*{*values[first], value}]}
             case "kill":
-                killed_at(one, store, cache, asked)
+                killed_at(first, store, cache, values)
             case "cache" | "store":
-                damaged(cache if what == "cache" else store, one, two, flip=what == "cache")
+                damaged(
+                    cache if action == "cache" else store, first, second, flip=action == "cache"
+                )
             case "clear":
                 shutil.rmtree(cache, ignore_errors=True)
             case "lose":
                 shutil.rmtree(store, ignore_errors=True)
             case "run":
-                healed(store, cache, asked)
-    healed(store, cache, asked)
-    assert contents(store) == clean(folder, asked)
-    left = [one.name for one in folder.iterdir() if one.name.startswith(".")]
-    assert left == [], "what a killed run leaves is removed by the next"
+                healed(store, cache, values)
+    healed(store, cache, values)
+    assert contents(store) == clean(folder, values)
+    leftovers = [path.name for path in folder.iterdir() if path.name.startswith(".")]
+    assert leftovers == [], "what a killed run leaves is removed by the next"
     shutil.rmtree(folder)
 
 
@@ -146,12 +148,12 @@ if __name__ == "__main__":
 SLOW = {"measured__pause": 0.02, "spring__stiffness": list(range(1, 30))}
 
 
-def started(folder, kind, asked):
+def started(folder, kind, values):
     """A process that runs the springs."""
     workers = 2 if kind == "local" else None
     tests = str(Path(__file__).parent)
     file = folder / "springs_of_a_process.py"
-    file.write_text(SCRIPT.format(tests=tests, kind=kind, workers=workers, asked=asked))
+    file.write_text(SCRIPT.format(tests=tests, kind=kind, workers=workers, asked=values))
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     return subprocess.Popen(
         [sys.executable, file.name], cwd=folder, env=environment, start_new_session=True
@@ -169,16 +171,16 @@ def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
         os.kill(driver.pid, signal.SIGKILL)
         driver.wait()
     assert not (tmp_path / "s.zarr").exists()
-    told, packs = Told(), len(list(cells.rglob("*.pack")))
+    recorder, packs = Told(), len(list(cells.rglob("*.pack")))
     while True:  # until the workers of the dead driver are gone, too
         try:
-            finished = go(tmp_path / "s.zarr", tmp_path / "cache", watch=told.watch, **SLOW)
+            finished = go(tmp_path / "s.zarr", tmp_path / "cache", watch=recorder.watch, **SLOW)
         except ConfigurationError:
             time.sleep(0.05)
         else:
             break
     # Whichever stages they are of, and each has at least one cell.
-    assert sum(one.reused for one in finished.progress.values()) >= packs >= 2
+    assert sum(progress.reused for progress in finished.progress.values()) >= packs >= 2
     go(tmp_path / "t.zarr", tmp_path / "cache", **SLOW)
     assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
-    assert not [one for one in tmp_path.iterdir() if one.name.endswith((".partial", ".lock"))]
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith((".partial", ".lock"))]

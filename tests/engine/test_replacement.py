@@ -45,14 +45,14 @@ def ending():
 
     def after(number, raised=Killed, methods=CHANGES):
         patch.undo()
-        left = itertools.count(1)
+        remaining = itertools.count(1)
         for name in methods if number is not None else ():
             change = getattr(Objects, name)
 
-            def act(objects, *given, change=change):
-                if next(left) > number:
+            def act(objects, *arguments, change=change):
+                if next(remaining) > number:
                     raise raised()
-                return change(objects, *given)
+                return change(objects, *arguments)
 
             patch.setattr(Objects, name, act)
 
@@ -129,20 +129,25 @@ def test_a_store_is_whole_whenever_its_writer_ends(place, ending, old):
         else:
             ended = True
         ending(None)
-        found = read_attributes(path)
-        assert (found or {"rows": old})["rows"] in (old, new)
+        attributes = read_attributes(path)
+        assert (attributes or {"rows": old})["rows"] in (old, new)
         if old is not None:  # whoever opened it before still reads what there was
             np.testing.assert_array_equal(lazy["x"].values[:, 0], np.arange(old))
-        if found is not None:
+        if attributes is not None:
             assert verify(path) == []
             tree = xr.open_datatree(zarr_store(path), engine="zarr", chunks=None)
             for name in ("one", "two/three"):
-                alone = xr.open_zarr(zarr_store(path), group=name, chunks=None)
-                assert alone.sizes["ship"] in (old, new)
-                assert tree[name].sizes["ship"] == found["rows"]
-                for one in (alone, tree[name].to_dataset(inherit=False)):
-                    np.testing.assert_array_equal(one["x"].values[:, 0], np.arange(one.ship.size))
-                    assert one.get("note", one.sizes["ship"]) == one.sizes["ship"]
+                dataset = xr.open_zarr(zarr_store(path), group=name, chunks=None)
+                assert dataset.sizes["ship"] in (old, new)
+                assert tree[name].sizes["ship"] == attributes["rows"]
+                for opened_group in (dataset, tree[name].to_dataset(inherit=False)):
+                    np.testing.assert_array_equal(
+                        opened_group["x"].values[:, 0], np.arange(opened_group.ship.size)
+                    )
+                    assert (
+                        opened_group.get("note", opened_group.sizes["ship"])
+                        == opened_group.sizes["ship"]
+                    )
         else:
             assert "zarr.json" not in files(path)
         with store_lock(path):
@@ -201,7 +206,7 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
     write_store(path, small(1), {"value": 1})
     delays = random.Random(5)
     search = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    seen, kills = set(), 0
+    states, kills = set(), 0
     with subprocess.Popen(
         [sys.executable, "-c", WRITER, str(path)],
         stdin=subprocess.PIPE,
@@ -209,7 +214,7 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
         text=True,
         env=os.environ | {"PYTHONPATH": search},
     ) as server:
-        while kills < 10 or (len(seen) < 2 and kills < 300):
+        while kills < 10 or (len(states) < 2 and kills < 300):
             kills += 1
             print(file=server.stdin, flush=True)
             child = int(server.stdout.readline())
@@ -217,14 +222,14 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
             os.kill(child, signal.SIGKILL)
             assert server.stdout.readline() == "dead\n"
             assert verify(path) == []
-            found = [opened(path, name)["x"].values for name in small(0)]
-            assert all((one == one.flat[0]).all() for one in found)
+            arrays = [opened(path, name)["x"].values for name in small(0)]
+            assert all((values == values.flat[0]).all() for values in arrays)
             recover(path)  # as the next writer does
             value = read_attributes(path)["value"]
             assert verify(path) == []
             assert all((opened(path, name)["x"] == value).all() for name in small(0))
-            seen.add(value)
-    assert seen == {1, 2}
+            states.add(value)
+    assert states == {1, 2}
     with store_lock(path):  # a killed holder does not block, and its remains go
         recover(path)
         assert sorted(os.listdir(tmp_path)) == [".s.zarr.lock", "s.zarr"]
@@ -246,15 +251,15 @@ def test_readers_of_a_growing_store_never_see_two(place):
 
     writer = threading.Thread(target=grow)
     writer.start()
-    seen, before = set(), xr.open_zarr(zarr_store(path), group="one", chunks=None)
+    states, before = set(), xr.open_zarr(zarr_store(path), group="one", chunks=None)
     while not done.is_set():
-        found = xr.open_zarr(zarr_store(path), group="one", chunks=None).load()
-        rows = found.sizes["ship"]
-        np.testing.assert_array_equal(found["x"], np.add.outer(np.arange(rows), np.zeros(6)))
-        assert found["note"] == rows
-        seen.add(rows)
+        dataset = xr.open_zarr(zarr_store(path), group="one", chunks=None).load()
+        rows = dataset.sizes["ship"]
+        np.testing.assert_array_equal(dataset["x"], np.add.outer(np.arange(rows), np.zeros(6)))
+        assert dataset["note"] == rows
+        states.add(rows)
     writer.join()
-    assert len(seen) > 1
+    assert len(states) > 1
     np.testing.assert_array_equal(before["x"], np.zeros((1, 6)))  # its chunks are where they were
 
 
@@ -274,12 +279,12 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
     def groups(rows):
         read = []
 
-        def region(part):
-            read.append(part[0].start)
-            return values[rows][part]
+        def region(index):
+            read.append(index[0].start)
+            return values[rows][index]
 
         x = array(values[rows], chunks=(1, 3), read=region)
-        x.source_bytes = lambda part: repr(rows[part[0].start]).encode()
+        x.source_bytes = lambda region: repr(rows[region[0].start]).encode()
         return {"g": Group({"x": x})}, read
 
     everything = [0, 1, 2, 3]
@@ -290,8 +295,8 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
         (everything, []),
     ):
         before = {name: os.stat(path / "g/x" / name).st_ino for name in chunks(path)}
-        given, read = groups(rows)
-        write_store(path, given, {"rows": rows})
+        expected, read = groups(rows)
+        write_store(path, expected, {"rows": rows})
         assert read == new
         assert (opened(path, "g")["x"] == values[rows]).all()
         inodes = {os.stat(path / "g/x" / name).st_ino for name in chunks(path)}
@@ -302,7 +307,7 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
 
 def chunks(path):
     folder = path / "g/x"
-    return [one for one in os.listdir(folder) if one != "zarr.json"] if folder.exists() else []
+    return [name for name in os.listdir(folder) if name != "zarr.json"] if folder.exists() else []
 
 
 def test_a_damaged_chunk_is_written_again(tmp_path):

@@ -83,9 +83,9 @@ KEPT = [
 
 @pytest.mark.parametrize(("dtype", "value", "expected"), KEPT, ids=str)
 def test_what_a_dtype_holds_is_kept(dtype, value, expected):
-    found = returned(dtype, value, np.ndim(expected))
-    assert found.dtype == dtype
-    np.testing.assert_array_equal(found, np.array(expected, dtype=dtype))
+    array = returned(dtype, value, np.ndim(expected))
+    assert array.dtype == dtype
+    np.testing.assert_array_equal(array, np.array(expected, dtype=dtype))
 
 
 @settings(max_examples=100, deadline=None)
@@ -96,8 +96,8 @@ def test_what_a_dtype_holds_is_kept(dtype, value, expected):
 )
 def test_masked_values_are_nan_and_all_others_are_kept(values, dtype, data):
     mask = data.draw(arrays("?", values.shape))
-    found = returned(dtype, np.ma.array(values, mask=mask), dims=1)
-    np.testing.assert_array_equal(found, np.where(mask, np.nan, values).astype(dtype))
+    array = returned(dtype, np.ma.array(values, mask=mask), dims=1)
+    np.testing.assert_array_equal(array, np.where(mask, np.nan, values).astype(dtype))
 
 
 @stage(
@@ -121,13 +121,13 @@ def test_shares_of_cells_that_failed_or_are_missing_are_nan(partial, tmp_path):
     if partial:
         place["store"] = tmp_path / "t.zarr"
         run_few([shares], sizes=(1, 2, 3, 4), partial=True, **place)
-    found = opened(place["store"], "all")
-    there = [1, np.nan, 3, np.nan][: found.sizes["size"]]
-    np.testing.assert_array_equal(found.share[:, 0], [0 * size for size in there])
-    np.testing.assert_array_equal(found.share[:, 1], [size / size for size in there])
-    np.testing.assert_allclose(found.share[:, 2] * 255, there, rtol=1e-15)
-    np.testing.assert_allclose(found.fine * 3, [size % 3 for size in there], rtol=1e-15)
-    assert found.share.mean() == pytest.approx(np.nanmean([0, 1, 1 / 255, 0, 1, 3 / 255]))
+    results = opened(place["store"], "all")
+    there = [1, np.nan, 3, np.nan][: results.sizes["size"]]
+    np.testing.assert_array_equal(results.share[:, 0], [0 * size for size in there])
+    np.testing.assert_array_equal(results.share[:, 1], [size / size for size in there])
+    np.testing.assert_allclose(results.share[:, 2] * 255, there, rtol=1e-15)
+    np.testing.assert_allclose(results.fine * 3, [size % 3 for size in there], rtol=1e-15)
+    assert results.share.mean() == pytest.approx(np.nanmean([0, 1, 1 / 255, 0, 1, 3 / 255]))
 
 
 def test_a_share_has_a_dtype_that_leaves_room_for_what_is_missing():

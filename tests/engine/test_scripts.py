@@ -46,18 +46,18 @@ def test_a_script_that_changed_is_computed_again(tmp_path, kind):
         arguments += ["cluster.workers=1"] if kind == "local" else []
         done = python(*arguments, cwd=tmp_path, check=False)
         assert done.returncode == 0, done.stderr
-        found = opened(tmp_path / f"s{number}.zarr", "all").x
-        assert found.values.tolist() == [factor, 2 * factor, 3 * factor]
+        results = opened(tmp_path / f"s{number}.zarr", "all").x
+        assert results.values.tolist() == [factor, 2 * factor, 3 * factor]
         assert (Path(tmp_path) / "made.txt").read_text() == "made " * min(number + 1, 2)
 
 
 def power(exponent):
     """A function that differs from others in what it encloses only."""
 
-    def made(size):
+    def power_of(size):
         return float(size) ** exponent
 
-    return made
+    return power_of
 
 
 def test_functions_of_one_name_do_not_share_results(tmp_path):

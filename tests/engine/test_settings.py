@@ -19,9 +19,9 @@ whole = st.integers(-(10**18), 10**18)
 @settings(deadline=None)
 @given(st.lists(finite, min_size=1, unique=True))
 def test_numbers_come_in_ascending_order_whatever_was_written(values):
-    found = Number().values("a.b", values)
-    assert found == tuple(sorted(float(value) for value in values))
-    assert all(math.copysign(1, value) == 1 for value in found if value == 0)
+    read = Number().values("a.b", values)
+    assert read == tuple(sorted(float(value) for value in values))
+    assert all(math.copysign(1, value) == 1 for value in read if value == 0)
 
 
 def test_words_come_in_their_own_order_whatever_was_written():
@@ -48,24 +48,24 @@ EXACT = {
 
 @pytest.mark.parametrize("kind", EXACT)
 def test_steps_are_exact_decimals(kind):
-    given, expected = EXACT[kind]
-    found = Number().values("a.b", dict(zip(("start", "stop", "step"), given, strict=True)))
-    assert found == pytest.approx(expected, rel=4e-16, abs=0.0)
+    steps, expected = EXACT[kind]
+    read = Number().values("a.b", dict(zip(("start", "stop", "step"), steps, strict=True)))
+    assert read == pytest.approx(expected, rel=4e-16, abs=0.0)
     if kind != "a rounded step":
-        assert list(found) == expected
+        assert list(read) == expected
 
 
 @settings(deadline=None)
 @given(start=st.integers(-1000, 1000), step=st.integers(1, 1000), steps=st.integers(0, 500))
 def test_steps_end_at_stop_where_they_land_on_it(start, step, steps):
-    given = {"start": start / 100, "stop": (start + step * steps) / 100, "step": step / 100}
-    found = Number().values("a.b", given)
+    range_ = {"start": start / 100, "stop": (start + step * steps) / 100, "step": step / 100}
+    read = Number().values("a.b", range_)
     # Products and quotients err by a unit in the last place each; 12 decimals are kept.
-    wanted = [(start + step * k) / 100 for k in range(steps + 1)]
-    assert found == pytest.approx(wanted, rel=1e-15, abs=1e-12)
-    short = given | {"stop": (start + step * steps - step / 2) / 100}
+    expected = [(start + step * k) / 100 for k in range(steps + 1)]
+    assert read == pytest.approx(expected, rel=1e-15, abs=1e-12)
+    short = range_ | {"stop": (start + step * steps - step / 2) / 100}
     if steps:
-        assert Number().values("a.b", short) == found[:-1]
+        assert Number().values("a.b", short) == read[:-1]
 
 
 UNIT = Number(0, below=1)
@@ -139,7 +139,7 @@ def test_a_setting_that_is_no_axis_says_why():
 @given(st.data())
 def test_what_a_store_has_is_read_back_as_it_was(data):
     words = st.sampled_from([["max"], ["mean", "min"]])
-    given = {
+    values = {
         "spring.mass": data.draw(st.lists(st.floats(0.1, 1e9), min_size=1, unique=True)),
         "spring.reference": data.draw(st.sampled_from([None, 4.0, [None, 1.0]])),
         "measured.draw": data.draw(st.integers(1, 5)),
@@ -147,6 +147,6 @@ def test_what_a_store_has_is_read_back_as_it_was(data):
         "measured.doubled": data.draw(st.sampled_from([True, [True, False]])),
         "seed": data.draw(st.integers(0, 2**63)),
     }
-    choices = read_choices(SPRINGS.declared, given)
-    again = {one.key: as_input(one, choices[one]) for one in SPRINGS.declared}
+    choices = read_choices(SPRINGS.declared, values)
+    again = {setting.key: as_input(setting, choices[setting]) for setting in SPRINGS.declared}
     assert read_choices(SPRINGS.declared, again).values == choices.values

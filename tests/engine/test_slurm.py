@@ -61,18 +61,18 @@ def jobs(*states):
 
 
 def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):
-    asked = {"queue": "compute", "account": "radar", "walltime": "0-00:10:00", "memory": "500MiB"}
+    options = {"queue": "compute", "account": "radar", "walltime": "0-00:10:00", "memory": "500MiB"}
     sentences = []
-    choice = ClusterChoice(kind="slurm", workers=2, interface="lo", **asked)
+    choice = ClusterChoice(kind="slurm", workers=2, interface="lo", **options)
     with open_executor(choice, tasks=1, say=sentences.append) as run:
         assert run.worker_count == 1
         result_of(run, refuse_odd, 2)
         assert set(result_of(run, blas_threads)) == {1}
         assert {f"{name}=1" for name in ONE_THREAD} <= result_of(run, started_with)
         (number,) = jobs()
-        told = slurm.asked("scontrol", "show", "job", str(number))
+        details = slurm.asked("scontrol", "show", "job", str(number))
         expected = {"Account=radar", "TimeLimit=00:10:00", "MinMemoryNode=500M", "NumTasks=1"}
-        assert {*expected, "Partition=compute", "CPUs/Task=1", "JobState=RUNNING"} <= {*told}
+        assert {*expected, "Partition=compute", "CPUs/Task=1", "JobState=RUNNING"} <= {*details}
         script = slurm.asked("scontrol", "write", "batch_script", str(number), "-")
         (folder,) = tmp_path.glob(".sweep-*")
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
@@ -99,10 +99,10 @@ def test_a_job_killed_and_a_node_drained_change_nothing_of_the_store(tmp_path, c
         slurm.asked("scontrol", "update", f"NodeName={node}", "State=RESUME")
 
     with meanwhile(meddle):
-        given = [*ON_SLURM, "store=s.zarr", "cache=cache", "measured.pause=1.5"]
-        assert Command(SPRINGS).main(given) == 0
+        arguments = [*ON_SLURM, "store=s.zarr", "cache=cache", "measured.pause=1.5"]
+        assert Command(SPRINGS).main(arguments) == 0
     assert capsys.readouterr().err.splitlines()[1] == "springs: submitting 2 jobs to Slurm"
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["cache", "s.zarr"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cache", "s.zarr"]
     go(tmp_path / "inline.zarr", measured__pause=1.5)
     assert files(tmp_path / "s.zarr") == files(tmp_path / "inline.zarr")
 
@@ -113,11 +113,11 @@ def test_ctrl_c_cancels_jobs(tmp_path, capsys):
         os.kill(os.getpid(), signal.SIGINT)
 
     with meanwhile(interrupt):
-        given = [*ON_SLURM, "store=s.zarr", "cache=cache", "measured.pause=5"]
-        assert Command(SPRINGS).main(given) == 130
-    said = capsys.readouterr().err.splitlines()
-    assert said[-1] == "springs: interrupted; the same command resumes the sweep"
-    assert [one.name for one in tmp_path.iterdir()] == ["cache"]
+        arguments = [*ON_SLURM, "store=s.zarr", "cache=cache", "measured.pause=5"]
+        assert Command(SPRINGS).main(arguments) == 130
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1] == "springs: interrupted; the same command resumes the sweep"
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
 @pytest.mark.parametrize(
@@ -130,20 +130,20 @@ def test_ctrl_c_cancels_jobs(tmp_path, capsys):
 )
 def test_what_slurm_has_not_is_refused_in_a_sentence(asked, why, capsys):
     assert Command(SPRINGS).main(["cache=cache", "store=s.zarr", *ON_SLURM, asked]) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert said[-1].startswith("springs: cluster.kind is slurm, but no job starts: ")
-    assert why in said[-1] and len(said) == 3
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1].startswith("springs: cluster.kind is slurm, but no job starts: ")
+    assert why in lines[-1] and len(lines) == 3
 
 
 def test_jobs_that_end_before_they_have_a_worker_are_given_up(monkeypatch, capsys):
     def start():
-        given = ["cache=cache", "store=s.zarr", *ON_SLURM]
-        assert Command(SPRINGS).main(given) == 2
+        arguments = ["cache=cache", "store=s.zarr", *ON_SLURM]
+        assert Command(SPRINGS).main(arguments) == 2
 
     monkeypatch.setenv("PYTHONHOME", "/nowhere")
     start()
-    said = capsys.readouterr().err.splitlines()
-    assert said[-1].startswith(
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1].startswith(
         "springs: cluster.kind is slurm, but its jobs end before they have a worker ("
     )
     assert len(jobs()) == 0
@@ -164,10 +164,10 @@ def test_the_launcher_of_hydra_runs_a_job_of_slurm_for_each_sweep(tmp_path, monk
         "if __name__ == '__main__':\n    sys.exit(Command(SPRINGS).main())\n"
     )
     launcher = {"partition": "compute", "timeout_min": 5, "mem_gb": 1, "cpus_per_task": 1}
-    given = [f"hydra.launcher.{name}={value}" for name, value in launcher.items()]
-    given += ["hydra/launcher=submitit_slurm", "hydra.sweep.dir=out", "spring.mass=1"]
-    given += ["measured.rule=max,mean", "cluster=inline", f"cache={tmp_path / 'cache'}"]
-    python("springs.py", "-m", *given, cwd=tmp_path, PYTHONPATH=IMPORTS)
+    overrides = [f"hydra.launcher.{name}={value}" for name, value in launcher.items()]
+    overrides += ["hydra/launcher=submitit_slurm", "hydra.sweep.dir=out", "spring.mass=1"]
+    overrides += ["measured.rule=max,mean", "cluster=inline", f"cache={tmp_path / 'cache'}"]
+    python("springs.py", "-m", *overrides, cwd=tmp_path, PYTHONPATH=IMPORTS)
     for number, rule in enumerate(["max", "mean"]):
         assert list((tmp_path / "out" / ".submitit").glob(f"*_{number}"))
         go(tmp_path / f"{rule}.zarr", spring__mass=1, measured__rule=rule)
@@ -197,6 +197,6 @@ print(signal.getsignal(signal.SIGINT) is before)
 
 
 def test_the_import_of_dask_jobqueue_needs_the_main_thread_and_leaves_ctrl_c_alone():
-    refused, kept = python("-c", JOBQUEUE).stdout.splitlines()
+    refused, handler = python("-c", JOBQUEUE).stdout.splitlines()
     assert refused.startswith("cluster.kind is slurm, but dask-jobqueue (pip install dask-jobqueue")
-    assert "main thread" in refused and kept == "True"
+    assert "main thread" in refused and handler == "True"

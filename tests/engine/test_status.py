@@ -30,8 +30,8 @@ def start(tmp_path, monkeypatch, capsys):
 
     def run(*arguments, status=0):
         assert Command(SPRINGS).main(arguments) == status
-        said = capsys.readouterr()
-        return said.err if status else said.out
+        output = capsys.readouterr()
+        return output.err if status else output.out
 
     yield run
     signal.signal(signal.SIGINT, before)
@@ -56,7 +56,7 @@ def rows(text):
 def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start, monkeypatch):
     monkeypatch.setattr(progress, "SAVE_INTERVAL", 0.0)
     monkeypatch.setattr(progress, "MIN_WORK", 0.2)
-    seen = []
+    tables = []
 
     def look():
         eventually(lambda: len(list(Path("cache").rglob("*.pack"))) > 2)
@@ -64,35 +64,35 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
         os.kill(os.getpid(), signal.SIGINT)
 
     def estimated():
-        seen[:] = [format_status(Path("s.zarr"), Path("cache"))]
-        return [*seen[0][1].columns[-1].cells][-1]
+        tables[:] = [format_status(Path("s.zarr"), Path("cache"))]
+        return [*tables[0][1].columns[-1].cells][-1]
 
     with meanwhile(look):
         start(*GIVEN, "measured.pause=0.3", status=130)
-    ((sentence, table),) = seen
+    ((sentence, table),) = tables
     assert f"s.zarr: running as process {os.getpid()}; begun 20" in sentence
     names, *counts, left = [[*column.cells] for column in table.columns]
     assert set(names) == {"period", "energy", "noisy", "trace", "answers", "all"}
     total, reused, done, failed, waiting = (int(column[-1]) for column in counts)
     assert (total, reused, failed) == (74, 0, 0) and 0 < done == 74 - waiting < 74
     assert left[-1].startswith("0:00:")
-    told = start(*SEEN)
-    assert told.startswith("s.zarr: stopped; begun ") and "time left" not in told
-    assert rows(told)["all"][0] == "74" and 0 < int(rows(told)["all"][2]) < 74
+    output = start(*SEEN)
+    assert output.startswith("s.zarr: stopped; begun ") and "time left" not in output
+    assert rows(output)["all"][0] == "74" and 0 < int(rows(output)["all"][2]) < 74
     start(*GIVEN, "measured.pause=0.3")
-    told = start(*SEEN)
-    assert told.startswith("s.zarr: finished; begun ")
-    _, reused, done, failed, remaining = map(int, rows(told)["all"])
+    output = start(*SEEN)
+    assert output.startswith("s.zarr: finished; begun ")
+    _, reused, done, failed, remaining = map(int, rows(output)["all"])
     assert reused > 0 and reused + done == 74 and failed == remaining == 0
 
 
 def test_of_a_sweep_that_is_finished_nothing_is_left_however_quick_it_was(start):
     start(*GIVEN)
     for _ in range(2):  # the second time, nothing is computed, and what was is still known
-        told = start(*SEEN)
-        assert told.startswith("s.zarr: finished; ")
-        assert rows(told)["all"] == ["74", "0", "74", "0", "0"]
-        assert all(row[-1] == "0" for row in rows(told).values())
+        output = start(*SEEN)
+        assert output.startswith("s.zarr: finished; ")
+        assert rows(output)["all"] == ["74", "0", "74", "0", "0"]
+        assert all(row[-1] == "0" for row in rows(output).values())
         start(*GIVEN)
 
 
@@ -105,8 +105,8 @@ def test_a_sweep_that_is_killed_is_stopped(start):
 
 
 def test_a_status_that_cannot_be_shown_is_refused(start):
-    told = start("--status", "store=t.zarr", "cache=cache", status=2)
-    assert "store is 't.zarr', of which the cache 'cache' knows no sweep" in told
+    output = start("--status", "store=t.zarr", "cache=cache", status=2)
+    assert "store is 't.zarr', of which the cache 'cache' knows no sweep" in output
     assert "store is 't.zarr', which does not exist" in start("--why", "store=t.zarr", status=2)
     assert "spring.mas is not a key" in start(*SEEN, "spring.mas=1", status=2)
     assert "--status has 's.zarr', but takes settings" in start("--status", "s.zarr", status=2)
@@ -129,9 +129,9 @@ def test_what_is_there_so_far_is_a_store_that_the_command_completes(start, tmp_p
     springs, states = opened(store, "springs"), opened(store, "status")
     assert {*np.unique(states.to_array())} == {-1, 1}
     go(tmp_path / "t.zarr", measured__pause=0.3)
-    whole = opened(tmp_path / "t.zarr", "springs")
+    results = opened(tmp_path / "t.zarr", "springs")
     for name in ("period", "energy"):
-        xr.testing.assert_equal(springs[name], whole[name].where(states[name] == 1))
+        xr.testing.assert_equal(springs[name], results[name].where(states[name] == 1))
     start(*GIVEN, "measured.pause=0.3")
     assert contents(store) == contents(tmp_path / "t.zarr")
 
@@ -141,11 +141,11 @@ def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
     assert read_attributes(tmp_path / "s.zarr")["partial"] == "74 of 74 cells are missing"
     assert (opened(tmp_path / "s.zarr", "status").period == -1).all()
     start(*GIVEN)
-    whole = contents(tmp_path / "s.zarr")
+    complete = contents(tmp_path / "s.zarr")
     start(*GIVEN, "partial=true")  # has everything
-    told = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
-    assert "s.zarr', a complete store; partial=true would drop results" in told
-    assert contents(tmp_path / "s.zarr") == whole
+    output = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
+    assert "s.zarr', a complete store; partial=true would drop results" in output
+    assert contents(tmp_path / "s.zarr") == complete
 
 
 def test_a_cache_is_pruned_unless_a_sweep_uses_it(start):
@@ -160,17 +160,17 @@ def test_a_cache_is_pruned_unless_a_sweep_uses_it(start):
     newest = packs[-1].stat().st_size
     with cache_lock(Path("cache", "cells").absolute()):
         for word in ("clear", "prune=1GB"):
-            told = start("--cache", word, "cache=cache", status=2)
-            assert "cache is 'cache', which a sweep uses; wait until it ends" in told
+            output = start("--cache", word, "cache=cache", status=2)
+            assert "cache is 'cache', which a sweep uses; wait until it ends" in output
     assert "removed" in start("--cache", f"prune={newest}B", "cache=cache")
     assert [*Path("cache").rglob("*.pack")] == packs[-1:]
-    told = start("--cache", "prune=much", "cache=cache", status=2)
-    assert "prune=much must be a size, such as prune=20GB" in told
+    output = start("--cache", "prune=much", "cache=cache", status=2)
+    assert "prune=much must be a size, such as prune=20GB" in output
     assert "removed" in start("--cache", "clear", "cache=cache")
     assert not [*Path("cache").rglob("*.pack")]
 
 
 def test_a_sweep_says_that_its_cache_is_large(start, capsys):
     assert Command(SPRINGS).main([*GIVEN, "cache_limit=1e-6"]) == 0
-    told = "more than cache_limit, 1e-06 GB; `springs --cache prune=1e-06GB` deletes the oldest"
-    assert told in capsys.readouterr().err
+    message = "more than cache_limit, 1e-06 GB; `springs --cache prune=1e-06GB` deletes the oldest"
+    assert message in capsys.readouterr().err

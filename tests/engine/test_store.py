@@ -34,8 +34,12 @@ def raw(path, name):
     return zarr.open_array(path / name, mode="r")[...]
 
 
-def same_bits(one, other):
-    return (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
+def same_bits(first, second):
+    return (first.dtype, first.shape, first.tobytes()) == (
+        second.dtype,
+        second.shape,
+        second.tobytes(),
+    )
 
 
 def test_round_trip_of_every_dtype(tmp_path):
@@ -55,18 +59,18 @@ def test_round_trip_of_every_dtype(tmp_path):
         arrays[name] = Array.from_values(DIMS, values[name])
     write_store(path, {"g": Group(arrays)}, {})
 
-    found = opened(path, "g")
-    assert set(found) == set(values)
+    results = opened(path, "g")
+    assert set(results) == set(values)
     for name, value in values.items():
         block = raw(path, f"g/{name}")
         if value.dtype.kind in "OTU":
             # numpy's own texts, which can be plotted and learned, as wide as the longest
-            assert same_bits(found[name].values, value.astype(object).astype("U3"))
-            assert same_bits(block, found[name].values)
+            assert same_bits(results[name].values, value.astype(object).astype("U3"))
+            assert same_bits(block, results[name].values)
         else:
             native = value.astype(SIGNED.get(name, value.dtype.newbyteorder("=")))
             stored = native.astype("i1" if value.dtype.kind == "b" else native.dtype)
-            assert same_bits(found[name].values, native), name
+            assert same_bits(results[name].values, native), name
             assert same_bits(block, stored), name
 
 
@@ -92,11 +96,11 @@ def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
     attributes = raw["attributes"]
     assert {"beyond", "endless"}.isdisjoint(attributes) and attributes["float"] == 0.1
     stored = {"x", "beyond", "endless", "text"}
-    assert {one.name for one in (tmp_path / "s.zarr/g").iterdir() if one.is_dir()} == stored
-    found = with_scalars(opened(tmp_path / "s.zarr", "g"))
-    assert found.attrs == attrs
+    assert {path.name for path in (tmp_path / "s.zarr/g").iterdir() if path.is_dir()} == stored
+    results = with_scalars(opened(tmp_path / "s.zarr", "g"))
+    assert results.attrs == attrs
     for name, value in SCALARS.items():
-        assert same_bits(found[name].values, np.array(value)), name
+        assert same_bits(results[name].values, np.array(value)), name
 
 
 CONSTANT = {
@@ -120,9 +124,9 @@ def test_equal_values_need_no_chunk(tmp_path):
             name: Array.from_values(DIMS[: value.ndim], value) for name, value in values.items()
         }
         write_store(path, {"g": Group(arrays)}, {})
-        found = opened(path, "g")
+        results = opened(path, "g")
         for name, value in values.items():
-            assert same_bits(found[name].values, value), name
+            assert same_bits(results[name].values, value), name
         chunks = {name.split("/")[1] for name in files(path) if name.count("/") == 2}
         chunks -= {name for name in arrays if not any((path / "g" / name).glob("*[0-9]"))}
         assert chunks == ({"count", "negative_zero"} if last else set())
@@ -131,9 +135,9 @@ def test_equal_values_need_no_chunk(tmp_path):
 def test_tree_opens_with_coordinates_and_tables(tmp_path):
     path = tmp_path / "s.zarr"
     rule = coordinate((), np.array("otsu"))
-    alone = coordinate(("other",), np.arange(2.0))
+    dimension = coordinate(("other",), np.arange(2.0))
     groups = {
-        "classification/acn": Group({"x": array(COUNTS), "rule": rule, "alone": alone}),
+        "classification/acn": Group({"x": array(COUNTS), "rule": rule, "alone": dimension}),
         "top": Group({"x": array(COUNTS)}),
         "classification": Group({}, attrs={"title": "all"}),
         "classification/mnn": Group({"x": array(COUNTS + 1)}),
@@ -165,9 +169,9 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     assert set(with_scalars(acn).coords) == {"rule", "alone"} and with_scalars(acn).attrs == {}
     np.testing.assert_array_equal(tree["classification/mnn"]["x"], COUNTS + 1)
     for name in late:
-        found = opened(path, name)
-        assert found["ship"].values.tolist() == ["a", "b"]
-        xr.testing.assert_identical(found.drop_vars("ship"), table.drop_vars("ship"))
+        results = opened(path, name)
+        assert results["ship"].values.tolist() == ["a", "b"]
+        xr.testing.assert_identical(results.drop_vars("ship"), table.drop_vars("ship"))
 
 
 @pytest.mark.parametrize(
@@ -193,10 +197,10 @@ def test_each_file_that_is_missing_extra_or_of_another_size_is_noticed(tmp_path)
     write_store(path, {"g": Group({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
     for name, content in files(path).items():
         file = path / name
-        for other in (content[:-1], content + b"\0", None):
+        for damaged in (content[:-1], content + b"\0", None):
             file.unlink()
-            if other is not None:
-                file.write_bytes(other)
+            if damaged is not None:
+                file.write_bytes(damaged)
             if name == MANIFEST:
                 with pytest.raises(ConfigurationError, match=MANIFEST):
                     verify(path)
@@ -216,17 +220,17 @@ def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
     path = tmp_path / "s.zarr"
     values = np.random.default_rng(1).integers(0, 2**15, 40).astype("i2")
     write_store(path, {"g": Group({"x": array(values, chunks=values.shape)})}, {})
-    (name,) = (one for one in files(path) if one.startswith("g/x/c"))
+    (name,) = (name for name in files(path) if name.startswith("g/x/c"))
     content, noticed = files(path)[name], 0
     for place, byte in enumerate(content):
         flipped = byte ^ 1 << place % 8
         (path / name).write_bytes(content[:place] + bytes([flipped]) + content[place + 1 :])
         try:
-            found = xr.open_zarr(path, group="g")["x"].values
+            read = xr.open_zarr(path, group="g")["x"].values
         except Exception:
             noticed += 1
         else:
-            np.testing.assert_array_equal(found, values)
+            np.testing.assert_array_equal(read, values)
     assert noticed > 0.9 * len(content)
 
 

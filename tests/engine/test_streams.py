@@ -29,23 +29,23 @@ PINNED = {
 @pytest.mark.parametrize("kind", NAMED)
 def test_draws_of_a_stream_are_pinned(kind):
     seed, name = NAMED[kind]
-    found = cell_rng(seed, **name).bit_generator.random_raw(2).tolist()
-    assert found == PINNED[kind], RAISE
+    draws = cell_rng(seed, **name).bit_generator.random_raw(2).tolist()
+    assert draws == PINNED[kind], RAISE
 
 
 def test_the_names_of_streams_are_pinned():
     """Named settings, all settings, another stage's noise, and settings that may be left out."""
     # Without the output that it puts into another's group.
-    own = replace(noisy, outputs=noisy.outputs[:1])
+    reduced = replace(noisy, outputs=noisy.outputs[:1])
     stream = noisy.stream
     stages = {
-        "named": own,
-        "every": replace(own, name="every", group=Group("a"), stream=None),
+        "named": reduced,
+        "every": replace(reduced, name="every", group=Group("a"), stream=None),
         "shared": replace(
-            own, name="shared", group=Group("b"), stream=replace(stream, name="noisy")
+            reduced, name="shared", group=Group("b"), stream=replace(stream, name="noisy")
         ),
         "optional": replace(
-            own,
+            reduced,
             name="optional",
             group=Group("c"),
             stream=Stream(stream.settings[:2], optional=stream.settings[2:]),
@@ -69,8 +69,8 @@ def test_the_names_of_streams_are_pinned():
         "shared": {"stage": "noisy", **values, "draw": 0},
         "optional": {"stage": "optional", **values},
     }
-    for kind, one in stages.items():
-        assert plan.stream(plan.bound[one.name], cell) == (3, expected[kind]), RAISE
+    for kind, declared in stages.items():
+        assert plan.stream(plan.bound[declared.name], cell) == (3, expected[kind]), RAISE
 
 
 def test_a_setting_that_a_stream_alone_names_makes_cells():
@@ -97,7 +97,7 @@ def test_a_version_of_streams_changes_the_keys_of_what_may_draw(monkeypatch, ver
 
     def keys():
         plan = Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
-        return {one.name: plan.fingerprint(one) for one in plan.bound.values()}
+        return {bound.name: plan.fingerprint(bound) for bound in plan.bound.values()}
 
     before = keys()
     monkeypatch.setattr(f"sweeps.engine.resolve.plan.{version}", "another")

@@ -117,16 +117,16 @@ def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
             scheduler.kill()
 
         names = ("address", "ca_file", "cert", "private_key")
-        given = [f"cluster.{name}={getattr(choice, name)}" for name in names]
-        given += ["cluster=address", f"store={store}", f"cache={cache}", "measured.pause=0.5"]
+        arguments = [f"cluster.{name}={getattr(choice, name)}" for name in names]
+        arguments += ["cluster=address", f"store={store}", f"cache={cache}", "measured.pause=0.5"]
         with meanwhile(kill):
-            assert Command(SPRINGS).main(given) == 1
-    said = capsys.readouterr().err.splitlines()
+            assert Command(SPRINGS).main(arguments) == 1
+    lines = capsys.readouterr().err.splitlines()
     gone = "springs: the scheduler of the cluster is gone; the same command resumes the sweep"
-    assert said[-1] == gone and len(said) == 3
+    assert lines[-1] == gone and len(lines) == 3
     assert not store.exists()
     resumed = go(store, cache, measured__pause=0.5)
-    assert sum(one.reused for one in resumed.progress.values()) > 0
+    assert sum(progress.reused for progress in resumed.progress.values()) > 0
     go(tmp_path / "t.zarr", cache, measured__pause=0.5)
     assert files(store) == files(tmp_path / "t.zarr")
 
@@ -157,17 +157,17 @@ def disk(folder, size):
 )
 def test_a_full_disk_is_a_sentence_and_no_loss(full, kind, whole, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    given = [f"cluster={kind}", "store=s.zarr", "cache=cache", f"{full}=disk/here"]
+    arguments = [f"cluster={kind}", "store=s.zarr", "cache=cache", f"{full}=disk/here"]
     with disk(tmp_path / "disk", "24k") as enlarge:
-        assert Command(SPRINGS).main(given) == 1
-        said = capsys.readouterr().err.splitlines()
-        assert said[-1].startswith("springs: cannot write '") and "disk/" in said[-1]
-        assert said[-1].endswith("': No space left on device")
-        assert "Traceback" not in "".join(said)
+        assert Command(SPRINGS).main(arguments) == 1
+        lines = capsys.readouterr().err.splitlines()
+        assert lines[-1].startswith("springs: cannot write '") and "disk/" in lines[-1]
+        assert lines[-1].endswith("': No space left on device")
+        assert "Traceback" not in "".join(lines)
         store = Path("disk/here" if full == "store" else "s.zarr")
         assert not store.exists()
         enlarge()
-        assert Command(SPRINGS).main(given) == 0
+        assert Command(SPRINGS).main(arguments) == 0
         counted = capsys.readouterr().err.splitlines()[0]
         assert counted.endswith("0 cells to compute, 74 reused from the cache") or full == "cache"
         assert " 0 reused" not in counted
@@ -175,10 +175,10 @@ def test_a_full_disk_is_a_sentence_and_no_loss(full, kind, whole, tmp_path, monk
 
 
 def test_a_full_temporary_folder_is_not_used(whole, tmp_path):
-    given = ["-c", SPRINGS_COMMAND, "store=s.zarr", "cache=cache", "cluster.workers=2"]
+    arguments = ["-c", SPRINGS_COMMAND, "store=s.zarr", "cache=cache", "cluster.workers=2"]
     with disk(tmp_path / "disk", "8k"):
         (tmp_path / "disk" / "full").write_bytes(bytes(8192))
-        done = python(*given, cwd=tmp_path, PYTHONPATH=IMPORTS, TMPDIR=str(tmp_path / "disk"))
+        done = python(*arguments, cwd=tmp_path, PYTHONPATH=IMPORTS, TMPDIR=str(tmp_path / "disk"))
     assert "No space" not in done.stderr
     assert files(tmp_path / "s.zarr") == whole
 
@@ -206,7 +206,7 @@ if __name__ == "__main__":
 
 def test_a_limit_of_memory_is_a_sentence_that_names_the_stage(tmp_path):
     (tmp_path / "few.py").write_text(FEW_COMMAND)
-    given = [
+    arguments = [
         "few.py",
         "greedy",
         2**35,
@@ -215,7 +215,7 @@ def test_a_limit_of_memory_is_a_sentence_that_names_the_stage(tmp_path):
         "cache=cache",
         "cluster=local",
     ]
-    done = python(*given, cwd=tmp_path, check=False, PYTHONPATH=SEARCH)
+    done = python(*arguments, cwd=tmp_path, check=False, PYTHONPATH=SEARCH)
     assert done.returncode == 1 and "Traceback" not in done.stderr
     failed = "few: 1 cell failed: greedy size=2 (MemoryError: Unable to allocate 64.0 GiB for"
     assert done.stderr.splitlines()[-1].startswith(failed)
@@ -223,13 +223,13 @@ def test_a_limit_of_memory_is_a_sentence_that_names_the_stage(tmp_path):
 
 
 def test_a_command_without_memory_is_a_sentence(monkeypatch, tmp_path, capsys):
-    def full(*given, **named):
+    def full(*arguments, **keywords):
         raise MemoryError("Unable to allocate 64.0 GiB")
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(run, "write_store", full)
-    given = ["cluster=inline", "store=s.zarr", "cache=cache"]
-    assert Command(SPRINGS).main(given) == 1
+    arguments = ["cluster=inline", "store=s.zarr", "cache=cache"]
+    assert Command(SPRINGS).main(arguments) == 1
     assert capsys.readouterr().err.splitlines()[-1] == (
         "springs: out of memory (Unable to allocate 64.0 GiB); the same command resumes the sweep"
     )
@@ -276,14 +276,14 @@ def test_a_clock_that_jumps_changes_nothing(kind, days, tmp_path):
     clock (`distributed.batched`), and so for days if it is set within them.
     """
     (tmp_path / "clock").write_text("+0")
-    how = {"LD_PRELOAD": str(LIBRARY), "FAKETIME_TIMESTAMP_FILE": str(tmp_path / "clock")}
-    how |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
-    how |= {MARKS: str(tmp_path), "JUMP": f"{days:+}d"}
+    variables = {"LD_PRELOAD": str(LIBRARY), "FAKETIME_TIMESTAMP_FILE": str(tmp_path / "clock")}
+    variables |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
+    variables |= {MARKS: str(tmp_path), "JUMP": f"{days:+}d"}
     (tmp_path / "few.py").write_text(FEW_COMMAND)
-    given = ["few.py", "jumping", 2**40, "few.size=[1,2,3,4,5,6]", f"cluster={kind}"]
-    given += ["store=s.zarr", "cache=cache", "cluster.workers=2"][: 3 if kind == "local" else 2]
+    arguments = ["few.py", "jumping", 2**40, "few.size=[1,2,3,4,5,6]", f"cluster={kind}"]
+    arguments += ["store=s.zarr", "cache=cache", "cluster.workers=2"][: 3 if kind == "local" else 2]
     for _ in range(TRIES):
-        done = python(*given, cwd=tmp_path, check=False, PYTHONPATH=SEARCH, **how)
+        done = python(*arguments, cwd=tmp_path, check=False, PYTHONPATH=SEARCH, **variables)
         if done.returncode == 0 or os.strerror(errno.EINVAL) not in done.stderr:
             break
     assert done.returncode == 0, done.stderr
@@ -302,9 +302,9 @@ def test_a_worker_that_is_cut_off_for_a_minute_goes_on(cut_off):
     """With the times of use: it computes its cell to the end, and no cell is computed twice."""
     folder, process = cut_off
     out, _ = process.communicate(timeout=300)
-    found = json.loads(out)
-    assert found["failures"] == [] and found["took"] > MINUTE
-    marks = sorted([int(part) for part in mark.name.split()] for mark in folder.glob("* * *"))
+    result = json.loads(out)
+    assert result["failures"] == [] and result["took"] > MINUTE
+    marks = sorted([int(number) for number in mark.name.split()] for mark in folder.glob("* * *"))
     assert [cell for cell, *_ in marks] == [*range(1, 7)]
-    assert {worker for _, worker, _ in marks} > {found["victim"]}
+    assert {worker for _, worker, _ in marks} > {result["victim"]}
     assert opened(folder / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in range(1, 7)]

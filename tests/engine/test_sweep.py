@@ -40,14 +40,14 @@ def test_every_number_is_that_of_a_plain_computation(store):
             for draw in DRAW:
                 noisy = []
                 for stiffness in STIFFNESS:
-                    at = {"stiffness": stiffness, "mass": mass}
+                    point = {"stiffness": stiffness, "mass": mass}
                     period = plain_period(stiffness, mass)
                     noise = plain_noise(stiffness, mass, draw, length)
                     noisy.append(period + noise.mean())
-                    assert springs.period.sel(at) == period
-                    at |= {"length": length, "draw": draw}
-                    assert springs.noisy.sel(at) == noisy[-1]
-                    trace = springs.trace.sel(at).values
+                    assert springs.period.sel(point) == period
+                    point |= {"length": length, "draw": draw}
+                    assert springs.noisy.sel(point) == noisy[-1]
+                    trace = springs.trace.sel(point).values
                     assert (trace[:length] == (stiffness + noise).astype("f4")).all()
                     assert np.isnan(trace[length:]).all()
                 answer = answers.answer.sel(mass=mass, length=length, draw=draw)
@@ -80,7 +80,7 @@ def test_equal_cells_are_computed_once_and_parents_shared(tmp_path):
     CALLS.clear()
     again = go(tmp_path / "s.zarr")
     assert not CALLS and not again.written
-    assert all(one.reused == one.total for one in again.progress.values())
+    assert all(progress.reused == progress.total for progress in again.progress.values())
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -93,9 +93,9 @@ def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeyp
     """Only of a package: a script's own function may end its process, and then the command."""
     started = []
 
-    def counted(choice, **how):
+    def counted(choice, **options):
         started.append(choice.kind)
-        return open_executor(ClusterChoice("inline"), **how)
+        return open_executor(ClusterChoice("inline"), **options)
 
     monkeypatch.setattr("sweeps.engine.sweeping.open_executor", counted)
     for masses, store in (([1], "s"), ([1, 2], "s"), ([1, 2, 3], "new")):

@@ -66,6 +66,6 @@ def test_a_failing_table_costs_only_itself(tmp_path, make):
     assert "best" in opened(tmp_path / "s.zarr", "tables/best")
     # Mended, it is made of the results that are there.
     again = run(SPRINGS, choices, tmp_path / "s.zarr", tmp_path / "s.cache")
-    assert again.failures == [] and sum(one.done for one in again.progress.values()) == 0
+    assert again.failures == [] and sum(progress.done for progress in again.progress.values()) == 0
     run(SPRINGS, choices, tmp_path / "t.zarr", tmp_path / "s.cache")
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")

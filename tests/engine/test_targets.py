@@ -107,10 +107,10 @@ def test_stores_caches_and_reports_are_apart(tmp_path):
 def test_others_never_write_a_store(tmp_path, mask, umask):
     umask(mask)
     write_store(tmp_path / "new" / "s.zarr", small(1), {})
-    found = [tmp_path / "new", *(tmp_path / "new").rglob("*")]
-    modes = {one.is_dir(): stat.S_IMODE(one.stat().st_mode) for one in found}
+    paths = [tmp_path / "new", *(tmp_path / "new").rglob("*")]
+    modes = {path.is_dir(): stat.S_IMODE(path.stat().st_mode) for path in paths}
     assert modes == {True: 0o755 & ~mask, False: 0o644 & ~mask}
-    assert len({(one.is_dir(), one.stat().st_mode) for one in found}) == 2
+    assert len({(path.is_dir(), path.stat().st_mode) for path in paths}) == 2
 
 
 def test_a_store_behind_a_link_is_locked_and_replaced_where_it_is(tmp_path):

@@ -20,7 +20,7 @@ from sweeps.engine.declare.stage import Group, Output, stage
 def threads(size):
     """The threads of the libraries of this process, as seen by what computes."""
     return {
-        "most": max(one["num_threads"] for one in threadpool_info()),
+        "most": max(library["num_threads"] for library in threadpool_info()),
         "told": int(os.environ["OMP_NUM_THREADS"]),
     }
 
@@ -30,13 +30,16 @@ def test_an_inline_stage_has_one_thread(tmp_path, monkeypatch):
     import_module("sklearn.utils._openmp_helpers")  # loads an OpenMP library
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     with threadpool_limits(3):
-        before = {one["filepath"]: one["num_threads"] for one in threadpool_info()}
+        before = {library["filepath"]: library["num_threads"] for library in threadpool_info()}
         assert any(
-            one["user_api"] == "openmp" and one["num_threads"] == 3 for one in threadpool_info()
+            library["user_api"] == "openmp" and library["num_threads"] == 3
+            for library in threadpool_info()
         )
         run_few([threads], tmp_path / "s.zarr")
-        assert {one["filepath"]: one["num_threads"] for one in threadpool_info()} == before
-    found = opened(tmp_path / "s.zarr", "all")
-    np.testing.assert_array_equal(found.most, 1)
-    np.testing.assert_array_equal(found.told, 1)
+        assert {
+            library["filepath"]: library["num_threads"] for library in threadpool_info()
+        } == before
+    results = opened(tmp_path / "s.zarr", "all")
+    np.testing.assert_array_equal(results.most, 1)
+    np.testing.assert_array_equal(results.told, 1)
     assert os.environ["OMP_NUM_THREADS"] == "3"

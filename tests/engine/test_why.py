@@ -27,8 +27,8 @@ def test_what_differs_is_named_by_stage(store):
     old, plan = read_attributes(store), Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
     assert not dict(differences(plan, old))
     more = Plan(SPRINGS, read_choices(SPRINGS.declared, {"spring.mass": [1, 2, 3]}))
-    found = dict(differences(more, old))
-    assert found["rate"] == ["spring.mass"] and found["solver"] == ["its input rate"]
+    reasons = dict(differences(more, old))
+    assert reasons["rate"] == ["spring.mass"] and reasons["solver"] == ["its input rate"]
     then = deepcopy(old)
     then["versions"]["numpy"] = "2.3"
     assert dict(differences(plan, then))["noisy"] == [
@@ -63,8 +63,8 @@ def squared(by):
 def test_a_value_that_a_stage_holds_is_named(tmp_path):
     run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c")
     plan = Plan(of(squared(3)), read_choices(of(squared(3)).declared, {"few.size": [1, 2, 3]}))
-    [(name, found)] = differences(plan, read_attributes(tmp_path / "s.zarr"))
-    assert name == "square" and found == ["by of test_why.squared.<locals>.square"]
+    [(name, reasons)] = differences(plan, read_attributes(tmp_path / "s.zarr"))
+    assert name == "square" and reasons == ["by of test_why.squared.<locals>.square"]
 
 
 def test_a_version_counts_instead_of_the_code_of_a_stage(tmp_path):
@@ -82,19 +82,19 @@ def test_a_version_counts_instead_of_the_code_of_a_stage(tmp_path):
 
 
 def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, caplog):
-    def told(sizes):
+    def messages(sizes):
         caplog.clear()
         with caplog.at_level(logging.DEBUG, "sweeps"):
             run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c", sizes)
         return [record.getMessage() for record in caplog.records]
 
-    first = told((1, 2))
+    first = messages((1, 2))
     assert "square differs from the store in: the store has none of it" in first
     assert "square: 2 cells are computed by 2 calls" in first
     assert any(line.startswith("task of ['square']: calls of ") for line in first)
     assert any("chunks are written, 0 stay" in line for line in first)
-    assert told((1, 2)) == ["store is reused: it has all of the sweep, and is undamaged"]
-    more = told((1, 2, 3))
+    assert messages((1, 2)) == ["store is reused: it has all of the sweep, and is undamaged"]
+    more = messages((1, 2, 3))
     assert "square differs from the store in: few.size" in more
     assert "square: 1 cells are computed by 1 calls" in more
     assert "store is written again: its cells, configuration, swept differ" in more

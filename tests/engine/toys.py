@@ -158,10 +158,12 @@ def trace(stiffness, length, draw, rng):
 def answers(noisy, length, rule, doubled, valid):
     """What is said of all springs that are there."""
     CALLS["answers"] += len(length) * len(rule)
-    named = {"max": np.max, "mean": np.mean, "min": np.min}
-    values = [[named[one](noisy["noisy"][k][valid]) for one in rule] for k in range(len(length))]
-    taken = np.broadcast_to(valid.astype("i1"), (len(length), len(rule), len(valid)))
-    return {"answer": np.array(values) * (2 if doubled else 1), "taken": taken}
+    functions = {"max": np.max, "mean": np.mean, "min": np.min}
+    values = [
+        [functions[name](noisy["noisy"][k][valid]) for name in rule] for k in range(len(length))
+    ]
+    flags = np.broadcast_to(valid.astype("i1"), (len(length), len(rule), len(valid)))
+    return {"answer": np.array(values) * (2 if doubled else 1), "taken": flags}
 
 
 @stage(
@@ -191,7 +193,9 @@ def tabulated(answers, choices):
 def checked(choices):
     """Choices whose reference is a spring that is there."""
     strange = [
-        one for one in choices[Spring.reference] if one not in (None, *choices[Spring.stiffness])
+        value
+        for value in choices[Spring.reference]
+        if value not in (None, *choices[Spring.stiffness])
     ]
     if strange:
         raise ConfigurationError(
@@ -212,20 +216,22 @@ SPRINGS = Experiment(
 )
 
 
-def go(store, cache=None, kind="inline", workers=None, watch=None, **given):
+def go(store, cache=None, kind="inline", workers=None, watch=None, **keywords):
     """Run the springs into a store; settings are given as `spring__mass=[1, 2]`."""
-    given = {key.replace("__", "."): value for key, value in given.items()}
-    choices = SPRINGS.check(read_choices(SPRINGS.declared, given))
+    keywords = {key.replace("__", "."): value for key, value in keywords.items()}
+    choices = SPRINGS.check(read_choices(SPRINGS.declared, keywords))
     return run(SPRINGS, choices, store, cache, kind, workers, watch)
 
 
-def run(experiment, choices, store, cache=None, kind="inline", workers=None, watch=None, **how):
+def run(
+    experiment, choices, store, cache=None, kind="inline", workers=None, watch=None, **keywords
+):
     """Run an experiment into a store."""
     drop_objects()  # as a new process would
     place = path_or_url("store", store)
     cache = Path(cache or path_beside(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
-    place = RunOptions(place, cache, cluster, **how)
+    place = RunOptions(place, cache, cluster, **keywords)
     return sweep(Plan(experiment, choices), place, watch or Watch(lambda sentence: None))
 
 
@@ -239,12 +245,14 @@ class Told:
     @property
     def watch(self):
         """What a sweep is given."""
-        return Watch(self.sentences.append, failed=lambda one: self.failures.append(one[:2]))
+        return Watch(
+            self.sentences.append, failed=lambda failure: self.failures.append(failure[:2])
+        )
 
 
 def having(experiment, stages=None, tables=None):
     """An experiment with other stages or tables."""
-    settings = (one for one in experiment.parts if not isinstance(one, Stage | Table))
+    settings = (part for part in experiment.parts if not isinstance(part, Stage | Table))
     stages = experiment.stages if stages is None else stages
     tables = experiment.tables if tables is None else tables
     return replace(experiment, parts=(*settings, *stages, *tables))
@@ -252,9 +260,9 @@ def having(experiment, stages=None, tables=None):
 
 def without(experiment, name):
     """An experiment without one of its stages, and without the tables of its group."""
-    stages = tuple(one for one in experiment.stages if one.name != name)
-    groups = {one.group.path for one in stages}
-    tables = tuple(one for one in experiment.tables if groups.issuperset(one.of))
+    stages = tuple(declared for declared in experiment.stages if declared.name != name)
+    groups = {declared.group.path for declared in stages}
+    tables = tuple(table for table in experiment.tables if groups.issuperset(table.of))
     return having(experiment, stages, tables)
 
 
@@ -269,10 +277,10 @@ def of(*stages):
     return Experiment("few", "Few", (Few, *stages))
 
 
-def run_few(stages, store, cache=None, sizes=(1, 2, 3), **how):
+def run_few(stages, store, cache=None, sizes=(1, 2, 3), **keywords):
     """Run stages that take a size into a store."""
     few = of(*stages)
-    return run(few, read_choices(few.declared, {"few.size": list(sizes)}), store, cache, **how)
+    return run(few, read_choices(few.declared, {"few.size": list(sizes)}), store, cache, **keywords)
 
 
 @stage(

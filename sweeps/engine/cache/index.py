@@ -1,4 +1,4 @@
-"""The index of a cache: which pack has which cell."""
+"""The index of a cache: the pack of each cell."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ class CellIndex:
         self.packs: list[Pack] = []
         self.paths: list[str] = []  # of all packs, by number
         self._new: dict[int, Keys | None] = {}  # keys, if read, of packs that are not indexed yet
-        # All cells, sorted by the first half of their key, the newest of equal ones last.
+        # All cells, sorted by the first half of their key, the newest of equal cells last.
         self._locations = replace(NO_LOCATIONS, paths=self.paths)
-        found = [one for part in cells.map(cells.sizes, folders) for one in part.items()]
-        packs = [one for one in found if one[0].endswith(PACK)]
-        packs.sort(key=lambda one: one[0].rpartition("/")[2])  # by their time
+        files = [file for sizes in cells.map(cells.sizes, folders) for file in sizes.items()]
+        packs = [file for file in files if file[0].endswith(PACK)]
+        packs.sort(key=lambda pack: pack[0].rpartition("/")[2])  # by their time
         with ThreadPoolExecutor(READERS) as pool:  # each waits for a bucket's answer
-            for pack, keys in pool.map(lambda one: read_pack(cells, *one), packs):
+            for pack, keys in pool.map(lambda pack: read_pack(cells, *pack), packs):
                 self.add(pack, keys)
-        if lost := sum(not pack.cells for pack in self.packs):
-            say(f"{lost:,} files of results in the cache are damaged, or of another version")
+        if damaged := sum(not pack.cells for pack in self.packs):
+            say(f"{damaged:,} files of results in the cache are damaged, or of another version")
 
     def add(self, pack: Pack, keys: Keys | None = None) -> int:
         """Record a new pack; return its number. Its cells are found after the next `refresh`."""
@@ -61,45 +61,49 @@ class CellIndex:
         if not self._new:
             return
         keys, packs, rows = [self._locations.keys], [self._locations.pack], [self._locations.row]
-        for number, known in self._new.items():
+        for number, pack_keys in self._new.items():
             pack = self.packs[number]
-            if known is None:
-                _, known = read_pack(self.cells, pack.path, pack.size)
-            keys.append(known)
-            packs.append(np.full(len(known), number, np.int32))
-            rows.append(np.arange(len(known), dtype=np.int32))
+            if pack_keys is None:
+                _, pack_keys = read_pack(self.cells, pack.path, pack.size)
+            keys.append(pack_keys)
+            packs.append(np.full(len(pack_keys), number, np.int32))
+            rows.append(np.arange(len(pack_keys), dtype=np.int32))
         self._new.clear()
-        every = np.concatenate(keys)
+        all_keys = np.concatenate(keys)
         del keys
-        order = np.argsort(every[:, 0], kind="stable")
+        order = np.argsort(all_keys[:, 0], kind="stable")
         # Each half is searched on its own.
-        halves = [np.ascontiguousarray(every[:, half])[order] for half in range(2)]
-        del every
+        halves = [np.ascontiguousarray(all_keys[:, half])[order] for half in range(2)]
+        del all_keys
         of_pack, row = np.concatenate(packs)[order], np.concatenate(rows)[order]
         self._locations = Locations(self.paths, of_pack, row, np.array(halves).T)
 
     def find(self, keys: Keys, outputs: Sequence[Output]) -> Locations:
         """Return the locations of keys, (cell, 2), in the newest pack that has them.
 
-        A later one whose key has the same first half hides another: by chance once in 10^19 pairs.
-        Those of a pack whose arrays are not as `outputs` declares them are damaged.
+        A later cell whose key has the same first half hides another: by chance once in 10^19 pairs.
+        Cells of a pack whose arrays differ from the declaration in `outputs` count as damaged.
         """
         pack, row = np.full((2, len(keys)), NO_PACK, dtype=np.int32)
-        known = self._locations
-        for start in range(0, len(keys) if len(known) else 0, LOOKUP_KEYS):
-            asked = keys[start : start + LOOKUP_KEYS]
-            order = np.argsort(asked[:, 0])  # neighbours are found faster
-            at = np.searchsorted(known.keys[:, 0], asked[order, 0], side="right") - 1
-            right = (at >= 0) & (known.keys[at] == asked[order]).all(axis=1)
-            pack[start + order] = np.where(right, known.pack[at], NO_PACK)
-            row[start + order] = known.row[at]
-        kinds, met = array_kinds(outputs), np.unique(pack[pack >= 0]).tolist()
-        other = [one for one in met if kinds is not None and self.packs[one].kinds != kinds]
-        if other:
-            wrong = np.isin(pack, other)
-            pack[wrong] = NO_PACK
-            lost = f"{int(wrong.sum()):,} results in the cache differ from the declaration of"
-            self._say(f"{lost} their stage, and are computed again")
+        index = self._locations
+        for start in range(0, len(keys) if len(index) else 0, LOOKUP_KEYS):
+            batch = keys[start : start + LOOKUP_KEYS]
+            order = np.argsort(batch[:, 0])  # neighbours are found faster
+            positions = np.searchsorted(index.keys[:, 0], batch[order, 0], side="right") - 1
+            hits = (positions >= 0) & (index.keys[positions] == batch[order]).all(axis=1)
+            pack[start + order] = np.where(hits, index.pack[positions], NO_PACK)
+            row[start + order] = index.row[positions]
+        kinds, numbers = array_kinds(outputs), np.unique(pack[pack >= 0]).tolist()
+        differing = [
+            number for number in numbers if kinds is not None and self.packs[number].kinds != kinds
+        ]
+        if differing:
+            mismatched = np.isin(pack, differing)
+            pack[mismatched] = NO_PACK
+            message = (
+                f"{int(mismatched.sum()):,} results in the cache differ from the declaration of"
+            )
+            self._say(f"{message} their stage, and are computed again")
         return Locations(self.paths, pack, row, keys)
 
     def drop(self, keys: Keys) -> None:
@@ -108,8 +112,8 @@ class CellIndex:
         for key in keys:
             halves, last_key = self._locations.keys[:, 0], key[0] + np.uint64(1)
             first, last = np.searchsorted(halves, [key[0], last_key])
-            same = (self._locations.keys[first:last] == key).all(axis=1)
-            self._locations.pack[first:last][same] = NO_PACK
+            equal = (self._locations.keys[first:last] == key).all(axis=1)
+            self._locations.pack[first:last][equal] = NO_PACK
 
     def costs(self) -> dict[str, tuple[float, float]]:
         """Return seconds and bytes per cell by stage: means of the latest packs."""
@@ -118,25 +122,27 @@ class CellIndex:
             if pack.cells:
                 latest[pack.stage].append(pack)
         sums = {
-            stage: [(one.cells, one.seconds, one.size) for one in packs[-RECENT_PACKS:]]
+            stage: [(pack.cells, pack.seconds, pack.size) for pack in packs[-RECENT_PACKS:]]
             for stage, packs in latest.items()
         }
-        totals = {stage: list(map(sum, zip(*of, strict=True))) for stage, of in sums.items()}
+        totals = {
+            stage: list(map(sum, zip(*columns, strict=True))) for stage, columns in sums.items()
+        }
         return {stage: (spent / n, size / n) for stage, (n, spent, size) in totals.items()}
 
     def prune(self, limit: float) -> tuple[int, int]:
         """Delete the oldest packs until the others have at most `limit` bytes.
 
-        Returns the number of cells and of bytes that are gone.
+        Returns the number of deleted cells and bytes.
         """
         newest_first = np.cumsum([pack.size for pack in reversed(self.packs)])
         count = int(np.searchsorted(newest_first, limit, side="right"))
-        old = self.packs[: len(self.packs) - count]
-        self.cells.delete(pack.path for pack in old)
+        oldest = self.packs[: len(self.packs) - count]
+        self.cells.delete(pack.path for pack in oldest)
         self.cells.delete(name for name in self.cells.sizes() if name.endswith(MARKER))
         self.cells.delete_unfinished()
         self.cells.remove_empty_folders()
-        return sum(pack.cells for pack in old), sum(pack.size for pack in old)
+        return sum(pack.cells for pack in oldest), sum(pack.size for pack in oldest)
 
     def size(self) -> tuple[int, int]:
         """Return the number of cells and of bytes."""

@@ -1,7 +1,7 @@
-"""Objects of a folder or a bucket, by name and by one interface, of obstore.
+"""Objects of a folder or a bucket, by name, with one interface, on top of obstore.
 
-A bucket's credentials and endpoint are in the environment, by obstore's own rules; they stand in no
-message.
+A bucket's credentials and endpoint come from the environment, by obstore's own rules; no message
+contains them.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from obstore import ObjectMeta
 
 PUBLIC_MODE = 0o755  # mode of folders: others may read them
-PRIVATE_MODE = 0o700  # of those that they may not even read
-MARKER = ".mark"  # ends the name of an object that workers look for in a shared cache
-UNREACHABLE = errno.ECONNABORTED  # of a server that cannot be asked, or fails
-RETRIES = 6  # of a request, with growing pauses: some seconds
+PRIVATE_MODE = 0o700  # mode of folders that others may not even read
+MARKER = ".mark"  # suffix of the object that workers look for in a shared cache
+UNREACHABLE = errno.ECONNABORTED  # errno of a server that cannot be reached, or fails
+RETRIES = 6  # retries of a request, with exponential backoff over some seconds
 
 REQUESTS = 16  # requests under way
 
@@ -68,19 +68,19 @@ def make_folder(path: Path, mode: int) -> None:
     """Make a folder and its missing parents, with at most this mode; the umask may say less."""
     if path.is_dir():
         return
-    for part in reversed((path, *path.parents)):
-        if not part.is_dir():
+    for folder in reversed((path, *path.parents)):
+        if not folder.is_dir():
             with suppress(FileExistsError):  # made by another process just now
-                part.mkdir(mode)
+                folder.mkdir(mode)
 
 
 @contextmanager
 def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
     """Translate obstore errors into OSErrors with a message of one line.
 
-    Its number is the operating system's where that is known, else EIO, or `UNREACHABLE` for a
-    bucket. A server's message is cut after its status, since it may repeat a key.
-    FileNotFoundError is raised if the object is absent, and ENXIO if the `whole` path is.
+    Its number is the operating system's if that is known, else EIO, or `UNREACHABLE` for a bucket.
+    A server's message is cut after its status, since it may repeat a key. Raises FileNotFoundError
+    if the object is absent, and ENXIO if the `whole` path is absent.
     """
     try:
         yield
@@ -121,9 +121,9 @@ class Objects:
     """
 
     path: PathOrUrl
-    make: bool = False  # the folder when it is written
-    mode: int = PUBLIC_MODE  # of the folder then
-    clean: bool = True  # whether folders that become empty go
+    make: bool = False  # whether a write makes the folder
+    mode: int = PUBLIC_MODE  # of the made folder
+    clean: bool = True  # whether folders that become empty are removed
 
     @cached_property
     def store(self) -> ObjectStore:
@@ -149,20 +149,22 @@ class Objects:
 
     def read_range(self, name: str, begin: int, end: int) -> memoryview:
         """Return a range of bytes, cut at the end; FileNotFoundError if the object is absent."""
-        if isinstance(self.path, Path):  # a sixth of obstore's time, which asks another thread
+        if isinstance(
+            self.path, Path
+        ):  # takes a sixth of obstore's time, which uses another thread
             with open(f"{self.path}/{name}", "rb", buffering=0) as file:
                 size = os.fstat(file.fileno()).st_size
                 return memoryview(os.pread(file.fileno(), max(min(end, size) - begin, 0), begin))
         with translated_errors(self.path):
-            found = self.store.get_range(name, start=begin, end=end) if begin < end else b""
-        return memoryview(found)
+            content = self.store.get_range(name, start=begin, end=end) if begin < end else b""
+        return memoryview(content)
 
     def get_versioned(self, name: str) -> tuple[bytes, Version] | None:
         """Return an object of a bucket, and its version; None if it is absent."""
         try:
             with translated_errors(self.path):
-                found = self.store.get(name)
-                return bytes(found.bytes()), _version(found.meta)
+                result = self.store.get(name)
+                return bytes(result.bytes()), _version(result.meta)
         except FileNotFoundError:
             return None
 
@@ -187,18 +189,18 @@ class Objects:
             self.store.delete(name)
 
     def map(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
-        """Return a function of each item, called for several at once in threads."""
+        """Return the results of a function for each item, called in several threads at once."""
         with ThreadPoolExecutor(REQUESTS) as pool:
             return list(pool.map(function, given))
 
     def list_objects(self, under: str = "") -> dict[str, ObjectMeta]:
-        """Return size and time of all objects, or of those under a prefix, by name."""
+        """Return size and time of all objects, or all under a prefix, by name."""
         with translated_errors(self.path, whole=True):
-            return {one["path"]: one for part in self.store.list(under or None) for one in part}
+            return {meta["path"]: meta for page in self.store.list(under or None) for meta in page}
 
     def sizes(self, under: str = "") -> dict[str, int]:
-        """Return the bytes of all objects, or of those under a prefix, by name."""
-        return {name: one["size"] for name, one in self.list_objects(under).items()}
+        """Return the bytes of all objects, or all under a prefix, by name."""
+        return {name: meta["size"] for name, meta in self.list_objects(under).items()}
 
     def delete_unfinished(self) -> None:
         """Delete the unfinished files of killed writers in a folder."""
@@ -206,8 +208,8 @@ class Objects:
             file.unlink(missing_ok=True)
 
     def remove_empty_folders(self) -> None:
-        """Remove a folder and the folders in it, where they are empty."""
-        for folder, *_ in os.walk(self.path, topdown=False):  # nothing of a URL
+        """Remove a folder and the folders in it if they are empty."""
+        for folder, *_ in os.walk(self.path, topdown=False):  # yields nothing for a URL
             with suppress(OSError):
                 os.rmdir(folder)
 

@@ -1,10 +1,10 @@
 """Packs: objects of a cache, each with finished results of many cells.
 
 A pack begins with its head: a line with its stage, the time that its cells took and the layouts of
-their arrays, then the keys of the cells, the layout of each, and the digest of each of the records,
-which follow: the arrays of a cell, one after another. The name of a pack has the digest and size of
-its head, and so stands for all that is in it. Nothing of a pack is executed, and only arrays that a
-stage declares are used.
+their arrays; then the keys of the cells, the number of each cell's layout, and the digest of each
+cell's record. The records follow: the arrays of a cell, one after another. The name of a pack has
+the digest and size of its head, and so identifies its whole content. Nothing in a pack is executed,
+and only arrays that a stage declares are used.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ NO_PACK = -1  # instead of the number of a pack
 PACK = ".pack"
 PACK_PATH = re.compile(r"(?:\w+/)?[0-9a-f]{16}([0-9a-f]{32})([0-9a-f]{8})\.pack")
 KEY_DTYPE, LAYOUT_DTYPE = np.dtype(("<u8", 2)), np.dtype("<u4")
-MAX_HEAD_BYTES = 2**30  # bytes of a head, of more cells than a sweep may have
+MAX_HEAD_BYTES = 2**30  # bytes of a head, enough for more cells than a sweep may have
 DIGEST_BYTES = 8  # bytes of the digest of a record
 MAX_GAP, READ_BYTES = 2**18, 2**22  # bytes: largest gap that is read, largest range
-CACHED_HEADS = 16  # of packs, that a process remembers
+CACHED_HEADS = 16  # heads of packs that a process caches
 CELLS_AT_ONCE = 4096  # cells that are read together
 
 # Errors of this process, machine or network: they do not mean that a file is damaged.
@@ -61,8 +61,8 @@ Kind = tuple[tuple[str, str, int], ...]
 class Locations:
     """Locations of cells on disk: arrays of one shape, indexed together.
 
-    Paths of packs; the number of each cell's pack, negative if none; its row in it; and its key, on
-    another axis of two.
+    Paths of packs; the number of each cell's pack, negative if none; its row there; and its key, on
+    a last axis of length 2.
     """
 
     paths: Sequence[str]
@@ -83,7 +83,7 @@ class Locations:
         return self.pack >= 0
 
     def reshape(self, *shape: int) -> Locations:
-        """Return the same in another shape."""
+        """Return the locations in another shape."""
         pack, row = self.pack.reshape(shape), self.row.reshape(shape)
         return Locations(self.paths, pack, row, self.keys.reshape(*pack.shape, 2))
 
@@ -127,12 +127,12 @@ class Pack:
     size: int = 0
     cells: int = 0
     stage: str = "(unreadable)"
-    seconds: float = 0.0  # that all cells took
+    seconds: float = 0.0  # time of all cells
     kinds: frozenset[Kind] = frozenset()  # of its cells
 
 
 class Head(NamedTuple):
-    """Head of a pack, checked: of each cell its key, number of its layout, and begin and end.
+    """Head of a pack, checked: each cell's key, number of its layout, and begin and end.
 
     A layout has the name, dtype, shape and offset of every array of a record.
     """
@@ -157,9 +157,9 @@ class Head(NamedTuple):
         if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
             raise ValueError("it is not a pack")
         layouts, sizes = [], []
-        for one in described:
+        for arrays in described:
             layout, size = [], 0
-            for name, code, shape in one:
+            for name, code, shape in arrays:
                 dtype, sides = _plain_dtype(code), tuple(map(operator.index, shape))
                 if not isinstance(code, str) or min(sides, default=0) < 0:
                     raise ValueError("a dtype or shape is none")
@@ -170,12 +170,12 @@ class Head(NamedTuple):
             sizes.append(size)
         keys = np.frombuffer(content, KEY_DTYPE.base, 2 * cells, begin).reshape(cells, 2)
         numbers = np.frombuffer(content, LAYOUT_DTYPE, cells, begin + keys.nbytes)
-        taken = np.array(sizes, np.int64)[numbers]
-        ends = len(content) + np.cumsum(taken)
-        if (ends < 0).any():  # beyond the largest number
+        record_sizes = np.array(sizes, np.int64)[numbers]
+        ends = len(content) + np.cumsum(record_sizes)
+        if (ends < 0).any():  # overflow
             raise ValueError("its records are too large")
         checks = content[begin + keys.nbytes + numbers.nbytes :]
-        of_cells = keys, numbers, ends - taken, ends, layouts, checks
+        of_cells = keys, numbers, ends - record_sizes, ends, layouts, checks
         size = int(ends[-1]) if cells else 0
         return cls(Pack(path, size, cells, stage, seconds, _kinds(described)), *of_cells)
 
@@ -185,7 +185,9 @@ class Head(NamedTuple):
         if hash_bytes(record, DIGEST_BYTES) != self.checks[begin : begin + DIGEST_BYTES]:
             return None
         content, layout = bytearray(record), self.layouts[self.numbers[row]]
-        return {name: np.ndarray(shape, dtype, content, at) for name, dtype, shape, at in layout}
+        return {
+            name: np.ndarray(shape, dtype, content, offset) for name, dtype, shape, offset in layout
+        }
 
 
 @dataclass
@@ -204,11 +206,11 @@ class PackWriter:
             array = values if type(values) is np.ndarray else np.asarray(values)
             layout.append((name, array.dtype.str, array.shape))
             record += array.tobytes() + bytes(-array.nbytes % ALIGNMENT)
-        number = self.layouts.get(one := tuple(layout))
+        number = self.layouts.get(key := tuple(layout))
         if number is None:
             for array in outputs.values():
                 _code(np.asarray(array).dtype)
-            number = self.layouts[one] = len(self.layouts)
+            number = self.layouts[key] = len(self.layouts)
         self.numbers.append(number)
         self.checks.append(hash_bytes(record, DIGEST_BYTES))
         self.parts.append(record)
@@ -233,15 +235,19 @@ class PackWriter:
 
 
 def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
-    """Return the kinds of cells of some layouts, each the name, code and shape of every array."""
-    return frozenset(tuple((name, code, len(at)) for name, code, at in one) for one in layouts)
+    """Return the kinds of cells with some layouts: the name, code and shape of every array."""
+    return frozenset(
+        tuple((name, code, len(shape)) for name, code, shape in layout) for layout in layouts
+    )
 
 
 def array_kinds(outputs: Iterable[Output]) -> frozenset[Kind] | None:
-    """Return the kind of the cells of a stage with some outputs; None if these are undeclared."""
-    if any(isinstance(one, Undeclared) for one in outputs):
+    """Return the kind of a stage's cells from its outputs; None if these are undeclared."""
+    if any(isinstance(output, Undeclared) for output in outputs):
         return None
-    return _kinds([[(one.name, _code(np.dtype(one.dtype)), one.dims) for one in outputs]])
+    return _kinds(
+        [[(output.name, _code(np.dtype(output.dtype)), output.dims) for output in outputs]]
+    )
 
 
 def _parse_path(path: str) -> tuple[str, int]:
@@ -277,7 +283,7 @@ def ignore_damage() -> Iterator[None]:
 
 
 def raise_resource_error(error: BaseException) -> None:
-    """Raise an error again if it is a lack of resources, and not of a file."""
+    """Raise an error again if it is a lack of resources, not a damaged file."""
     if isinstance(error, MemoryError) or getattr(error, "errno", None) in RESOURCE_ERRORS:
         raise error
 
@@ -291,36 +297,36 @@ def _head(cells: Objects, path: str) -> Head:
 def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
     """Return the outputs of cells, (cell,), in one pass over each pack.
 
-    None for a cell that is absent, is another than that of its key, or differs from its digest;
-    no content of a pack makes it raise. Arrays are writable and share no element.
+    None for a cell that is absent, has another key, or differs from its digest; no content of a
+    pack makes it raise. Arrays are writable and share no element.
 
     Raises
     ------
     OSError
         If this process or machine lacks something, such as file descriptors or a network.
     """
-    found: list[Arrays | None] = [None] * len(locations)
+    outputs: list[Arrays | None] = [None] * len(locations)
     order = np.lexsort((locations.row, locations.pack))
     order = order[locations.pack[order] >= 0]
     begins = np.flatnonzero(np.diff(locations.pack[order], prepend=-1))
     for indices in np.split(order, begins[1:]) if order.size else ():
-        wanted, path = locations.row[indices], locations.paths[locations.pack[indices[0]]]
+        rows, path = locations.row[indices], locations.paths[locations.pack[indices[0]]]
         with ignore_damage():
             head = _head(cells, path)
-            inside = np.flatnonzero(wanted < len(head.keys))
-            same = head.keys[wanted[inside]] == locations.keys[indices[inside]]
-            right = inside[same.all(axis=1)]
-            begins, ends = head.begins[wanted[right]], head.ends[wanted[right]]
+            in_range = np.flatnonzero(rows < len(head.keys))
+            equal = head.keys[rows[in_range]] == locations.keys[indices[in_range]]
+            matching = in_range[equal.all(axis=1)]
+            begins, ends = head.begins[rows[matching]], head.ends[rows[matching]]
             gaps, blocks = begins[1:] - ends[:-1], np.diff(begins // READ_BYTES)
             splits = np.flatnonzero((gaps > MAX_GAP) | (blocks != 0))
-            for run in np.split(right, splits + 1):
-                _read_run(cells, path, head, wanted[run], indices[run], found)
-    return found
+            for run in np.split(matching, splits + 1):
+                _read_run(cells, path, head, rows[run], indices[run], outputs)
+    return outputs
 
 
 def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
-    """Return the distinct layouts of some cells, (cell,), of undamaged packs; the first first."""
-    found: dict[Any, int] = {}
+    """Return the distinct layouts of some cells, (cell,), of undamaged packs, in their order."""
+    first_indices: dict[Any, int] = {}
     for number in np.unique(locations.pack).tolist():
         indices = np.flatnonzero(locations.pack == number)
         with ignore_damage():
@@ -328,8 +334,8 @@ def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
             kinds, first = np.unique(head.numbers[locations.row[indices]], return_index=True)
             for kind, index in zip(kinds.tolist(), indices[first].tolist(), strict=True):
                 layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
-                found[layout] = min(found.get(layout, index), index)
-    return sorted(found, key=found.__getitem__)
+                first_indices[layout] = min(first_indices.get(layout, index), index)
+    return sorted(first_indices, key=first_indices.__getitem__)
 
 
 def iter_cells(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
@@ -339,16 +345,21 @@ def iter_cells(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
 
 
 def _read_run(
-    cells: Objects, path: str, head: Head, rows: Numbers, indices: Cells, found: list[Arrays | None]
+    cells: Objects,
+    path: str,
+    head: Head,
+    rows: Numbers,
+    indices: Cells,
+    outputs: list[Arrays | None],
 ) -> None:
-    """Read one range of a pack into `found`, for ascending rows."""
+    """Read one range of a pack, for ascending rows, into `outputs`."""
     if not len(rows):
         return
     first = int(head.begins[rows[0]])
     content = cells.read_range(path, first, int(head.ends[rows[-1]]))
     begins, ends = (head.begins[rows] - first).tolist(), (head.ends[rows] - first).tolist()
     for index, row, begin, end in zip(indices.tolist(), rows.tolist(), begins, ends, strict=True):
-        found[index] = head.arrays(row, content[begin:end])
+        outputs[index] = head.arrays(row, content[begin:end])
 
 
 def read_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:

@@ -58,10 +58,10 @@ from sweeps.engine.sweeping import Finished, RunOptions, extended_attributes, pr
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"
-PRUNE = "prune="  # to a size, beside --cache
+PRUNE = "prune="  # before the size to which --cache prunes
 HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
-MAX_CELLS = 10_000_000  # whose keys fit into memory
+MAX_CELLS = 10_000_000  # their keys fit into memory
 
 Report = Callable[[PathOrUrl, Choices, Finished], None]
 PlannedSweep = tuple[Plan, RunOptions]
@@ -71,9 +71,9 @@ PlannedSweep = tuple[Plan, RunOptions]
 class Command:
     """The command line of an experiment; `report` is called with the store, choices and outcome.
 
-    By default, it prints the tables, the store, and how to see more.
-    `beside` returns the paths that the report of a store writes to, and `about` lines on what is
-    swept, printed before it starts. `imports` are modules of the report that take long to import.
+    By default, it prints the tables, the store, and commands that print more. `beside` returns the
+    paths to which the report of a store writes. `about` returns lines on the sweep, printed before
+    it starts. `imports` are modules of the report that take long to import.
     """
 
     experiment: Experiment
@@ -88,26 +88,26 @@ class Command:
         return self.experiment.name
 
     def main(self, arguments: Sequence[str] | None = None) -> int:
-        """Run a command line; returns 0 all done, 1 some cells failed, 2 wrong configuration.
+        """Run a command line; return 0 all done, 1 some cells failed, 2 wrong configuration.
 
-        Any error is reported in one sentence; output that cannot be written is one, with status 1.
+        Any error is reported in one sentence. Failing to write the output returns 1.
         """
-        given = list(sys.argv[1:] if arguments is None else arguments)
+        words = list(sys.argv[1:] if arguments is None else arguments)
         logging.basicConfig(format=f"{self.name}: %(message)s")
-        if isinstance(sys.stdout, TextIOWrapper):  # of any encoding
+        if isinstance(sys.stdout, TextIOWrapper):  # whose encoding may lack characters
             sys.stdout.reconfigure(errors="backslashreplace")
-        message, status = self._run_reporting(given)
+        message, status = self._run_reporting(words)
         if message:
             say(self.name, message)
-        if why := flush_output():
-            say(self.name, f"the output cannot be written: {why}")
-        return status or (SOME_FAILED if why else ALL_DONE)
+        if reason := flush_output():
+            say(self.name, f"the output cannot be written: {reason}")
+        return status or (SOME_FAILED if reason else ALL_DONE)
 
-    def _run_reporting(self, given: Sequence[str]) -> tuple[str, int]:
+    def _run_reporting(self, words: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
             with signals_deferred():
-                self._main(given)
+                self._main(words)
                 raise_if_stopped()
                 return "", ALL_DONE
         except SystemExit as ended:  # of a parser, after its help or a wrong option
@@ -123,50 +123,50 @@ class Command:
         except MemoryError as error:
             return f"out of memory ({error}); {RESUME_HINT}", SOME_FAILED
         except OSError as error:
-            where = f" {error.filename!r}" if error.filename else ""
+            location = f" {error.filename!r}" if error.filename else ""
             verb = "read" if error.errno in RESOURCE_ERRORS else "write"
             verb = "reach" if error.errno == UNREACHABLE else verb
             disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | RESOURCE_ERRORS
-            message = f"cannot {verb}{where}: {error.strerror or error}"
+            message = f"cannot {verb}{location}: {error.strerror or error}"
             return message, SOME_FAILED if error.errno in disk else INVALID
 
-    def _main(self, given: Sequence[str]) -> None:
+    def _main(self, words: Sequence[str]) -> None:
         experiment = self.experiment
-        if HELP.intersection(given):
+        if HELP.intersection(words):
             show(usage(experiment))
             return
-        if "--settings" in given:
-            show(list_settings(experiment, [word for word in given if word != "--settings"]))
+        if "--settings" in words:
+            show(list_settings(experiment, [word for word in words if word != "--settings"]))
             return
-        if "--cache" in given:
-            done = [word for word in given if word == "clear" or word.startswith(PRUNE)]
+        if "--cache" in words:
+            done = [word for word in words if word == "clear" or word.startswith(PRUNE)]
             _, path = self._store_and_cache(
-                [word for word in given if word not in done], "--cache", "clear", f"{PRUNE}20GB"
+                [word for word in words if word not in done], "--cache", "clear", f"{PRUNE}20GB"
             )
             self._cache(path, _prune_limit(done))
             return
-        if "--status" in given:
-            for part in format_status(*self._store_and_cache(given, "--status")):
+        if "--status" in words:
+            for part in format_status(*self._store_and_cache(words, "--status")):
                 show(part)
             return
-        if "--why" in given:
-            self._why([word for word in given if word != "--why"])
+        if "--why" in words:
+            self._why([word for word in words if word != "--why"])
             return
-        for word in given:
+        for word in words:
             self._check_option(word)
-        if not any(map(_is_for_hydra, given)):
-            overrides = [word for word in given if word not in MULTIRUN]
-            jobs = read_jobs(experiment, overrides, several=len(overrides) < len(given))
+        if not any(map(_is_for_hydra, words)):
+            overrides = [word for word in words if word not in MULTIRUN]
+            jobs = read_jobs(experiment, overrides, several=len(overrides) < len(words))
             self._start_fork_server(jobs)
             self._run_all(self.prepare(jobs), {key for job in jobs for key in job.overrides})
             return
         register(experiment)
-        overrides = [word for word in given if "=" in word and not word.startswith("-")]
-        options = [word for word in given if word not in overrides]
+        overrides = [word for word in words if "=" in word and not word.startswith("-")]
+        options = [word for word in words if word not in overrides]
         before = sys.argv
         sys.argv = [sys.argv[0], *options, *clear_before_set(experiment, overrides)]
         try:
-            # Hydra then raises what went wrong, instead of printing it and ending the process.
+            # Hydra then raises errors, instead of printing them and ending the process.
             with environment({"HYDRA_FULL_ERROR": "1"}):
                 conf = None if experiment.conf is None else str(experiment.conf)
                 name = config_name(experiment)
@@ -175,23 +175,23 @@ class Command:
             sys.argv = before
 
     def _check_option(self, word: str) -> None:
-        """Refuse a setting, or a group of them, that is given as an option."""
+        """Refuse a setting or a group of settings that is written as an option."""
         stripped = word.lstrip("-").replace("-", "_")
         group, conf = re.split("[.=]", stripped)[0], self.experiment.conf
-        known = group in nested(self.experiment.by_key)
-        if word.startswith("--") and (known or (conf is not None and (conf / group).is_dir())):
-            given = f"{'' if known else '+'}{stripped}{'' if '=' in stripped else '=VALUE'}"
-            raise ConfigurationError(f"{word} is not an option; give it without dashes, {given}")
+        is_known = group in nested(self.experiment.by_key)
+        if word.startswith("--") and (is_known or (conf is not None and (conf / group).is_dir())):
+            spelling = f"{'' if is_known else '+'}{stripped}{'' if '=' in stripped else '=VALUE'}"
+            raise ConfigurationError(f"{word} is not an option; give it without dashes, {spelling}")
 
     def _job(self, composed: DictConfig) -> None:
-        """Run one job of Hydra's: a sweep, by default with its own store."""
-        of_hydra = HydraConfig.get()
-        store = Path(of_hydra.runtime.output_dir, DEFAULT_STORE)
-        job = make_job(self.experiment, composed, of_hydra.overrides.task, str(store))
+        """Run one job of Hydra: a sweep, by default with its own store."""
+        hydra_config = HydraConfig.get()
+        store = Path(hydra_config.runtime.output_dir, DEFAULT_STORE)
+        job = make_job(self.experiment, composed, hydra_config.overrides.task, str(store))
         self._run_all(self.prepare([job]), job.overrides)
 
     def prepare(self, jobs: Sequence[Job]) -> list[PlannedSweep]:
-        """Return the checked sweeps of some jobs; an invalid one stops them all."""
+        """Return the checked sweeps of some jobs; an invalid job stops them all."""
         with interruptible():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
@@ -217,42 +217,46 @@ class Command:
             computes = not (value(Run.dry_run) or value(Run.partial))
             is_new = isinstance(store, Path) and not os.path.lexists(store)
             if computes and is_new and value(Cluster.kind) == "local":
-                every = bind(self.experiment, job.choices.joint)
-                stages |= with_inputs(stored_stages(every.values(), job.choices), every)
+                bound_stages = bind(self.experiment, job.choices.joint)
+                stages |= with_inputs(
+                    stored_stages(bound_stages.values(), job.choices), bound_stages
+                )
         modules = modules_of(stages.values())
         if modules and "__main__" not in modules:  # a script, which must be guarded first
             start_fork_server(preloaded_modules(modules))
 
     def _why(self, words: Sequence[str]) -> None:
-        """Print how the keys of each stage differ from those of a store."""
+        """Print the differences between each stage's keys and a store's."""
         [job] = read_jobs(self.experiment, words, several=False)
         choices, path = self.experiment.check(job.choices), path_or_url("store", job.store)
         with environment(choices.variables):
-            plan, old = Plan(self.experiment, choices), read_attributes(path)
-            if old is None:
+            plan, attributes = Plan(self.experiment, choices), read_attributes(path)
+            if attributes is None:
                 raise ConfigurationError(f"store is {str(path)!r}, which does not exist")
-            found = [f"{name}: {', '.join(parts)}" for name, parts in differences(plan, old)]
-            for line in found or ["nothing differs: the store has all of the sweep"]:
+            lines = [f"{name}: {', '.join(parts)}" for name, parts in differences(plan, attributes)]
+            for line in lines or ["nothing differs: the store has all of the sweep"]:
                 show(line)
 
-    def _store_and_cache(self, given: Sequence[str], *options: str) -> tuple[PathOrUrl, PathOrUrl]:
+    def _store_and_cache(
+        self, arguments: Sequence[str], *options: str
+    ) -> tuple[PathOrUrl, PathOrUrl]:
         """Return the store and the cache of a command line beside some options."""
-        words = [word for word in given if word not in options]
-        if wrong := [word for word in words if "=" not in word]:
-            taken = " and ".join(["settings, such as cache=PLACE", *options[1:]])
-            raise ConfigurationError(f"{options[0]} has {wrong[0]!r}, but takes {taken}")
+        words = [word for word in arguments if word not in options]
+        if invalid := [word for word in words if "=" not in word]:
+            allowed = " and ".join(["settings, such as cache=PLACE", *options[1:]])
+            raise ConfigurationError(f"{options[0]} has {invalid[0]!r}, but takes {allowed}")
         [job] = read_jobs(self.experiment, words, several=False)
         return path_or_url("store", job.store), self._cache_path(job.choices.value(Run.cache))
 
-    def _cache_path(self, given: Value) -> PathOrUrl:
-        return path_or_url("cache", str(given)) if given else user_cache_path(self.name)
+    def _cache_path(self, value: Value) -> PathOrUrl:
+        return path_or_url("cache", str(value)) if value else user_cache_path(self.name)
 
     def _options(self, choices: Choices, store: PathOrUrl) -> RunOptions:
         """Return the store, cache and cluster of a sweep."""
         return RunOptions(
             store,
             self._cache_path(choices.value(Run.cache)),
-            ClusterChoice(**{one.name: choices.value(one) for one in Cluster.declared}),
+            ClusterChoice(**{setting.name: choices.value(setting) for setting in Cluster.declared}),
             int(choices.value(Run.cache_limit) * 1e9),
             partial=bool(choices.value(Run.partial)),
             imports=self.imports,
@@ -261,14 +265,14 @@ class Command:
     # running --------------------------------------------------------------------------------
 
     def _run_all(self, sweeps: Sequence[PlannedSweep], keys: Collection[str]) -> None:
-        """Run some sweeps of a command line that sets some keys; a failed one stops no other.
+        """Run the sweeps of a command line, which sets `keys`; a failed one stops no other.
 
         Raises
         ------
         SweepIncomplete
-            If cells of some failed, or their report is not complete.
+            If cells of a sweep failed, or its report is not complete.
         """
-        left: list[str] = []
+        messages: list[str] = []
         for plan, options in sweeps:
             choices = plan.choices
             with environment(choices.variables):
@@ -278,18 +282,21 @@ class Command:
                     say(self.name, sentence)
                 if choices.value(Run.dry_run):
                     stages, sentence = preview(plan, options)
-                    rows = {name: (n, n - left, left) for name, (n, left) in stages.items()}
+                    rows = {
+                        name: (total, total - missing, missing)
+                        for name, (total, missing) in stages.items()
+                    }
                     show(count_table(dict(reversed(rows.items())), "cells", "reused", "to compute"))
                     show(sentence)
                 else:
-                    left += self._run(plan, options)
-        if left:
-            raise SweepIncomplete("; ".join(left))
+                    messages += self._run(plan, options)
+        if messages:
+            raise SweepIncomplete("; ".join(messages))
 
     def _run(self, plan: Plan, options: RunOptions) -> list[str]:
         """Run one sweep and its report; return messages on failures."""
-        near = path_beside(options.store)
-        log = FailureLog(near.with_name(f"{near.name.removesuffix('.zarr')}-failures.log"))
+        base = path_beside(options.store)
+        log = FailureLog(base.with_name(f"{base.name.removesuffix('.zarr')}-failures.log"))
         with watching(
             self.name, log, options.store, options.cache, record=not options.partial
         ) as watch:
@@ -297,31 +304,31 @@ class Command:
         if options.partial:
             return []
         say(self.name, summary(finished.progress, finished.seconds))
-        left = [_failure_text(finished.failures, log)] if finished.failures else []
+        messages = [_failure_text(finished.failures, log)] if finished.failures else []
         try:
             with interruptible():
                 (self.report or self._report)(options.store, plan.choices, finished)
         except SweepIncomplete as error:
-            left.append(str(error))
+            messages.append(str(error))
         except Exception as error:  # the store is complete without it
             say(self.name, f"the store is written, but not its report: {one_line(error)}")
-        return left
+        return messages
 
     def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         from sweeps.engine.store.tables import format_tables  # imports xarray, which takes long
 
         # Modules with `answer`, by the commands that print more.
         reports = entry_points(group="sweeps.reports") if self.experiment.tables else ()
-        for one in reports:
-            with suppress(ConfigurationError):  # no table is there
-                for sentence in one.load().answer(store):
+        for entry in reports:
+            with suppress(ConfigurationError):  # there is no table
+                for sentence in entry.load().answer(store):
                     show(f"{sentence}\n")
         for text in format_tables(store, [table.group for table in self.experiment.tables]):
             show(f"{text}\n")
         path = os.path.relpath(store) if isinstance(store, Path) else store
         show(f"store   {path}")
-        for one in reports:
-            show(f"next    {one.name} {shell_quoted(path)}")
+        for entry in reports:
+            show(f"next    {entry.name} {shell_quoted(path)}")
 
     def _cache(self, path: PathOrUrl, limit: float | None) -> None:
         """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
@@ -359,14 +366,14 @@ def _prune_limit(words: Sequence[str]) -> float | None:
 
 
 def _failure_text(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
-    """Return the message on failed cells and tables: numbers, the first ones, and the log."""
-    named = "; ".join(f"{what} ({why})" for what, why in failures[:NAMED_FAILURES])
+    """Return the message on failed cells and tables: numbers, the first of them, and the log."""
+    listed = "; ".join(f"{name} ({reason})" for name, reason in failures[:NAMED_FAILURES])
     more = len(failures) - NAMED_FAILURES
-    tables = sum(what.startswith("table ") for what, _ in failures)
+    tables = sum(name.startswith("table ") for name, _ in failures)
     counts = {"cell": len(failures) - tables, "table": tables}
     parts = [f"{n:,} {word}{'s' * (n > 1)}" for word, n in counts.items() if n]
     return (
-        f"{' and '.join(parts)} failed: {named}"
+        f"{' and '.join(parts)} failed: {listed}"
         + (f"; and {more:,} more" if more > 0 else "")
         + (f"; tracebacks and arguments are in {os.path.relpath(log.path)}" if log.exists else "")
     )
@@ -374,8 +381,8 @@ def _failure_text(failures: Sequence[tuple[str, str]], log: FailureLog) -> str:
 
 def _is_for_hydra(word: str) -> bool:
     """Return whether a word of the command line needs Hydra's own options, jobs or folders."""
-    own = word.startswith("-") and word not in MULTIRUN
-    return own or word.lstrip("+~").startswith(("hydra.", "hydra/")) or "${hydra:" in word
+    is_option = word.startswith("-") and word not in MULTIRUN
+    return is_option or word.lstrip("+~").startswith(("hydra.", "hydra/")) or "${hydra:" in word
 
 
 def _check_size(plan: Plan) -> None:

@@ -18,7 +18,7 @@ from sweeps.engine.store.locks import is_locked
 def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
     """Return a sentence on the latest sweep of a store, and a table of its stages.
 
-    Raises ConfigurationError if the cache knows of none.
+    Raises ConfigurationError if the cache has no state of it.
     """
     content = open_states(cache).get(state_name(store))
     if content is None:
@@ -30,26 +30,26 @@ def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
         state = json.loads(content)
         read = state["stages"].items()
         stages = {name: (Progress(*counts), float(work)) for name, (*counts, work) in read}
-        begun, at = float(state["begun"]), float(state["at"])
+        begun, updated = float(state["begun"]), float(state["at"])
         process, ended = int(state["process"]), str(state["ended"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigurationError(
             f"cache is {str(cache)!r}, whose state of the sweep of {str(store)!r} cannot be read"
         ) from error
     running = is_locked(store)
-    how = f"running as process {process}" if running else ended
-    sentence = f"{store}: {how}; begun {_clock(begun)}, state of {_clock(at)}"
-    return sentence, _table(stages, at - begun, running)
+    condition = f"running as process {process}" if running else ended
+    sentence = f"{store}: {condition}; begun {_clock(begun)}, state of {_clock(updated)}"
+    return sentence, _table(stages, updated - begun, running)
 
 
 def _table(stages: Mapping[str, tuple[Progress, float]], elapsed: float, running: bool) -> Table:
-    """Return a table of cells and estimated time by stage; all of them are in the last row."""
-    every = Progress.sum(one for one, _ in stages.values())
-    rows = {**dict(reversed([*stages.items()])), "all": (every, sum(w for _, w in stages.values()))}
+    """Return a table of cells and estimated time by stage, with totals in the last row."""
+    total = Progress.sum(progress for progress, _ in stages.values())
+    rows = {**dict(reversed([*stages.items()])), "all": (total, sum(w for _, w in stages.values()))}
     numbers = {
-        name: (one.total, one.reused, one.done, one.failed, one.left)
-        + (time_left(work, every.seconds, elapsed),) * running
-        for name, (one, work) in rows.items()
+        name: (progress.total, progress.reused, progress.done, progress.failed, progress.left)
+        + (time_left(work, total.seconds, elapsed),) * running
+        for name, (progress, work) in rows.items()
     }
     headings = ("cells", "reused", "done", "failed", "left", *["time left"] * running)
     return count_table(numbers, *headings)

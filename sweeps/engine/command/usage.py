@@ -1,4 +1,4 @@
-"""Texts of `--help` and `--settings`: examples, experiments, and keys as they are declared."""
+"""Texts of `--help` and `--settings`: examples, experiments, and declared keys."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sweeps.engine.declare.stage import Experiment
 
 WIDTH = 79  # of 80, so that no terminal breaks a full line
 INDENT = "  "
-MAX_WORD = 46  # longest word that has its text beside it
+MAX_WORD = 46  # longest word with its text beside it
 
 OPTIONS = (
     ("-m, --multirun", "sweep the values a=1,2 as one store"),
@@ -39,19 +39,21 @@ STATUS = (
 def usage(experiment: Experiment) -> str:
     """Return the text of `--help`, in lines of at most 79 columns."""
     name, conf = experiment.name, experiment.conf
-    several = "a list, or {start: 0, stop: 90, step: 3}, is an axis of the sweep"
+    syntax = "a list, or {start: 0, stop: 90, step: 3}, is an axis of the sweep"
     folders = sorted(path.name for path in conf.iterdir() if path.is_dir()) if conf else []
     groups = {
-        folder: ", ".join(of for of, _ in descriptions(conf, folder))
+        folder: ", ".join(file for file, _ in descriptions(conf, folder))
         for folder in folders
         if folder != "experiment"
     }
     sections: dict[str, Iterable[tuple[str, str]]] = {
         "Experiments (+experiment=NAME):": descriptions(conf, "experiment"),
         "Studies (+experiment=NAME):": [
-            one for folder in experiment.added_conf for one in descriptions(folder, "experiment")
+            entry
+            for folder in experiment.added_conf
+            for entry in descriptions(folder, "experiment")
         ],
-        f"Main keys ({several}):": [
+        f"Main keys ({syntax}):": [
             (setting.key, _description(setting)) for setting in main_settings(experiment)
         ],
         "Groups of settings (GROUP=NAME):": groups.items(),
@@ -70,14 +72,14 @@ def usage(experiment: Experiment) -> str:
 
 def main_settings(experiment: Experiment) -> list[Setting]:
     """Return the settings that `--help` lists: dimensions of stores, and settings of the run."""
-    listed = [one for one in experiment.own_settings if one.single == DIMENSION]
-    dims = [one for one in listed if one.fallback is None]
-    own = [one for one in experiment.own_settings if "." not in one.key]
-    return [*own, *dims, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
+    listed = [setting for setting in experiment.own_settings if setting.single == DIMENSION]
+    dims = [setting for setting in listed if setting.fallback is None]
+    top_level = [setting for setting in experiment.own_settings if "." not in setting.key]
+    return [*top_level, *dims, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
 
 
 def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:
-    """Yield name and description of the files of a group: their first line of comment.
+    """Yield name and description, the first line of comment, of each file of a group.
 
     Comments for OmegaConf, such as `# @package`, do not count.
     """
@@ -107,8 +109,8 @@ def _format_entries(entries: Sequence[tuple[str, str]]) -> list[str]:
     short = [len(word) for word, _ in entries if len(word) <= MAX_WORD]
     margin = " " * (max(short, default=0) + len(INDENT) + 2)
     lines = []
-    for word, about in entries:
-        texts = _wrapped(about, margin)
+    for word, description in entries:
+        texts = _wrapped(description, margin)
         if texts and len(word) <= MAX_WORD:
             texts[0] = f"{INDENT}{word}".ljust(len(margin)) + texts[0].lstrip()
             lines += texts
@@ -118,7 +120,7 @@ def _format_entries(entries: Sequence[tuple[str, str]]) -> list[str]:
 
 
 def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
-    """Return the text of `--settings`: those with all of some words in their key or description.
+    """Return the text of `--settings`: settings with all words in their key or description.
 
     Lines have at most 79 columns, and no word is broken.
 
@@ -129,7 +131,7 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
     """
     lines: list[str] = []
     for setting in (
-        one for declared in experiment.declared for one in (declared, *declared.entries)
+        entry for declared in experiment.declared for entry in (declared, *declared.entries)
     ):
         text = f"{setting.key} {setting.label} {setting.help}".lower()
         if all(word.lower() in text for word in words):
@@ -137,16 +139,16 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
             null = "null or " if setting.fallback is not None else ""
             axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
             lines += _wrapped(f"{setting.key}={format_value(setting.default_input)}{unit}", "")
-            for about in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
-                lines += _wrapped(about, 2 * INDENT)
+            for paragraph in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
+                lines += _wrapped(paragraph, 2 * INDENT)
     if not lines:
-        wrong = f"--settings has {' '.join(words)!r}"
-        raise ConfigurationError(f"{wrong}, but must have words of a key or a description")
+        problem = f"--settings has {' '.join(words)!r}"
+        raise ConfigurationError(f"{problem}, but must have words of a key or a description")
     return "\n".join(lines)
 
 
 def _wrapped(text: str, margin: str) -> list[str]:
-    """Return lines of at most 79 columns behind a margin, which no word is broken for."""
+    """Return lines of at most 79 columns, behind a margin, without breaking words."""
     wrapper = textwrap.TextWrapper(WIDTH, break_long_words=False, break_on_hyphens=False)
     wrapper.initial_indent = wrapper.subsequent_indent = margin
     return wrapper.wrap(text)

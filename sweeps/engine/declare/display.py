@@ -14,7 +14,7 @@ ATTRIBUTE = "displays"  # of a group, with its displays
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a table: a variable of its group, and the variables that belong to it."""
+    """A figure of a table: a variable of its group, and its related variables."""
 
     variable: str
     name: str = ""  # of its column; the variable's by default
@@ -43,7 +43,7 @@ class Display:
     figures: tuple[Figure, ...] = ()  # the main one first; none: all variables of the group
     rows: tuple[str, ...] = ()  # axes down, before others of several values
     columns: str = ""  # axis across, with the main figure in the cells; none: the figures
-    # Axes of one value that tell the groups of a table apart.
+    # Axes of one value that distinguish the groups of a table.
     labels: Mapping[str, str] = field(default_factory=dict)
     source: str = ""  # the article's table whose figures stand beside these
     # Main figure of a random answer.

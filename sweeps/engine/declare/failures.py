@@ -1,4 +1,4 @@
-"""Failed cells and tables: why, where in the code, and with which arguments."""
+"""Failed cells and tables: their reasons, tracebacks and arguments."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 INDENT = "    "
-RAISED = (Exception, SystemExit)  # by a function that fails; all else ends the sweep
+RAISED = (Exception, SystemExit)  # by a function that fails; others end the sweep
 MAX_ARGUMENT, MAX_TRACEBACK = 200, 20_000  # characters of an argument; of a traceback
 
 
@@ -55,7 +55,7 @@ def format_arguments(arguments: Mapping[str, Any]) -> str:
 class FailureLog:
     """A log of failures, created with the first one.
 
-    A repeated traceback is only referred to. Errors of the disk are ignored.
+    It refers to the first of equal tracebacks, and ignores errors of the disk.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,8 +70,8 @@ class FailureLog:
             parts.append(f"arguments:\n{indent(failure.arguments, INDENT)}")
         if failure.traceback:
             first = self._seen.setdefault(failure.traceback, failure.name)
-            again = first != failure.name
-            parts.append(f"traceback as of {first}" if again else failure.traceback)
+            repeated = first != failure.name
+            parts.append(f"traceback as of {first}" if repeated else failure.traceback)
         text = "\n".join(parts)
         with suppress(OSError), self.path.open("a", encoding="utf-8", errors="replace") as file:
             file.write(f"{failure.name}\n{indent(text, INDENT)}\n\n")

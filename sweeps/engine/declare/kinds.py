@@ -16,8 +16,8 @@ import numpy as np
 MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MAX_VALUES = 100_000  # longer axes come from a mistaken step
 EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
-DECIMAL = r"[-+.\deE]+"  # as a text
-STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than this part of itself lands on it
+DECIMAL = r"[-+.\deE]+"  # pattern of a number
+STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than 1/this of its size lands on it
 Value = Any  # a float, int, str, bool, None, or a tuple of them
 
 
@@ -55,9 +55,9 @@ class Kind:
                 raise ValueError(self._refusal(key, value))
         return ascending(key, [None if value is None else self._read(value) for value in listed])
 
-    def _as_list(self, key: str, given: Any) -> list[Any]:
-        several = isinstance(given, Sequence) and not isinstance(given, str)
-        return list(given) if several else [given]
+    def _as_list(self, key: str, value: Any) -> list[Any]:
+        several = isinstance(value, Sequence) and not isinstance(value, str)
+        return list(value) if several else [value]
 
     def _read(self, value: Any) -> Value:
         return value
@@ -99,20 +99,20 @@ class Number(Kind):
             and value < self.below
         )
 
-    def _as_list(self, key: str, given: Any) -> list[Any]:
-        read = _read_steps if isinstance(given, Mapping) else super()._as_list
-        return read(key, given)
+    def _as_list(self, key: str, value: Any) -> list[Any]:
+        read = _read_steps if isinstance(value, Mapping) else super()._as_list
+        return read(key, value)
 
     def _refusal(self, key: str, value: Any) -> str:
         text = value if isinstance(value, str) else ""
         if re.fullmatch(f"{DECIMAL}([ ;]+{DECIMAL})+", text):
-            meant = f"; a list has commas, '{key}=[{', '.join(re.split('[ ;]+', text))}]'"
-        elif found := re.fullmatch(f"({DECIMAL}):({DECIMAL}):({DECIMAL})", text):
-            steps = "start: {}, stop: {}, step: {}".format(*found.groups())
-            meant = f"; steps are '{key}={{{steps}}}'"
+            hint = f"; a list has commas, '{key}=[{', '.join(re.split('[ ;]+', text))}]'"
+        elif match := re.fullmatch(f"({DECIMAL}):({DECIMAL}):({DECIMAL})", text):
+            steps = "start: {}, stop: {}, step: {}".format(*match.groups())
+            hint = f"; steps are '{key}={{{steps}}}'"
         else:
-            meant = ""
-        return super()._refusal(key, value) + meant
+            hint = ""
+        return super()._refusal(key, value) + hint
 
     def _read(self, value: Any) -> Value:
         return float(value) + 0.0  # -0.0 becomes 0.0, which equals it
@@ -190,7 +190,7 @@ class Text(Kind):
 
 @dataclass(frozen=True)
 class Date(Kind):
-    """Times without a zone, as numpy has them in a `unit`, or else as `datetime`; also as text."""
+    """Times without a zone: numpy's in a `unit`, else `datetime`; also as text."""
 
     unit: str = ""
 
@@ -214,7 +214,7 @@ class Date(Kind):
         return datetime.fromisoformat(value) if isinstance(value, str) else value
 
     def as_input(self, values: tuple[Value, ...]) -> list[str]:
-        """Return the input that gives some values."""
+        """Return the user's input that reads as some values."""
         return [str(value) if self.unit else value.isoformat() for value in values]
 
 
@@ -257,11 +257,11 @@ class SetOf(Kind):
         """See `Kind.values`."""
         if given is None and self.null:
             return (None,)
-        known = dict(self.spellings)
-        if isinstance(given, str) and given in known:
-            return (tuple(sorted(known[given])),)
-        if known and isinstance(given, str) and not self.kind.holds(given):
-            words = ", ".join(known)
+        spellings = dict(self.spellings)
+        if isinstance(given, str) and given in spellings:
+            return (tuple(sorted(spellings[given])),)
+        if spellings and isinstance(given, str) and not self.kind.holds(given):
+            words = ", ".join(spellings)
             raise ValueError(f"{key} is {given!r}, but must be {self.kind.allowed}, {words}")
         return (self.kind.values(key, given),)
 
@@ -276,8 +276,8 @@ class Groups(Kind):
         """See `Kind.values`."""
         groups = [] if given is None else self._as_list(key, given)
         for group in groups:
-            words = isinstance(group, Sequence) and not isinstance(group, str)
-            if not words or len(group) < 2 or not all(isinstance(one, str) for one in group):
+            is_list = isinstance(group, Sequence) and not isinstance(group, str)
+            if not is_list or len(group) < 2 or not all(isinstance(name, str) for name in group):
                 raise ValueError(
                     f"{key} is {quote_value(given)}, but must be {self.allowed}, at least two each"
                 )
@@ -294,7 +294,7 @@ def quote_value(value: Any) -> str:
 def format_value(value: Any) -> str:
     """Return a value, or a mapping or list of values, as the command line reads it."""
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {format_value(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key}: {format_value(entry)}' for key, entry in value.items())}}}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(format_value, value))}]"
     if isinstance(value, float):
@@ -306,14 +306,14 @@ def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
     """Return sorted values, None first; raise ValueError if there are none or one is repeated."""
     if not values:
         raise ValueError(f"{key} is empty, but must hold at least one value")
-    seen = set()
+    labels = set()
     for value in values:
         # A store ends texts at their last character that is not NUL.
         label = value.rstrip("\0") if isinstance(value, str) else value
-        if label in seen:
-            wrong = f"{key} has {quote_value(value)} more than once"
-            raise ValueError(f"{wrong}, but values must differ")
-        seen.add(label)
+        if label in labels:
+            problem = f"{key} has {quote_value(value)} more than once"
+            raise ValueError(f"{problem}, but values must differ")
+        labels.add(label)
     return tuple(sorted(values, key=sort_key))
 
 
@@ -322,21 +322,21 @@ def sort_key(value: Value) -> tuple[bool, Any]:
     return value is not None, 0 if value is None else value
 
 
-def _read_steps(key: str, given: Mapping[str, Any]) -> list[float]:
-    """Return values from start to stop, inclusive if a step lands on it."""
-    if set(given) != {"start", "stop", "step"}:
+def _read_steps(key: str, steps: Mapping[str, Any]) -> list[float]:
+    """Return values from start to stop, including stop if a step lands on it."""
+    if set(steps) != {"start", "stop", "step"}:
         raise ValueError(
-            f"{key} has the keys {', '.join(map(str, given)) or '(none)'}, but must have start, "
+            f"{key} has the keys {', '.join(map(str, steps)) or '(none)'}, but must have start, "
             "stop and step, or be a list"
         )
-    for name, value in given.items():
+    for name, value in steps.items():
         if not Number().holds(value):
             raise ValueError(Number()._refusal(f"{key}.{name}", value))
     # As decimals: 0.1 steps give 0.3 and not 0.30000000000000004.
-    numbers = [float(given[name]) for name in ("start", "stop", "step")]
+    numbers = [float(steps[name]) for name in ("start", "stop", "step")]
     start, stop, step = (Fraction(repr(number)) for number in numbers)
     if step <= 0:
-        raise ValueError(f"{key}.step has {quote_value(given['step'])}, but must be above 0")
+        raise ValueError(f"{key}.step has {quote_value(steps['step'])}, but must be above 0")
     count = (stop - start + step / STEP_TOLERANCE) // step + 1
     if count < 1:
         ends = "{:g} to {:g}".format(*numbers)
@@ -345,5 +345,5 @@ def _read_steps(key: str, given: Mapping[str, Any]) -> list[float]:
         by = f"{numbers[2]:g}"
         raise ValueError(f"{key}.step is {by}, but must leave at most {MAX_VALUES} values")
     lands = abs(start + step * (count - 1) - stop) * STEP_TOLERANCE <= step
-    found = [float(start + step * number) for number in range(count)]
-    return [*found[:-1], numbers[1]] if lands else found
+    values = [float(start + step * number) for number in range(count)]
+    return [*values[:-1], numbers[1]] if lands else values

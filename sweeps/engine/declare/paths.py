@@ -32,7 +32,7 @@ def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
     url = str(given).rstrip("/")
     if not _BUCKET.fullmatch(url):
         kinds = ", ".join(f"{scheme}://BUCKET/NAME" for scheme in SCHEMES)
-        redacted = re.sub(r"//[^/]*@|[?#].*", lambda found: found[0][:1] + "...", url)
+        redacted = re.sub(r"//[^/]*@|[?#].*", lambda match: match[0][:1] + "...", url)
         raise ConfigurationError(
             f"{key} is {redacted!r}, but must be a folder or a URL such as {kinds}; "
             "put credentials into the environment"
@@ -41,7 +41,7 @@ def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
 
 
 def join(path: PathOrUrl, name: str) -> PathOrUrl:
-    """Return the path of a name in a folder or URL; of a folder, the absolute one."""
+    """Return the path of a name in a folder or URL; absolute in a folder."""
     return f"{path}/{name}" if isinstance(path, str) else path.absolute() / name
 
 
@@ -70,7 +70,7 @@ def ancestors(path: PathOrUrl) -> list[PathOrUrl]:
 def path_beside(path: PathOrUrl) -> Path:
     """Return the local path beside which logs and reports are written.
 
-    Of a URL, it is the name in the working folder.
+    For a URL, it is the name in the working folder.
     """
     return path if isinstance(path, Path) else Path.cwd() / split_parent(path)[1]
 

@@ -1,13 +1,13 @@
 """Settings of an experiment, each declared once: key, kind, bounds, unit, label and default.
 
-A class that inherits from `Settings` declares those of one group of the configuration:
+A subclass of `Settings` declares the settings of one group of the configuration:
 
     class Spring(Settings, key="spring"):
         '''The spring.'''
         stiffness = number(10.0, low=0, unit="N m-1", label="stiffness")
 
-Everything else about a setting is derived from here: the schema of the configuration, the setting's
-checks, its line in the table of settings, and its coordinate in a store.
+The schema of the configuration, a setting's checks, its line in the table of settings and its
+coordinate in a store follow from its declaration.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Unit(str):
 class Setting:
     """One setting; `label` describes it.
 
-    Its default is as a user would write it, or another setting, whose values null stands for.
+    Its default is as a user would write it, or another setting, whose values replace null.
     """
 
     kind: Kind
@@ -86,7 +86,7 @@ class Setting:
 
     @property
     def fallback(self) -> Setting | None:
-        """The setting whose values null stands for, if any."""
+        """The setting whose values replace null, if any."""
         return self.default if isinstance(self.default, Setting) else None
 
     @property
@@ -124,13 +124,13 @@ class Setting:
     def values(self, given: Any) -> tuple[Value, ...]:
         """Return values of a user's input, in ascending order; raise `ConfigurationError`."""
         try:
-            found = self.kind.values(self.key, given)
+            values = self.kind.values(self.key, given)
         except ValueError as error:
             raise ConfigurationError(str(error)) from None
-        if self.fixed and len(found) > 1 and not isinstance(self.kind, Draws):
-            count = f"{self.key} has {len(found)} values"
+        if self.fixed and len(values) > 1 and not isinstance(self.kind, Draws):
+            count = f"{self.key} has {len(values)} values"
             raise ConfigurationError(f"{count}, but must have one: {self.fixed}")
-        return found
+        return values
 
 
 class Settings:
@@ -140,24 +140,30 @@ class Settings:
     declared: ClassVar[tuple[Setting, ...]] = ()
 
     def __init_subclass__(cls, *, key: str = "", single: str = "", fixed: str = "") -> None:
-        found: dict[Setting, Setting] = {}
+        settings: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
                 if name in ("key", "declared"):
-                    wrong = f"setting {name} must have another name: every group has its own {name}"
-                    raise DeclarationError(locate(cls, wrong))
+                    problem = (
+                        f"setting {name} must have another name: every group has its own {name}"
+                    )
+                    raise DeclarationError(locate(cls, problem))
                 if not isinstance(value.unit, str):
-                    wrong = f"setting {name} has unit={value.unit!r}, but must have a text"
-                    raise DeclarationError(locate(cls, f"{wrong}, or Unit(SYMBOL, FACTOR)"))
+                    problem = f"setting {name} has unit={value.unit!r}, but must have a text"
+                    raise DeclarationError(locate(cls, f"{problem}, or Unit(SYMBOL, FACTOR)"))
                 class_options = {"single": single, "fixed": fixed}.items()
-                inherited: Any = {of: to for of, to in class_options if getattr(value, of) is None}
+                inherited: Any = {
+                    option: default
+                    for option, default in class_options
+                    if getattr(value, option) is None
+                }
                 setting = replace(value, key=f"{key}.{name}".lstrip("."), **inherited)
-                if value.fallback in found:  # of the same group, whose key is set only now
-                    setting = replace(setting, default=found[value.fallback])
+                if value.fallback in settings:  # of the same group, whose key is set only now
+                    setting = replace(setting, default=settings[value.fallback])
                 setattr(cls, name, setting)
-                found[value] = setting
+                settings[value] = setting
         cls.key = key
-        cls.declared = tuple(found.values())
+        cls.declared = tuple(settings.values())
 
 
 def number(
@@ -272,7 +278,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Choices:
-    """The values of every setting of a sweep by key, ascending, and the joint axes."""
+    """Values of every setting of a sweep by key, ascending, and the joint axes."""
 
     values: Mapping[str, tuple[Value, ...]]
     joint: tuple[Joint, ...] = ()
@@ -301,14 +307,16 @@ class Choices:
 
     def points(self, keys: Sequence[str]) -> Iterator[tuple[Value, ...]]:
         """Yield the values of some settings, by key, at all points of their axes."""
-        joint = [one for one in self.joint if not set(one.keys).isdisjoint(keys)]
-        axes = [[dict(zip(one.keys, point, strict=True)) for point in one.points] for one in joint]
-        together = {key for one in joint for key in one.keys}
-        others = [key for key in keys if key not in together]
-        axes += [[{key: value} for value in self.values[key]] for key in others]
+        joint = [axis for axis in self.joint if not set(axis.keys).isdisjoint(keys)]
+        axes = [
+            [dict(zip(axis.keys, point, strict=True)) for point in axis.points] for axis in joint
+        ]
+        joint_keys = {key for axis in joint for key in axis.keys}
+        crossed_keys = [key for key in keys if key not in joint_keys]
+        axes += [[{key: value} for value in self.values[key]] for key in crossed_keys]
         for point in product(*axes):
-            found = ChainMap(*point)
-            yield tuple(found[key] for key in keys)
+            values = ChainMap(*point)
+            yield tuple(values[key] for key in keys)
 
 
 def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choices:
@@ -320,15 +328,15 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
         Naming the first invalid key.
     """
     values: dict[str, tuple[Value, ...]] = {}
-    defaulting: dict[str, str] = {}
+    fallbacks: dict[str, str] = {}
     for setting in settings:
-        written = given.get(setting.key, setting.default_input)
-        if written is None and setting.fallback is not None:
-            defaulting[setting.key] = setting.fallback.key
+        value = given.get(setting.key, setting.default_input)
+        if value is None and setting.fallback is not None:
+            fallbacks[setting.key] = setting.fallback.key
         else:
-            values[setting.key] = setting.values(written)
-    for key, other in defaulting.items():
-        values[key] = values[other]
+            values[setting.key] = setting.values(value)
+    for key, fallback in fallbacks.items():
+        values[key] = values[fallback]
     return Choices(values)
 
 
@@ -348,10 +356,12 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
             raise ConfigurationError(
                 f"{key}.{name} is not a key of the configuration; {key} has {', '.join(by_name)}"
             )
-    for name, one in by_name.items():
-        if name not in given and one.default is None and not one.kind.null:
+    for name, entry in by_name.items():
+        if name not in given and entry.default is None and not entry.kind.null:
             raise ConfigurationError(f"{key} is {quote_value(given)}, but must have {name}")
-    return {name: one.values(given.get(name, one.default))[0] for name, one in by_name.items()}
+    return {
+        name: entry.values(given.get(name, entry.default))[0] for name, entry in by_name.items()
+    }
 
 
 def nested(by_key: Mapping[str, Any]) -> dict[str, Any]:
@@ -368,12 +378,12 @@ def nested(by_key: Mapping[str, Any]) -> dict[str, Any]:
 
 def flatten(settings: Iterable[Setting], tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return values by key from nested mappings, for the settings that they contain."""
-    found = {}
+    values = {}
     for setting in settings:
         *groups, last = setting.key.split(".")
         branch: Any = tree
         for group in groups:
             branch = branch.get(group) if isinstance(branch, Mapping) else None
         if isinstance(branch, Mapping) and last in branch:
-            found[setting.key] = branch[last]
-    return found
+            values[setting.key] = branch[last]
+    return values

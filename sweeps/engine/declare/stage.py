@@ -1,13 +1,13 @@
 """Stages and experiments: plain functions whose argument names declare their inputs.
 
-A stage is declared by a decorator and stays the plain function that it is:
+A decorator declares a stage, which remains a plain function:
 
     @stage(Output("period", unit="s", label="period"), uses=(Spring, Mass))
     def period(stiffness, mass):
         return 2 * math.pi * math.sqrt(mass / stiffness)
 
-Each argument is a setting, the result of another stage, `rng` or `valid`. What a result depends
-on, and so its cells, its key, its dimensions and its progress line, is derived from these names.
+Each argument is a setting, the result of another stage, `rng` or `valid`. The dependencies of a
+result, and so its cells, key, dimensions and progress line, follow from these names.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ class Output:
     unit: str = "1"
     pad: complex | str | None = None  # up to the largest cell's array; None: all have one shape
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
-    # RESULT; COORDINATE of its group; INNER: of other stages only; STATE of cells that a group
-    # gathers; MEASURED by the machine, such as a run time: computed again, it differs; SHARE, from
-    # 0 to 1, in unsigned integers up to their largest.
+    # RESULT; COORDINATE of its group; INNER: an input of other stages only; STATE of cells that a
+    # group gathers; MEASURED by the machine, such as a run time, which differs between runs; SHARE,
+    # from 0 to 1, in unsigned integers up to their largest.
     role: str = RESULT
     attrs: Mapping[str, Any] = field(default_factory=dict, hash=False)  # besides unit and label
 
@@ -101,7 +101,7 @@ class Output:
 
     @property
     def store_dtype(self) -> tuple[np.dtype[Any], complex | str]:
-        """Dtype and value of missing results in the store: shares have -1, which is none."""
+        """Dtype and fill value in the store: -1 for shares, which are never negative."""
         dtype = np.dtype(self.dtype)
         if self.role != SHARE:
             return dtype, self.fill_value
@@ -116,8 +116,8 @@ inner = partial(Output, role=INNER)
 class Status:
     """State of the cells of a group, a variable of `status`; -1 missing, 0 failed, 1 done.
 
-    Over some axes it is that of all stages of the groups that have it: failed if anything there
-    failed, else missing if anything is. Without axes, stages return it themselves, as an output.
+    With axes `over`, it combines the cells of all stages of the groups that have it: failed if any
+    failed, else missing if any is missing. Without axes, stages return it as an output.
     """
 
     name: str
@@ -132,7 +132,7 @@ class Group:
     path: str
     when: Condition = always  # whether a configuration has it at all
     uses: tuple[type[Settings], ...] = ()  # of stages without `uses`
-    dims: tuple[str, ...] = ()  # their order; those not named come first
+    dims: tuple[str, ...] = ()  # their order; unnamed dimensions come first
     status: Status | None = None  # None: every stage has a status of its own
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
 
@@ -152,8 +152,8 @@ NOWHERE = Group("")
 class At:
     """A stage that is read at other settings' values, such as training at one range for all.
 
-    Settings that run together with such a setting are as they are there. What is gathered
-    `in_blocks` is read when it is indexed (a `GatheredArray`), not whole before.
+    Settings that run together with such a setting take their values there. With `in_blocks`,
+    gathered arrays are read when they are indexed (`GatheredArray`), not beforehand.
     """
 
     stage: str
@@ -165,7 +165,7 @@ class At:
 class Stream:
     """Settings whose values key a stream of random numbers, besides `seed` and a name.
 
-    Cells that differ only in others share their noise.
+    Cells that differ only in other settings share their noise.
     """
 
     settings: tuple[Setting, ...]
@@ -177,7 +177,7 @@ class Stream:
 class Stage:
     """A function with its inputs and outputs; declared by `stage`, `plain` or `in_memory`.
 
-    A stage of one output returns that array, one of several a mapping.
+    A stage with one output returns an array, a stage with several a mapping of arrays.
     """
 
     name: str  # of the function, unless another is given
@@ -191,7 +191,7 @@ class Stage:
     # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
     # behind those of `along`. Failed inputs are filled; `valid` flags the others.
     gather: tuple[Setting, ...] = ()
-    stream: Stream | None = None  # of `rng`; None: keyed by all that it depends on
+    stream: Stream | None = None  # of `rng`; None: keyed by all dependencies
     group: Group = NOWHERE  # of the store; by default its results only serve other stages
     # Number of results that are kept: all (UNLIMITED), arrays on disk; some objects, in memory;
     # or none (0), because it is called while planning: a quick function of settings, whose
@@ -200,28 +200,33 @@ class Stage:
     version: str = ""  # counts in keys instead of the function's code, if it is given
 
     def __post_init__(self) -> None:
-        given = {"uses": self.uses, "along": self.along, "gather": self.gather}
-        given |= {f"dims of {one.name}": one.dims for one in self.outputs}
-        given |= {"settings of its stream": self.stream.settings} if self.stream else {}
-        for what, value in given.items():
+        tuples = {"uses": self.uses, "along": self.along, "gather": self.gather}
+        tuples |= {f"dims of {output.name}": output.dims for output in self.outputs}
+        tuples |= {"settings of its stream": self.stream.settings} if self.stream else {}
+        for description, value in tuples.items():
             if not isinstance(value, tuple | list):
-                named = getattr(value, "key", value)
-                wrong = f"stage {self.name} has {named!r} as {what}, but must have a tuple, "
-                raise DeclarationError(locate(self.function, f"{wrong}with a comma: (NAME,)"))
-        for one in self.outputs:
-            if not isinstance(one.unit, str):
-                wrong = f"stage {self.name}: {one.name} has unit={one.unit!r}, but must have a text"
-                raise DeclarationError(locate(self.function, wrong))
+                name = getattr(value, "key", value)
+                problem = (
+                    f"stage {self.name} has {name!r} as {description}, but must have a tuple, "
+                )
+                raise DeclarationError(locate(self.function, f"{problem}with a comma: (NAME,)"))
+        for output in self.outputs:
+            if not isinstance(output.unit, str):
+                problem = (
+                    f"stage {self.name}: {output.name} has unit={output.unit!r}, "
+                    "but must have a text"
+                )
+                raise DeclarationError(locate(self.function, problem))
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
-        """Names of the function's arguments, without those that keep their default.
+        """Names of the function's arguments, except arguments that keep their default.
 
-        A function of any arguments (`**values`) takes those of `reads`.
+        A function of any arguments (`**values`) takes the arguments in `reads`.
         """
         parameters = inspect.signature(self.function).parameters.values()
         takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
-        named = tuple(
+        names = tuple(
             parameter.name
             for parameter in parameters
             if parameter.kind not in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
@@ -231,13 +236,13 @@ class Stage:
                 or any(hasattr(group, parameter.name) for group in self.uses)
             )
         )
-        return named + tuple(name for name in self.reads if takes_any and name not in named)
+        return names + tuple(name for name in self.reads if takes_any and name not in names)
 
     def origin(self, output: Output) -> dict[str, Output]:
-        """Return by dimension the outputs that say where the arrays of `output` begin."""
-        firsts = {one.name: one for one in self.outputs if not one.dims}
-        named = {dim: firsts.get(f"{FIRST}{dim}") for dim in output.dims}
-        return {dim: first for dim, first in named.items() if first is not None}
+        """Return, by dimension, the output with the index at which arrays of `output` begin."""
+        firsts = {first.name: first for first in self.outputs if not first.dims}
+        origins = {dim: firsts.get(f"{FIRST}{dim}") for dim in output.dims}
+        return {dim: first for dim, first in origins.items() if first is not None}
 
     def has_fixed_shape(self, output: Output) -> bool:
         """Return whether arrays must have one shape in all cells."""
@@ -246,9 +251,11 @@ class Stage:
 
     @property
     def substitutions(self) -> dict[Setting, Setting]:
-        """Return settings that inputs take at the values of other settings."""
-        elsewhere = (read.settings for read in self.reads.values() if isinstance(read, At))
-        return {one: other for settings in elsewhere for one, other in settings.items()}
+        """Return the replacement of each setting that inputs read at another setting's value."""
+        mappings = (read.settings for read in self.reads.values() if isinstance(read, At))
+        return {
+            target: replacement for settings in mappings for target, replacement in settings.items()
+        }
 
     def stored_as(self, output: Output) -> tuple[str, str]:
         """Return the store's group of an output, empty if it is not stored, and its name there."""
@@ -269,13 +276,13 @@ class Stage:
 
     def check_value(self, value: Value) -> Value:
         """Return the result of a plain stage; raise DeclarationError if it cannot be in a key."""
-        for one in value if isinstance(value, tuple) else (value,):
-            if isinstance(one, tuple):
-                self.check_value(one)
-            elif type(one).__repr__ is object.__repr__ and not hasattr(one, "identity"):
+        for element in value if isinstance(value, tuple) else (value,):
+            if isinstance(element, tuple):
+                self.check_value(element)
+            elif type(element).__repr__ is object.__repr__ and not hasattr(element, "identity"):
                 raise DeclarationError(
-                    f"stage {self.name} returned {type(one).__name__!r}, but a plain stage must "
-                    "return a number, text, null, a tuple of them, or a value with an identity"
+                    f"stage {self.name} returned {type(element).__name__!r}, but a plain stage "
+                    "must return a number, text, null, a tuple of them, or a value with an identity"
                 )
         return value
 
@@ -308,10 +315,10 @@ class Table:
 
     group: str
     of: tuple[str, ...]
-    # (data set of each of them, ..., choices) -> data set, or None if there is nothing
+    # (data set of each group, ..., choices) -> data set, or None if it is empty
     make: Callable[..., xr.Dataset | None]
     when: Condition = always
-    displays: tuple[Display, ...] = ()  # tables shown of it; none: one of all its variables
+    displays: tuple[Display, ...] = ()  # tables that show it; by default one of all variables
 
 
 @dataclass(frozen=True)
@@ -343,7 +350,7 @@ class Experiment:
 
     @cached_property
     def declared(self) -> tuple[Setting, ...]:
-        """Every setting, including those of the engine."""
+        """Every setting, including the engine's."""
         engine = (setting for group in ENGINE_SETTINGS for setting in group.declared)
         return (*self.own_settings, *engine)
 
@@ -351,21 +358,21 @@ class Experiment:
     def own_settings(self) -> tuple[Setting, ...]:
         """Every setting of the experiment."""
         groups = (
-            (one,) if isinstance(one, Setting) else one.declared
-            for one in self.parts
-            if not isinstance(one, Stage | Table)
+            (part,) if isinstance(part, Setting) else part.declared
+            for part in self.parts
+            if not isinstance(part, Stage | Table)
         )
         return tuple(setting for group in groups for setting in group)
 
     @cached_property
     def stages(self) -> tuple[Stage, ...]:
         """Every stage."""
-        return tuple(one for one in self.parts if isinstance(one, Stage))
+        return tuple(part for part in self.parts if isinstance(part, Stage))
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
         """Every table."""
-        return tuple(one for one in self.parts if isinstance(one, Table))
+        return tuple(part for part in self.parts if isinstance(part, Table))
 
     @cached_property
     def by_key(self) -> dict[str, Setting]:
@@ -375,7 +382,7 @@ class Experiment:
     @cached_property
     def by_name(self) -> dict[str, Stage]:
         """Stages by their names."""
-        return {one.name: one for one in self.stages}
+        return {stage.name: stage for stage in self.stages}
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,16 +391,16 @@ class BoundStage:
 
     stage: Stage
     arguments: Mapping[str, Setting | BoundStage]
-    needs: tuple[str, ...]  # keys of settings that a cell depends on, through inputs, too; sorted
+    needs: tuple[str, ...]  # keys of settings that a cell depends on, also by its inputs; sorted
     inputs: tuple[BoundStage, ...]
     name: str
     random: bool  # whether it draws
     along: tuple[str, ...]  # keys of the axes that it computes together
-    gather: tuple[str, ...]  # and of those that it gathers
+    gather: tuple[str, ...]  # keys of the axes that it gathers
 
 
 def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, BoundStage]:
-    """Return stages by name with resolved arguments, every stage after those that it needs.
+    """Return stages by name with resolved arguments, every stage after its inputs.
 
     `joint` are the settings that run together in a sweep.
 
@@ -404,7 +411,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
     """
     bound: dict[str, BoundStage] = {}
     visiting: list[str] = []
-    together = {key: one.keys for one in joint if len(one.points) > 1 for key in one.keys}
+    together = {key: axis.keys for axis in joint if len(axis.points) > 1 for key in axis.keys}
 
     def visit(name: str) -> BoundStage:
         if name in visiting:
@@ -412,35 +419,39 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
         if name not in bound:
             visiting.append(name)
             declared = experiment.by_name[name]
-            named = [one for one in declared.arguments if one not in (RNG, VALID)]
-            arguments = {one: argument(declared, one) for one in named}
+            parameters = [
+                parameter for parameter in declared.arguments if parameter not in (RNG, VALID)
+            ]
+            arguments = {parameter: argument(declared, parameter) for parameter in parameters}
             bound[name] = _bind_stage(declared, arguments, together)
             visiting.pop()
         return bound[name]
 
     def argument(declared: Stage, name: str) -> Setting | BoundStage:
         """Return an argument's setting or stage: from `reads`, else the one of that name."""
-        what = f"stage {declared.name}: argument {name!r} is"
+        subject = f"stage {declared.name}: argument {name!r} is"
         source = declared.reads.get(name, name)
         source = source.stage if isinstance(source, At) else source
         settings = (getattr(group, name, None) for group in declared.uses if source == name)
-        setting = next((one for one in (source, *settings) if isinstance(one, Setting)), None)
+        setting = next(
+            (candidate for candidate in (source, *settings) if isinstance(candidate, Setting)), None
+        )
         if setting is not None:
             # A function may refine the setting of its name.
-            own = {declared.name, getattr(declared.function, "__name__", ""), *declared.reads}
-            if name in experiment.by_name.keys() - own:
+            own_names = {declared.name, getattr(declared.function, "__name__", ""), *declared.reads}
+            if name in experiment.by_name.keys() - own_names:
                 raise DeclarationError(
-                    f"{what} both the setting {setting.key} and a stage; rename one of them, or "
+                    f"{subject} both the setting {setting.key} and a stage; rename one of them, or "
                     "say which by reads"
                 )
             if setting.key not in experiment.by_key:
-                what = f"stage {declared.name}: setting {setting.key}"
-                raise DeclarationError(f"{what} is not in the experiment")
+                subject = f"stage {declared.name}: setting {setting.key}"
+                raise DeclarationError(f"{subject} is not in the experiment")
             return setting
         if source in experiment.by_name:
             return visit(source)
         groups = ", ".join(group.__name__ for group in declared.uses) or "the groups it uses"
-        sentence = f"{what} neither a setting of {groups} nor a stage"
+        sentence = f"{subject} neither a setting of {groups} nor a stage"
         raise DeclarationError(locate(declared.function, sentence))
 
     for declared in experiment.stages:
@@ -453,47 +464,49 @@ def _bind_stage(
     arguments: Mapping[str, Setting | BoundStage],
     together: Mapping[str, tuple[str, ...]],
 ) -> BoundStage:
-    inputs = tuple(one for one in arguments.values() if isinstance(one, BoundStage))
-    needs = {one.key for one in arguments.values() if isinstance(one, Setting)}
-    at = {one.key: other.key for one, other in declared.substitutions.items()}
+    inputs = tuple(source for source in arguments.values() if isinstance(source, BoundStage))
+    needs = {setting.key for setting in arguments.values() if isinstance(setting, Setting)}
+    replacements = {
+        target.key: replacement.key for target, replacement in declared.substitutions.items()
+    }
     for source in inputs:
-        taken = set(source.needs)
-        for key in at.keys() & source.needs:  # with all that runs together with it
-            taken.difference_update(together.get(key, (key,)))
-        needs.update(taken, (at[key] for key in at.keys() & source.needs))
+        keys = set(source.needs)
+        for key in replacements.keys() & source.needs:  # and the keys that run together with it
+            keys.difference_update(together.get(key, (key,)))
+        needs.update(keys, (replacements[key] for key in replacements.keys() & source.needs))
     if RNG in declared.arguments:
         needs.add(Run.seed.key)
         stream = declared.stream or Stream(())
         needs.update(setting.key for setting in (*stream.settings, *stream.optional))
     along = tuple(setting.key for setting in declared.along)
     gather = tuple(setting.key for setting in declared.gather)
-    whole = {*along, *gather}
-    if missing := whole - needs:
-        wrong = _unneeded_message(declared.name, missing, inputs)
-        raise DeclarationError(locate(declared.function, wrong))
+    whole_axes = {*along, *gather}
+    if missing := whole_axes - needs:
+        message = _unneeded_message(declared.name, missing, inputs)
+        raise DeclarationError(locate(declared.function, message))
     for source in inputs:
-        if not source.stage.is_cached and (wanted := whole & set(source.needs)):
+        if not source.stage.is_cached and (shared := whole_axes & set(source.needs)):
             raise DeclarationError(
                 f"stage {declared.name}: {source.name} is not kept on disk, so it cannot depend on "
-                f"{', '.join(sorted(wanted))}, which {declared.name} needs together"
+                f"{', '.join(sorted(shared))}, which {declared.name} needs together"
             )
-    own = tuple(sorted(needs.difference(gather)))
+    cell_needs = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
-    return BoundStage(declared, arguments, own, inputs, declared.name, random, along, gather)
+    return BoundStage(declared, arguments, cell_needs, inputs, declared.name, random, along, gather)
 
 
 def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundStage]) -> str:
     """Return the message that no input of a stage depends on some axes that it takes whole."""
     listed = ", ".join(sorted(keys))
-    upstream = (one for source in inputs for one in (source, *source.inputs) if one.random)
-    drawn = next((one.name for one in upstream), "")
-    hint = f"; if {drawn}, which takes rng, is to draw anew for each, name the settings of its"
-    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawn)
+    upstream = (bound for source in inputs for bound in (source, *source.inputs) if bound.random)
+    drawing = next((bound.name for bound in upstream), "")
+    hint = f"; if {drawing}, which takes rng, is to draw anew for each, name the settings of its"
+    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawing)
     return f"stage {name} does not need {listed}{stream}"
 
 
 def value_token(value: Value) -> str:
-    """Return the text of a value in a key, different for different values."""
+    """Return the text of a value in a key; distinct values have distinct texts."""
     identity = getattr(value, "identity", None)
     return repr(value) if identity is None else f"={identity!r}"
 
@@ -507,9 +520,9 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
     A mistake may follow from an earlier one.
     """
     settings, stages = experiment.declared, experiment.stages
-    keys = [one.key for one in settings]
+    keys = [setting.key for setting in settings]
     yield from _duplicates(keys, "settings")
-    yield from _duplicates((one.name for one in stages), "stages")
+    yield from _duplicates((stage.name for stage in stages), "stages")
     outputs = [
         "/".join(stage.stored_as(output))
         for stage in stages
@@ -517,7 +530,7 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
         if stage.stored_as(output)[0]
     ]
     states = {stage.group.status or stage: None for stage in stages if _has_state(stage)}
-    outputs += [f"{STATUS}/{one.name}" for one in states]
+    outputs += [f"{STATUS}/{state.name}" for state in states]
     yield from _duplicates(outputs, "outputs of a group of the store")
     for setting in settings:
         yield from _bad_name(f"setting {setting.key}", setting.name)
@@ -536,7 +549,7 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
 
 def _has_state(stage: Stage) -> bool:
     """Return whether the store has a state of a stage that the stage itself does not return."""
-    stored = any(one.is_stored and one.role != COORDINATE for one in stage.outputs)
+    stored = any(output.is_stored and output.role != COORDINATE for output in stage.outputs)
     status = stage.group.status
     return bool(stage.group.path) and stored and (status is None or bool(status.over))
 
@@ -556,69 +569,73 @@ def _name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> 
         for setting in (in_stores[key] for key in bound.needs if key in in_stores):
             axes[group, bound.stage.group.names.get(setting) or setting.name] = setting.key
     for bound, output, group in stored:
-        what = f"stage {bound.name}: {output.name}"
+        subject = f"stage {bound.name}: {output.name}"
         if (key := axes.get((group, output.name))) is not None:
-            yield f"{what} is named like the setting {key}; rename one of them"
+            yield f"{subject} is named like the setting {key}; rename one of them"
         if (group, output.name) in dims and output.dims != (output.name,):
-            yield f"{what} is named like a dimension of its group"
+            yield f"{subject} is named like a dimension of its group"
         for key in (axes[group, dim] for dim in output.dims if (group, dim) in axes):
             if key not in bound.gather:
-                how = f"has a dimension named like the setting {key}"
-                yield f"{what} {how}, which the stage does not gather; rename one of them"
+                clash = f"has a dimension named like the setting {key}"
+                yield f"{subject} {clash}, which the stage does not gather; rename one of them"
 
 
 def _stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
-    what, status = f"stage {stage.name}", stage.group.status
-    yield from _bad_name(what, stage.name)
-    yield from _duplicates((one.name for one in stage.outputs), f"outputs of {what}")
+    subject, status = f"stage {stage.name}", stage.group.status
+    yield from _bad_name(subject, stage.name)
+    yield from _duplicates((output.name for output in stage.outputs), f"outputs of {subject}")
     if stage.group.path:
-        yield from _bad_group(what, stage.group.path)
+        yield from _bad_group(subject, stage.group.path)
     if stage.group.path == STATUS and _has_state(stage):
-        yield f"{what} is in the group {STATUS!r}, which has states of cells; give it another one"
+        yield (
+            f"{subject} is in the group {STATUS!r}, which has states of cells; give it another one"
+        )
     for output in stage.outputs:
         for name in (output.name, *output.dims):
-            yield from _bad_name(what, name)
-        yield from _bad_dtype(f"{what}: {output.name}", output, stage.stored_as(output)[0])
+            yield from _bad_name(subject, name)
+        yield from _bad_dtype(f"{subject}: {output.name}", output, stage.stored_as(output)[0])
     stream = stage.stream or Stream(())
-    named = (*stage.along, *stage.gather, *chain.from_iterable(stage.substitutions.items()))
-    named += (*stage.group.names, *(status.over if status else ()))
-    named += (*stream.settings, *stream.optional)
-    yield from _unknown(f"{what}: setting", [one.key for one in named], keys)
+    settings = (*stage.along, *stage.gather, *chain.from_iterable(stage.substitutions.items()))
+    settings += (*stage.group.names, *(status.over if status else ()))
+    settings += (*stream.settings, *stream.optional)
+    yield from _unknown(f"{subject}: setting", [setting.key for setting in settings], keys)
     if stage.stream is not None and RNG not in stage.arguments:
-        yield f"{what} has a stream, but its function does not take {RNG}"
+        yield f"{subject} has a stream, but its function does not take {RNG}"
     if VALID in stage.arguments and not stage.gather:
-        yield f"{what} takes {VALID}, but gathers nothing"
+        yield f"{subject} takes {VALID}, but gathers nothing"
 
 
-def _bad_dtype(what: str, output: Output, stored: Any) -> Iterator[str]:
+def _bad_dtype(subject: str, output: Output, stored: Any) -> Iterator[str]:
     dtype = output.dtype
     try:
-        found = np.dtype(dtype)
+        numpy_dtype = np.dtype(dtype)
     except TypeError:
-        yield f"{what} has the dtype {dtype!r}, unknown to numpy"
+        yield f"{subject} has the dtype {dtype!r}, unknown to numpy"
         return
-    if not is_storable(found) and (stored or found.hasobject or found.names or found.subdtype):
+    if not is_storable(numpy_dtype) and (
+        stored or numpy_dtype.hasobject or numpy_dtype.names or numpy_dtype.subdtype
+    ):
         allowed = "numbers of at most 8 bytes (complex 16), M8[ns], truth values or texts of "
         allowed += "fixed width"
-        yield f"{what} has the dtype {dtype!r}, but must have one of {allowed}"
-    elif output.role == SHARE and not (found.kind == "u" and found.itemsize < 8):
-        yield f"{what} has the dtype {dtype!r}, but a share must have one of u1, u2, u4"
+        yield f"{subject} has the dtype {dtype!r}, but must have one of {allowed}"
+    elif output.role == SHARE and not (numpy_dtype.kind == "u" and numpy_dtype.itemsize < 8):
+        yield f"{subject} has the dtype {dtype!r}, but a share must have one of u1, u2, u4"
 
 
-def _bad_name(what: str, name: str) -> Iterator[str]:
+def _bad_name(subject: str, name: str) -> Iterator[str]:
     if not name or "/" in name or name.startswith((".", "__")):
         allowed = "a name must not be empty, have '/', or begin with '.' or '__'"
-        yield f"{what} has the name {name!r}, but {allowed}"
+        yield f"{subject} has the name {name!r}, but {allowed}"
 
 
-def _bad_group(what: str, path: str) -> Iterator[str]:
+def _bad_group(subject: str, path: str) -> Iterator[str]:
     for name in path.split("/"):
-        yield from _bad_name(f"{what} in group {path!r}", name)
+        yield from _bad_name(f"{subject} in group {path!r}", name)
 
 
-def _unknown(what: str, names: Iterable[str], known: Collection[str]) -> Iterator[str]:
-    return (f"{what} {name} is not in the experiment" for name in names if name not in known)
+def _unknown(subject: str, names: Iterable[str], known: Collection[str]) -> Iterator[str]:
+    return (f"{subject} {name} is not in the experiment" for name in names if name not in known)
 
 
-def _duplicates(names: Iterable[str], what: str) -> Iterator[str]:
-    return (f"two {what} have the name {name}" for name, n in Counter(names).items() if n > 1)
+def _duplicates(names: Iterable[str], kind: str) -> Iterator[str]:
+    return (f"two {kind} have the name {name}" for name, n in Counter(names).items() if n > 1)

@@ -16,31 +16,31 @@ NAT = np.iinfo(np.int64).min
 
 def is_storable(dtype: np.dtype[Any]) -> bool:
     """Return whether a store can hold numbers, texts or times of a dtype."""
-    plain = not (dtype.hasobject or dtype.names or dtype.subdtype)
-    number = dtype.kind in "biufc" and dtype.itemsize <= (16 if dtype.kind == "c" else 8)
-    return plain and (dtype.kind == "U" or number or dtype == DATES)
+    is_plain = not (dtype.hasobject or dtype.names or dtype.subdtype)
+    is_number = dtype.kind in "biufc" and dtype.itemsize <= (16 if dtype.kind == "c" else 8)
+    return is_plain and (dtype.kind == "U" or is_number or dtype == DATES)
 
 
 def encode_attrs(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[int | float]]:
-    """Return attributes as texts, numbers and lists of numbers; all others as JSON text.
+    """Return attributes as texts, numbers and lists of numbers; others as JSON text.
 
     NetCDF files have no mappings, truth values, nulls, lists of texts or empty lists. Raises
     TypeError if JSON cannot hold a value.
     """
     write = partial(json.dumps, ensure_ascii=False, default=_from_numpy)
     texts = {name: write(value) for name, value in attributes.items()}
-    given = {name: json.loads(text) for name, text in texts.items()}
-    return {name: value if _is_native(value) else texts[name] for name, value in given.items()}
+    values = {name: json.loads(text) for name, text in texts.items()}
+    return {name: value if _is_native(value) else texts[name] for name, value in values.items()}
 
 
 def decode_attrs(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return attributes with mappings and lists decoded from JSON."""
-    found = dict(attributes)
-    for name, value in found.items():
+    decoded = dict(attributes)
+    for name, value in decoded.items():
         if isinstance(value, str) and value.startswith(("{", "[")):
             with suppress(ValueError):  # a text that only begins like one
-                found[name] = json.loads(value)
-    return found
+                decoded[name] = json.loads(value)
+    return decoded
 
 
 def _is_native(value: Any) -> bool:
@@ -52,7 +52,7 @@ def _is_native(value: Any) -> bool:
 
 
 def _from_numpy(value: Any) -> Any:
-    """Return a value of numpy as one that JSON knows."""
+    """Return a value of numpy as a value that JSON knows."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{value!r} cannot be an attribute")

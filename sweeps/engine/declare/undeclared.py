@@ -1,7 +1,7 @@
 """Outputs of a function that declares none, inferred from its results.
 
-Dimensions and attributes of a result are stored as JSON in the name of an empty array, which a pack
-has once for all cells of equal layout.
+Dimensions and attributes of a result are stored as JSON in the name of an empty array, once in a
+pack for all cells of equal layout.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from sweeps.engine.declare.stage import COORDINATE, RESULT, Output
 from sweeps.engine.declare.storable import DATES, encode_attrs
 
 META = "/"  # before the JSON, since no variable's name has it
-# Attributes that say how values are stored, which the store says itself.
+# Attributes of the encoding of values, which the store sets itself.
 ENCODING = {"_FillValue", "missing_value", "scale_factor", "add_offset", "dtype", "coordinates"}
 FLOAT, COMPLEX = "f8", "c16"
-PADDING = "padding"  # an attribute: along which dimensions calls returned different numbers
+PADDING = "padding"  # attribute with the dimensions along which arrays were padded
 
 Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
 """Names, dtypes and shapes of the arrays of a cell."""
@@ -39,13 +39,15 @@ class Undeclared(Output):
     pad: complex | str | None = np.nan
     infer_dtype: bool = True  # each variable keeps its dtype; numbers become f8 or c16
     names: tuple[str, ...] = ()  # of the elements of a tuple
-    dims_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # where not `dims`
+    dims_of: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # if they differ from `dims`
     reserved: frozenset[str] = frozenset()  # names of arguments and of their dimensions
     about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # attributes by variable
 
     @cached_property
     def variables(self) -> dict[Any, Output]:
-        """Variables that were met, by their names, dimensions and dtypes."""
+        """Outputs of the variables so far, by their names, dimensions and dtypes."""
         return {}
 
     @cached_property
@@ -56,8 +58,8 @@ class Undeclared(Output):
     @property
     def identity(self) -> tuple[Any, ...]:
         """See `Output.identity`."""
-        own = (self.infer_dtype, self.names, self.dims, sorted(self.dims_of.items()))
-        return *super().identity, *own
+        options = (self.infer_dtype, self.names, self.dims, sorted(self.dims_of.items()))
+        return *super().identity, *options
 
 
 class Variable(NamedTuple):
@@ -75,22 +77,24 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
     Raises TypeError, in a sentence, for impossible names.
     """
     declared: list[tuple[Output, Any]] = []
-    about: dict[str, Any] = {}
-    own = output.names[0] if len(output.names) == 1 else output.name
-    for name, one in _variables(own, output.names, found, output.name):
-        values = _array(f"{output.name} returned the variable {name!r}", one.values)
-        if one.coordinate and not values.ndim and name in output.reserved:
-            continue  # an argument that came back
-        key = (name, one.dims, one.coordinate, values.dtype, values.ndim)
+    metadata: dict[str, Any] = {}
+    single_name = output.names[0] if len(output.names) == 1 else output.name
+    for name, returned in _variables(single_name, output.names, found, output.name):
+        values = _array(f"{output.name} returned the variable {name!r}", returned.values)
+        if returned.coordinate and not values.ndim and name in output.reserved:
+            continue  # an argument that the function returned
+        key = (name, returned.dims, returned.coordinate, values.dtype, values.ndim)
         if (variable := output.variables.get(key)) is None:
             variable = output.variables[key] = _declared(output, *key)
         # Only times and texts are converted: others may have a mask.
-        declared.append((variable, values if values.dtype.kind in "MU" else one.values))
-        if variable.dims or one.attrs or one.coordinate:
-            given = {key: value for key, value in one.attrs.items() if key not in ENCODING}
-            attrs = encode_attrs(given)
-            about[name] = [variable.dims, attrs, one.coordinate]
-    return declared, f"{META}{json.dumps(about)}" if about else ""
+        declared.append((variable, values if values.dtype.kind in "MU" else returned.values))
+        if variable.dims or returned.attrs or returned.coordinate:
+            stored_attrs = {
+                key: value for key, value in returned.attrs.items() if key not in ENCODING
+            }
+            attrs = encode_attrs(stored_attrs)
+            metadata[name] = [variable.dims, attrs, returned.coordinate]
+    return declared, f"{META}{json.dumps(metadata)}" if metadata else ""
 
 
 def _declared(
@@ -102,16 +106,16 @@ def _declared(
     ndim: int,
 ) -> Output:
     """Return the output of a variable."""
-    what = f"{output.name} returned the variable {name!r}"
+    subject = f"{output.name} returned the variable {name!r}"
     if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
-        raise TypeError(f"{what}, but a name is a text without '/' that begins with a letter")
+        raise TypeError(f"{subject}, but a name is a text without '/' that begins with a letter")
     if dims is None:
         dims = output.dims_of.get(name) or (output.dims if ndim else ())
         dims = dims or tuple(f"{name}_{k}" for k in range(ndim))
-    if wrong := output.reserved.intersection((name, *dims)):
-        raise TypeError(f"{what}, but {min(wrong)!r} is the name of an argument")
+    if clashing := output.reserved.intersection((name, *dims)):
+        raise TypeError(f"{subject}, but {min(clashing)!r} is the name of an argument")
     if name in dims and not coordinate:
-        raise TypeError(f"{what} along a dimension of that name; rename one of them")
+        raise TypeError(f"{subject} along a dimension of that name; rename one of them")
     stored = output.dtype
     if (output.infer_dtype or coordinate) and dtype.kind == "c":
         stored = COMPLEX
@@ -121,97 +125,101 @@ def _declared(
 
 
 def _variables(
-    name: Any, names: Sequence[str], found: Any, about: str
+    name: Any, names: Sequence[str], result: Any, function_name: str
 ) -> Iterator[tuple[Any, Variable]]:
-    """Yield the variables of a result by name; `names` are those of a tuple's elements."""
-    if hasattr(found, "to_xarray"):  # a frame or series of pandas
-        found = found.to_xarray()
-    if hasattr(found, "coords") and not hasattr(found, "data_vars"):  # a data array
-        found = found.to_dataset(name=name)
-    if hasattr(found, "data_vars"):
-        for one, values in found.variables.items():
-            yield one, Variable(values.values, values.dims, values.attrs, one in found.coords)
-    elif isinstance(found, Mapping):
-        for one, values in found.items():
-            yield from _variables(one, (), values, about)
+    """Yield the variables of a result by name; `names` name the elements of a tuple."""
+    if hasattr(result, "to_xarray"):  # a frame or series of pandas
+        result = result.to_xarray()
+    if hasattr(result, "coords") and not hasattr(result, "data_vars"):  # a data array
+        result = result.to_dataset(name=name)
+    if hasattr(result, "data_vars"):
+        for key, values in result.variables.items():
+            yield key, Variable(values.values, values.dims, values.attrs, key in result.coords)
+    elif isinstance(result, Mapping):
+        for key, values in result.items():
+            yield from _variables(key, (), values, function_name)
     elif len(names) > 1:
-        several = isinstance(found, tuple | list)
-        if not several or len(found) != len(names):
-            given = f"{len(found)} values" if several else repr(found)
-            raise TypeError(f"{about} returned {given}, but must return {', '.join(names)}")
-        for one, values in zip(names, found, strict=True):
-            yield from _variables(one, (), values, about)
+        several = isinstance(result, tuple | list)
+        if not several or len(result) != len(names):
+            returned = f"{len(result)} values" if several else repr(result)
+            raise TypeError(
+                f"{function_name} returned {returned}, but must return {', '.join(names)}"
+            )
+        for key, values in zip(names, result, strict=True):
+            yield from _variables(key, (), values, function_name)
     else:
-        yield name, Variable(found)
+        yield name, Variable(result)
 
 
-def _array(what: str, given: Any) -> NDArray[Any]:
-    """Return values as an array: times as `DATES`, texts of any type as numpy's."""
+def _array(subject: str, values: Any) -> NDArray[Any]:
+    """Return values as an array: times as `DATES`, texts of any type as texts of numpy."""
     try:
-        array = np.asarray(given)
+        array = np.asarray(values)
     except ValueError:
-        raise TypeError(f"{what}, whose rows have different lengths") from None
+        raise TypeError(f"{subject}, whose rows have different lengths") from None
     objects = array.ravel().tolist() if array.dtype.kind == "O" else []
-    dates = objects if objects and all(isinstance(one, datetime) for one in objects) else []
+    dates = objects if objects and all(isinstance(value, datetime) for value in objects) else []
     if array.dtype.kind == "M":
         dates = list(array[~np.isnat(array)].ravel())
     if array.dtype.kind == "M" or dates:
         kind = Date("" if objects else np.datetime_data(array.dtype)[0])
-        if wrong := [one for one in dates if not kind.holds(one)]:
-            raise TypeError(f"{what} with {wrong[0]!r}, but it must be {kind.allowed}")
+        if invalid := [value for value in dates if not kind.holds(value)]:
+            raise TypeError(f"{subject} with {invalid[0]!r}, but it must be {kind.allowed}")
         return array.astype(DATES)
-    if array.dtype.kind in "TU" or (objects and all(isinstance(one, str) for one in objects)):
+    if array.dtype.kind in "TU" or (objects and all(isinstance(value, str) for value in objects)):
         texts = array.astype(str)
         return texts.astype(f"U{max(texts.itemsize // 4, 1)}")
     return array
 
 
 def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
-    """Infer outputs from the layouts of results; attributes are those of the first.
+    """Infer outputs from the layouts of results, with the attributes of the first result.
 
     Raises DeclarationError if results of a variable do not fit together.
     """
-    first: dict[str, tuple[tuple[str, ...], Any, bool]] = {}
+    declarations: dict[str, tuple[tuple[str, ...], Any, bool]] = {}
     shapes: dict[str, list[tuple[np.dtype[Any], tuple[int, ...]]]] = defaultdict(list)
     lengths: dict[str, set[int]] = defaultdict(set)
     for layout in layouts:
         texts = (name[len(META) :] for name, *_ in layout if name.startswith(META))
-        about = {name: one for text in texts for name, one in json.loads(text).items()}
+        metadata = {name: entry for text in texts for name, entry in json.loads(text).items()}
         for name, dtype, shape in layout:
             if name.startswith(META):
                 continue
-            dims, attrs, coordinate = about.get(name, ((), {}, False))
-            known = first.setdefault(name, (tuple(dims), attrs, coordinate))
+            dims, attrs, coordinate = metadata.get(name, ((), {}, False))
+            earlier = declarations.setdefault(name, (tuple(dims), attrs, coordinate))
             shapes[name].append((np.dtype(dtype), shape))
-            if known[0] != tuple(dims) or _kind(shapes[name][0][0]) != _kind(shapes[name][-1][0]):
-                both = (shapes[name][0], shapes[name][-1])
-                ways = [f"{_kind(one)} {list(at)}" for one, at in both]
+            if earlier[0] != tuple(dims) or _kind(shapes[name][0][0]) != _kind(shapes[name][-1][0]):
+                conflicting = (shapes[name][0], shapes[name][-1])
+                forms = [f"{_kind(dtype)} {list(shape)}" for dtype, shape in conflicting]
                 raise DeclarationError(
-                    f"{output.name} returned {name} as {' and as '.join(ways)} for different "
+                    f"{output.name} returned {name} as {' and as '.join(forms)} for different "
                     "arguments, which one variable cannot be"
                 )
             for dim, size in zip(dims, shape, strict=True):
                 lengths[dim].add(size)
-    found: list[Output] = []
-    for name, (dims, given, coordinate) in first.items():
-        attrs = {**given, **output.about.get(name, {})}
+    outputs: list[Output] = []
+    for name, (dims, returned_attrs, coordinate) in declarations.items():
+        attrs = {**returned_attrs, **output.about.get(name, {})}
         dtype = np.result_type(*(dtype for dtype, _ in shapes[name]))
         uneven = [dim for dim in dims if len(lengths[dim]) > 1]
         spans = [f"{dim} ({min(lengths[dim])} to {max(lengths[dim])} values)" for dim in uneven]
         label, unit = str(attrs.pop("long_name", name)), str(attrs.pop("units", "1"))
         role = COORDINATE if coordinate else RESULT
-        one = Output(name, dims, dtype.str, label, unit, role=role, attrs=attrs)
+        variable = Output(name, dims, dtype.str, label, unit, role=role, attrs=attrs)
         if uneven or len(shapes[name]) < len(layouts):
-            one = replace(one, pad=one.fill_value)
+            variable = replace(variable, pad=variable.fill_value)
         if uneven and not coordinate:
-            nothing = "NaN" if one.fill_value != one.fill_value else repr(one.fill_value)
+            nothing = (
+                "NaN" if variable.fill_value != variable.fill_value else repr(variable.fill_value)
+            )
             attrs[PADDING] = f"with {nothing} along {', '.join(spans)}"
-        found.append(one)
-    for name in () if found else output.names or (output.name,):
-        own = output.about.get(name, {})
-        label, unit = own.get("long_name", name), own.get("units", "1")
-        found.append(Output(name, (), FLOAT, label, unit))
-    return found
+        outputs.append(variable)
+    for name in () if outputs else output.names or (output.name,):
+        declared_attrs = output.about.get(name, {})
+        label, unit = declared_attrs.get("long_name", name), declared_attrs.get("units", "1")
+        outputs.append(Output(name, (), FLOAT, label, unit))
+    return outputs
 
 
 def _kind(dtype: np.dtype[Any]) -> str:
@@ -221,16 +229,16 @@ def _kind(dtype: np.dtype[Any]) -> str:
 def longest_arrays(
     cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]
 ) -> dict[str, Any]:
-    """Return by name the longest array of cells, or None unless all others are its beginning."""
-    found: dict[str, Any] = {}
+    """Return, by name, the longest array of cells, or None if another is not its beginning."""
+    longest: dict[str, Any] = {}
     for arrays in cells:
         for name in arrays.keys() & set(names):
-            one = arrays[name]
-            longest = found.setdefault(name, one)
-            if longest is None:
+            array = arrays[name]
+            previous = longest.setdefault(name, array)
+            if previous is None:
                 continue
-            short, long = sorted((one, longest), key=lambda array: array.size)
-            inside = long[tuple(map(slice, short.shape))]
-            agrees = np.array_equal(inside, short, equal_nan=short.dtype.kind in "fc")
-            found[name] = long if agrees else None
-    return found
+            short, long = sorted((array, previous), key=lambda array: array.size)
+            beginning = long[tuple(map(slice, short.shape))]
+            agrees = np.array_equal(beginning, short, equal_nan=short.dtype.kind in "fc")
+            longest[name] = long if agrees else None
+    return longest

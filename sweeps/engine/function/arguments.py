@@ -40,9 +40,9 @@ class Argument(Setting):
 def read_values(
     function: str, values: Any, attrs: Mapping[str, Mapping[str, Any]]
 ) -> tuple[list[Argument], tuple[Joint, ...]]:
-    """Return the settings of some values, and those that run together.
+    """Return the settings of some values, and the joint axes of settings that run together.
 
-    Of a data set, variables that share a dimension run together; scalars are fixed.
+    Variables of a data set that share a dimension run together; its scalars are fixed.
 
     Raises
     ------
@@ -57,10 +57,10 @@ def read_values(
     if hasattr(values, "data_vars"):
         return _read_dataset(function, values, attrs)
     settings = []
-    for name, given in values.items():
-        listed = _as_list(name, given)
-        about = {**getattr(given, "attrs", {}), **attrs.get(name, {})}
-        settings.append(_argument(function, name, listed, about))
+    for name, argument_values in values.items():
+        listed = _as_list(name, argument_values)
+        attributes = {**getattr(argument_values, "attrs", {}), **attrs.get(name, {})}
+        settings.append(_argument(function, name, listed, attributes))
     return settings, ()
 
 
@@ -70,50 +70,54 @@ def _read_dataset(
     settings: dict[str, list[Argument]] = {str(dim): [] for dim in values.dims}
     points: dict[str, list[list[Value]]] = {str(dim): [] for dim in values.dims}
     fixed: list[Argument] = []
-    for name, one in values.variables.items():
-        about = {**one.attrs, **attrs.get(name, {})}
-        if one.ndim > 1:
-            has = f"the dimensions {', '.join(map(str, one.dims))}"
+    for name, variable in values.variables.items():
+        attributes = {**variable.attrs, **attrs.get(name, {})}
+        if variable.ndim > 1:
+            has = f"the dimensions {', '.join(map(str, variable.dims))}"
             raise ConfigurationError(f"values[{name!r}] has {has}, but must have one or none")
-        listed = _as_list(name, np.atleast_1d(one.values))
-        if one.ndim:
-            dim, distinct = str(one.dims[0]), list(dict.fromkeys(listed))
-            settings[dim].append(_argument(function, name, distinct, about))
+        listed = _as_list(name, np.atleast_1d(variable.values))
+        if variable.ndim:
+            dim, distinct = str(variable.dims[0]), list(dict.fromkeys(listed))
+            settings[dim].append(_argument(function, name, distinct, attributes))
             kind = settings[dim][-1].kind
             points[dim].append([kind.values(name, value)[0] for value in listed])
         else:
-            fixed.append(_argument(function, name, listed, about, single=COORDINATE))
+            fixed.append(_argument(function, name, listed, attributes, single=COORDINATE))
     joint = [
         Joint(
             dim,
-            tuple(one.key for one in of),
+            tuple(argument.key for argument in arguments),
             tuple(zip(*points[dim], strict=True)),
             unlabelled=True,
         )
-        for dim, of in settings.items()
-        if of
+        for dim, arguments in settings.items()
+        if arguments
     ]
-    return [*(one for of in settings.values() for one in of), *fixed], tuple(joint)
+    return [
+        *(argument for arguments in settings.values() for argument in arguments),
+        *fixed,
+    ], tuple(joint)
 
 
-def _as_list(name: str, given: Any) -> list[Any]:
-    """Return values of an argument as Python's, or times of numpy."""
-    what = f"values[{name!r}]"
-    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
-        several = f"{{{name!r}: [{_python_text(given)}]}}"
+def _as_list(name: str, values: Any) -> list[Any]:
+    """Return the values of an argument as Python values, or as times of numpy."""
+    subject = f"values[{name!r}]"
+    if isinstance(values, str | bytes | Mapping) or not isinstance(values, Iterable):
+        example = f"{{{name!r}: [{_python_text(values)}]}}"
         raise ConfigurationError(
-            f"{what} is {_short_text(given)}, but must be a list of values; one alone is {several}"
+            f"{subject} is {_short_text(values)}, but must be a list of values; one alone is "
+            f"{example}"
         )
-    if (ndim := getattr(given, "ndim", 1)) != 1:
-        raise ConfigurationError(f"{what} is an array of {ndim} dimensions, but must have one")
-    listed = [_as_python(one) for one in given]
-    if all(isinstance(one, np.datetime64) for one in listed):
-        listed = list(np.array(listed))  # of one unit
+    if (ndim := getattr(values, "ndim", 1)) != 1:
+        raise ConfigurationError(f"{subject} is an array of {ndim} dimensions, but must have one")
+    listed = [_as_python(value) for value in values]
+    if all(isinstance(value, np.datetime64) for value in listed):
+        listed = list(np.array(listed))  # in one unit
     return listed
 
 
 def _as_python(value: Any) -> Any:
-    """Return one value as Python has it, but times of numpy as they are."""
+    """Return a value as a Python value; times of numpy stay as they are."""
     if hasattr(value, "to_datetime64"):  # of pandas
         return value.to_datetime64()
     value = getattr(value, "values", value)  # of a data array
@@ -123,32 +127,40 @@ def _as_python(value: Any) -> Any:
 
 
 def _argument(
-    function: str, name: str, listed: list[Any], about: Mapping[str, Any], single: str = DIMENSION
+    function: str,
+    name: str,
+    listed: list[Any],
+    attributes: Mapping[str, Any],
+    single: str = DIMENSION,
 ) -> Argument:
-    """Return the setting of an argument, whose default are its values."""
+    """Return the setting of an argument, with its values as default."""
     kind = _kind(listed)
-    what = f"values[{name!r}]"
+    subject = f"values[{name!r}]"
     try:
         for value in listed:
             if not kind.holds(value):
                 allowed = f"every value must be {kind.allowed}"
-                raise ValueError(f"{what} has {_short_text(value)}, but {allowed}")
-        ascending(what, listed)
+                raise ValueError(f"{subject} has {_short_text(value)}, but {allowed}")
+        ascending(subject, listed)
     except ValueError as error:
         raise ConfigurationError(str(error)) from None
-    attrs = dict(about)
+    attrs = dict(attributes)
     label, unit = str(attrs.pop("long_name", name)), str(attrs.pop("units", "1"))
     key = f"{function}.{name}"
     return Argument(kind, listed, label, unit, single=single, key=key, about=attrs)
 
 
 def _kind(listed: list[Any]) -> Kind:
-    """Return the kind of values that are all of one type; else numbers."""
-    if listed and all(isinstance(one, np.datetime64) for one in listed):
+    """Return the kind of values that have one type; else numbers."""
+    if listed and all(isinstance(value, np.datetime64) for value in listed):
         return Date(np.datetime_data(listed[0].dtype)[0])
     numbers = Count(low=LOWEST, high=HIGHEST)
     kinds: dict[type, Kind] = {bool: Switch(), int: numbers, str: Text(), datetime: Date()}
-    fitting = (kind for of, kind in kinds.items() if all(isinstance(one, of) for one in listed))
+    fitting = (
+        kind
+        for value_type, kind in kinds.items()
+        if all(isinstance(value, value_type) for value in listed)
+    )
     return next(fitting, Number())
 
 

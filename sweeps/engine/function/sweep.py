@@ -61,27 +61,27 @@ def sweep(
     >>> found.area.sel(width=2, height=3).item()
     6.0
 
-    What was computed before, in this or another process, is not computed again: a sweep that was
-    interrupted is resumed, and one of more values extends its store. It runs from a script, a
-    notebook or a prompt, and shows its progress in a terminal or notebook.
+    Earlier results, of this or another process, are reused: an interrupted sweep resumes, and a
+    sweep with more values extends its store. It runs from a script, a notebook or a prompt, and
+    shows its progress in a terminal or notebook.
 
     Parameters
     ----------
     function : callable
-        Its arguments are those named in `values`, others with a default, and `rng`, a
-        generator of random numbers of its own for each combination. A lambda, a method, a
-        `functools.partial`, a decorated function and one of a notebook are as good as any.
+        Its arguments are the names in `values`, others with a default, and `rng`, a generator of
+        random numbers, independent for each combination. Lambdas, methods, `functools.partial`,
+        decorated functions and functions of a notebook work, too.
     values : mapping of str to iterable, or Dataset
         Values of each argument: numbers, whole numbers, texts, truth values or times (`datetime`,
-        or numpy's). Of a data set, variables that share a dimension run together, those of
-        different ones are combined, and scalars are fixed; the result has its coordinates.
+        or numpy's). Variables of a data set that share a dimension run together, different
+        dimensions are combined, and scalars are fixed; the result has its coordinates.
     store : path
         Folder of the store, in zarr's format, or URL of a bucket such as 's3://bucket/x.zarr'.
     outputs : tuple of str
         Names of the elements of a tuple that the function returns.
     dims : tuple of str, or mapping of str to them
-        Names of the dimensions of arrays that the function returns, or of each by its name. Arrays
-        of different length are padded with NaN.
+        Names of the dimensions of arrays that the function returns, or of each array by its name.
+        Arrays of different length are padded with NaN.
     attrs : mapping of str to mapping
         Attributes, such as units, of results and arguments by name.
     dtype : str
@@ -92,47 +92,46 @@ def sweep(
         `inline`, this process, or `local`, a process on every core; a script that uses these
         begins its work under ``if __name__ == "__main__":``.
     cache : path, optional
-        Place of finished results; the user's cache folder when not given. A store grows by what
-        this has.
+        Place of finished results; the user's cache folder when not given. A growing store takes
+        earlier results from it.
     version : str
-        Counts instead of the function's code, if it is given: change it when results change.
+        Replaces the function's code in the keys of results: change it when results change.
     dry_run : bool
-        Whether to print only what would be computed and reused, and the estimated time.
+        Whether to only print the numbers of results to compute and reuse, and the estimated time.
 
     Returns
     -------
     Dataset
         In memory, with a dimension for each argument. A number or array is one variable, named
         after the function; a mapping, a data set or data array (with its dimensions, coordinates
-        and attributes) and a tuple with `outputs` are several. Missing where calls failed. Empty
-        after a dry run, whose numbers are its attributes.
+        and attributes) and a tuple with `outputs` are several. Results of failed calls are missing.
+        After a dry run, the data set is empty and has the numbers as attributes.
 
     Raises
     ------
     ConfigurationError
-        If a value, an argument or the store cannot be used, or the function holds what has no
+        If a value, an argument or the store cannot be used, or the function holds an object without
         content to compare, such as an open file. Nothing was called.
     DeclarationError
-        If results do not fit together, such as a text for one value and a number for another.
+        If results are inconsistent, such as a text for one value and a number for another.
 
     Warns
     -----
     CallsFailed
-        If some calls failed, with their arguments and the first traceback. All others are in the
-        store, and these are tried again next time.
+        If some calls failed, with their arguments and the first traceback. All other results are in
+        the store; the next sweep tries failed calls again.
 
     Notes
     -----
-    A result is reused while all that it depends on is the same, as it is when the sweep begins: the
+    A result is reused while its dependencies, taken when the sweep begins, are the same: the
     values; the function's code, defaults and closure; each global that it names, functions and
-    classes of its file in the same way, other values by content; the modules of its package, and
-    those that are installed nowhere, by their code; and the versions of installed packages.
+    classes of its file in the same way, other values by content; the code of the modules of its
+    package, and of modules that are not installed; and the versions of installed packages.
 
-    No rule sees a file that is read, the clock, an environment variable, what `input` or a server
-    returns, or what an import does besides. Give what they say as an argument or a global (the
-    content of the file, or its hash), or change `version`. A global that the function itself
-    changes, such as a list that it appends to, is another one in the next sweep, which computes all
-    again.
+    Files that the function reads, the clock, environment variables, answers of `input` or a server,
+    and side effects of imports are not detected. Pass their content, or its hash, as an argument or
+    a global, or change `version`. A global that the function itself changes, such as a list that it
+    appends to, differs in the next sweep, which computes everything again.
     """
     experiment, joint = _declare(function, values, outputs, dims, attrs or {}, dtype, version)
     if cluster not in CLUSTER_KINDS:
@@ -141,32 +140,32 @@ def sweep(
         raise ConfigurationError(f"store is {store!r}, but must be a path or a URL")
     choices = read_choices(experiment.declared, {Run.seed.key: seed, Cluster.kind.key: cluster})
     choices = replace(choices, joint=joint)
-    at = path_or_url("store", store)
+    target = path_or_url("store", store)
     packs = path_or_url("cache", cache) if cache else user_cache_path("sweeps")
-    options = RunOptions(at, packs, ClusterChoice(cluster))
+    options = RunOptions(target, packs, ClusterChoice(cluster))
     import xarray as xr  # slow to import
 
-    check_targets([at], packs)
+    check_targets([target], packs)
     if dry_run:
         stages, estimate = preview(Plan(experiment, choices), options)
-        cells, left = stages[experiment.name]
-        show(f"{experiment.name}: {left:,} to compute, {cells - left:,} reused; {estimate}")
-        return xr.Dataset(attrs={"left": left, "reused": cells - left, "estimate": estimate})
+        cells, missing = stages[experiment.name]
+        show(f"{experiment.name}: {missing:,} to compute, {cells - missing:,} reused; {estimate}")
+        return xr.Dataset(attrs={"left": missing, "reused": cells - missing, "estimate": estimate})
     failed: list[Failure] = []
     try:
         with progress_bar() as step:
             watch = Watch(lambda sentence: None, step, failed.append)
             finished = run(Plan(experiment, choices), options, watch)
     except ConfigurationError as error:
-        raise ConfigurationError(str(error)) from None  # from this line on, and not from within
+        raise ConfigurationError(str(error)) from None  # without the traceback of the engine
     if failed:
         warnings.warn(_failure_message(finished, failed), CallsFailed, stacklevel=2)
-    found = xr.open_zarr(zarr_store(at), group=experiment.title, chunks=None)
-    found = with_scalars(found.load())
-    for name, one in found.variables.items():
-        if PADDING in one.attrs:
-            say("sweeps", f"{name} is padded {one.attrs[PADDING]}")
-    return found
+    results = xr.open_zarr(zarr_store(target), group=experiment.title, chunks=None)
+    results = with_scalars(results.load())
+    for name, variable in results.variables.items():
+        if PADDING in variable.attrs:
+            say("sweeps", f"{name} is padded {variable.attrs[PADDING]}")
+    return results
 
 
 def _declare(
@@ -178,7 +177,7 @@ def _declare(
     dtype: str,
     version: str,
 ) -> tuple[Experiment, tuple[Joint, ...]]:
-    """Return the experiment of a function, and the arguments that run together.
+    """Return the experiment of a function, and the joint axes of arguments that run together.
 
     Raises ConfigurationError if the function cannot be swept over these values.
     """
@@ -187,18 +186,20 @@ def _declare(
     module, qualified = module_and_name(function)
     name = qualified.rpartition(".")[2]
     name = name if name.isidentifier() else "result"
-    for one, about in attrs.items():
-        if not isinstance(about, Mapping):
-            example = f"{{{one!r}: {{'units': 'm'}}}}"
-            raise ConfigurationError(f"attrs[{one!r}] is {about!r}, but must be as in {example}")
+    for variable, attributes in attrs.items():
+        if not isinstance(attributes, Mapping):
+            example = f"{{{variable!r}: {{'units': 'm'}}}}"
+            raise ConfigurationError(
+                f"attrs[{variable!r}] is {attributes!r}, but must be as in {example}"
+            )
     settings, joint = read_values(name, values, attrs)
     reads = _arguments(name, function, values, settings)
     read = {setting.key for setting in reads.values()}
     if unused := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
-        what = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
-        raise ConfigurationError(what)
-    taken = frozenset([one.name for one in settings] + [one.name for one in joint])
-    result = _declare_result(name, outputs, dims, dtype, taken, attrs)
+        message = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
+        raise ConfigurationError(message)
+    reserved = frozenset([setting.name for setting in settings] + [axis.name for axis in joint])
+    result = _declare_result(name, outputs, dims, dtype, reserved, attrs)
     group = Group("results" if name == STATUS else name)  # `STATUS` has states of cells
     stage = Stage(name, function, (result,), reads=reads, group=group, version=version)
     lacking = [argument for argument in stage.arguments if argument not in (*reads, RNG)]
@@ -216,31 +217,40 @@ def _arguments(
 ) -> dict[str, Any]:
     """Return the settings that are arguments of a function, by their names.
 
-    Others are labels of a data set's dimensions.
+    Other settings are labels of a data set's dimensions.
     """
     try:
         parameters = inspect.signature(function).parameters.values()
     except ValueError:
-        what = f"function is {name}, whose arguments Python cannot inspect"
-        raise ConfigurationError(f"{what}; call it in a function of your own") from None
-    by_kind = {one.name: one.kind for one in parameters}
-    needed = {one.name for one in parameters if one.default is one.empty}
-    for one, kind in by_kind.items():
-        if kind is inspect.Parameter.POSITIONAL_ONLY and (one in values or one in needed):
-            remedy = f"lambda {one}: {name}({one})"
+        problem = f"function is {name}, whose arguments Python cannot inspect"
+        raise ConfigurationError(f"{problem}; call it in a function of your own") from None
+    by_kind = {parameter.name: parameter.kind for parameter in parameters}
+    needed = {parameter.name for parameter in parameters if parameter.default is parameter.empty}
+    for argument, kind in by_kind.items():
+        if kind is inspect.Parameter.POSITIONAL_ONLY and (argument in values or argument in needed):
+            remedy = f"lambda {argument}: {name}({argument})"
             raise ConfigurationError(
-                f"{name} takes {one!r} by position only, but must take it by name, as in {remedy}"
+                f"{name} takes {argument!r} by position only, but must take it by name, as in "
+                f"{remedy}"
             )
     takes_any = inspect.Parameter.VAR_KEYWORD in by_kind.values()
     several = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
-    known = [one for one, kind in by_kind.items() if kind not in several]
+    known = [argument for argument, kind in by_kind.items() if kind not in several]
     labels = getattr(values, "coords", ())
-    for one in values:
-        if one not in known and one not in labels and not takes_any:
-            raise ConfigurationError(f"values has {one!r}, but {name} takes {', '.join(known)}")
-        if one in (RNG, VALID):
-            raise ConfigurationError(f"values has {one!r}, a name that has a meaning of its own")
-    return {one.name: one for one in settings if one.name in known or one.name not in labels}
+    for argument in values:
+        if argument not in known and argument not in labels and not takes_any:
+            raise ConfigurationError(
+                f"values has {argument!r}, but {name} takes {', '.join(known)}"
+            )
+        if argument in (RNG, VALID):
+            raise ConfigurationError(
+                f"values has {argument!r}, a name that has a meaning of its own"
+            )
+    return {
+        setting.name: setting
+        for setting in settings
+        if setting.name in known or setting.name not in labels
+    }
 
 
 def _declare_result(
@@ -254,43 +264,61 @@ def _declare_result(
     """Return the undeclared output of a function."""
     names = _as_names("outputs", outputs)
     if isinstance(dims, Mapping):
-        of = {one: _as_names(f"dims[{one!r}]", given) for one, given in dims.items()}
-        every: tuple[str, ...] = ()
+        dims_of = {
+            variable: _as_names(f"dims[{variable!r}]", value) for variable, value in dims.items()
+        }
+        shared_dims: tuple[str, ...] = ()
     else:
-        every = _as_names("dims", dims)
-        of = {one: every for one in (names or (name,))[:1] if every and len(names) < 2}
-    for key, found in (("outputs", names), *(("dims", one) for one in (every, *of.values()))):
-        for one in found:
-            own = (*names, *of, *([] if names or of else [name])) if key == "dims" else ()
-            if found.count(one) > 1 or one in own or one in reserved:
-                what = "an argument" if one in reserved else "a result"
-                what = "two of them" if found.count(one) > 1 else what
-                raise ConfigurationError(f"{key} has {one!r}, the name of {what}; rename one")
-    how: dict[str, Any] = {"names": names, "dims_of": of, "reserved": reserved, "about": attrs}
-    return Undeclared(name, every, dtype or FLOAT, label=name, infer_dtype=not dtype, **how)
+        shared_dims = _as_names("dims", dims)
+        dims_of = {
+            variable: shared_dims
+            for variable in (names or (name,))[:1]
+            if shared_dims and len(names) < 2
+        }
+    for key, listed in (
+        ("outputs", names),
+        *(("dims", dim_names) for dim_names in (shared_dims, *dims_of.values())),
+    ):
+        for entry in listed:
+            result_names = (
+                (*names, *dims_of, *([] if names or dims_of else [name])) if key == "dims" else ()
+            )
+            if listed.count(entry) > 1 or entry in result_names or entry in reserved:
+                owner = "an argument" if entry in reserved else "a result"
+                owner = "two of them" if listed.count(entry) > 1 else owner
+                raise ConfigurationError(f"{key} has {entry!r}, the name of {owner}; rename one")
+    options: dict[str, Any] = {
+        "names": names,
+        "dims_of": dims_of,
+        "reserved": reserved,
+        "about": attrs,
+    }
+    return Undeclared(
+        name, shared_dims, dtype or FLOAT, label=name, infer_dtype=not dtype, **options
+    )
 
 
-def _as_names(key: str, given: Any) -> tuple[str, ...]:
+def _as_names(key: str, value: Any) -> tuple[str, ...]:
     """Return names as a tuple; a text is one name."""
-    names = (given,) if isinstance(given, str) else given
-    if not isinstance(names, tuple | list) or not all(isinstance(one, str) for one in names):
-        raise ConfigurationError(f"{key} is {given!r}, but must be a name or a tuple of names")
+    names = (value,) if isinstance(value, str) else value
+    if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
+        raise ConfigurationError(f"{key} is {value!r}, but must be a name or a tuple of names")
     return tuple(names)
 
 
 def _failure_message(finished: Finished, failed: Sequence[Failure]) -> str:
-    """Return the message on failed calls: their number, the first ones, and a traceback."""
-    calls = sum(one.total for one in finished.progress.values())
-    named = [f"  {one.name}: {one.reason}" for one in failed[:NAMED_FAILURES]]
+    """Return the message on failed calls: their number, the first of them, and a traceback."""
+    calls = sum(progress.total for progress in finished.progress.values())
+    lines = [f"  {failure.name}: {failure.reason}" for failure in failed[:NAMED_FAILURES]]
     more = len(failed) - NAMED_FAILURES
     first = failed[0]
-    given = f", with {', '.join(first.arguments.splitlines())}" if first.arguments else ""
+    arguments = f", with {', '.join(first.arguments.splitlines())}" if first.arguments else ""
     return "\n".join(
         [
             f"{len(failed):,} of {calls:,} calls failed; the same sweep tries them again",
-            *named,
+            *lines,
             *([f"  and {more:,} more"] if more > 0 else []),
-            f"The first of them{given}:",
+            f"The first of them{arguments}:",
             first.traceback or first.reason,
         ]
     )

@@ -1,6 +1,7 @@
-"""Keys of results: 128-bit hashes of many cells at once, as arrays of two numbers each.
+"""Keys of results, and random streams.
 
-And random streams, keyed by the cell, never by the worker or the order.
+Keys are 128-bit hashes, of many cells at once, as arrays of two numbers each. Streams are keyed by
+the cell, never by the worker or the order.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ STREAM_VERSION = 1
 
 
 def hash_bytes(data: str | bytes | memoryview, size: int = HASH_BYTES) -> bytes:
-    """Return the hash of a text or bytes: `size` bytes."""
+    """Return the hash of a text or bytes, `size` bytes long."""
     data = data.encode() if isinstance(data, str) else data
     return hashlib.blake2b(data, digest_size=size).digest()
 
@@ -34,18 +35,18 @@ def digest(data: str | bytes) -> str:
 
 def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:
     """Return the hash of each text, (text, 2) ndarray."""
-    found = b"".join(map(hash_bytes, texts))
-    return np.frombuffer(found, "<u8").reshape(-1, 2).astype(np.uint64)
+    hashes = b"".join(map(hash_bytes, texts))
+    return np.frombuffer(hashes, "<u8").reshape(-1, 2).astype(np.uint64)
 
 
 def fold(keys: Keys, words: Keys) -> None:
     """Mix hashes into keys, in place; the order of calls matters.
 
     Each half of a key, a number of 64 bits, is mixed on its own: it is multiplied by the increment
-    of SplitMix64, so that key and hash do not count alike, joined with that of the hash by
-    exclusive or, and then goes through SplitMix64's finalizer (Steele, Lea and Flood 2014,
-    https://doi.org/10.1145/2660193.2660195). All of it has an inverse. As halves of hashes are
-    independent, n keys hold two equal ones by chance with a probability of n^2 / 2^129.
+    of SplitMix64, so that key and hash are not interchangeable, combined with the hash's half by
+    exclusive or, and passed through SplitMix64's finalizer (Steele, Lea and Flood 2014,
+    https://doi.org/10.1145/2660193.2660195). Each step has an inverse. As halves of hashes are
+    independent, n keys contain two equal ones by chance with a probability of n^2 / 2^129.
 
     Parameters
     ----------
@@ -79,20 +80,20 @@ def unique_keys(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     order = np.argsort(keys[:, 0])
     halves = keys[order, 0]
     if (halves[1:] != halves[:-1]).all():
-        every = np.arange(len(keys), dtype=np.int32)
-        return every, every
+        indices = np.arange(len(keys), dtype=np.int32)
+        return indices, indices
     del halves
-    same = keys[order[1:]] == keys[order[:-1]]
-    if (same[:, 0] & ~same[:, 1]).any():  # by chance once in 10^19 pairs
+    equal = keys[order[1:]] == keys[order[:-1]]
+    if (equal[:, 0] & ~equal[:, 1]).any():  # by chance once in 10^19 pairs
         order = np.lexsort((keys[:, 1], keys[:, 0]))
-        same = keys[order[1:]] == keys[order[:-1]]
-    new = np.concatenate([[True], ~same.all(axis=1)])
-    first = np.minimum.reduceat(order, np.flatnonzero(new))
+        equal = keys[order[1:]] == keys[order[:-1]]
+    is_new = np.concatenate([[True], ~equal.all(axis=1)])
+    first = np.minimum.reduceat(order, np.flatnonzero(is_new))
     by_place = np.argsort(first)
     rank = np.empty_like(by_place)
     rank[by_place] = np.arange(len(first))
     number = np.empty_like(order)
-    number[order] = rank[np.cumsum(new) - 1]
+    number[order] = rank[np.cumsum(is_new) - 1]
     return first[by_place].astype(np.int32), number.astype(np.int32)
 
 

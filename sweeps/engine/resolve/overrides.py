@@ -50,9 +50,9 @@ from sweeps.engine.declare.settings import (
 from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
-LIST_OVER_MAPPING = "Cannot merge DictConfig with ListConfig"  # says OmegaConf
+LIST_OVER_MAPPING = "Cannot merge DictConfig with ListConfig"  # a message of OmegaConf
 WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
-SIMILARITY = 0.66  # least similarity of a key that may have been meant
+SIMILARITY = 0.66  # least similarity of a suggested key
 
 
 # composing ----------------------------------------------------------------------------------------
@@ -76,20 +76,20 @@ class AddedFolders(SearchPathPlugin):
 
 def register(experiment: Experiment) -> None:
     """Register the schema of an experiment and its default configuration with Hydra."""
-    known = ConfigStore.instance()
-    known.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
+    config_store = ConfigStore.instance()
+    config_store.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
     for kind in CLUSTERS:
-        known.store(group="cluster", name=kind, node={"kind": kind})
+        config_store.store(group="cluster", name=kind, node={"kind": kind})
     AddedFolders.folders = experiment.added_conf
     Plugins.instance().register(AddedFolders)
     if experiment.conf is None:
         base = [SCHEMA, {"cluster": "local"}, "_self_"]
         node = {"defaults": base, "hydra": {"job": {"name": experiment.name}}}
-        known.store(name=config_name(experiment), node=node)
+        config_store.store(name=config_name(experiment), node=node)
 
 
 def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the defaults of a group; values are of any type, since settings check their own."""
+    """Return the defaults of a group; values have any type, since settings check their values."""
     return {
         key: _schema(inner) if (inner := members(entry)) else getattr(entry, "default_input", None)
         for key, entry in tree.items()
@@ -117,33 +117,36 @@ def hydra_context(experiment: Experiment) -> Iterator[None]:
 
 def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
     """Return the configuration of some overrides."""
-    given = clear_before_set(experiment, overrides)
+    arguments = clear_before_set(experiment, overrides)
     try:
         try:
-            return hydra.compose(config_name(experiment), overrides=given)
+            return hydra.compose(config_name(experiment), overrides=arguments)
         except HydraException as error:
             if LIST_OVER_MAPPING not in str(error):
                 raise
-            return _compose_lists(experiment, given)
+            return _compose_lists(experiment, arguments)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
         raise ConfigurationError(f"{error_message(error)} (of {' '.join(overrides)})") from error
 
 
 def _compose_lists(experiment: Experiment, overrides: list[str]) -> DictConfig:
-    """Return the configuration where a file has a list in place of a default in steps.
+    """Return the configuration if a file replaces a default in steps by a list.
 
-    OmegaConf does not merge them, so these defaults come after the files, where none has a value.
+    OmegaConf does not merge them, so defaults in steps are set afterwards, where no file has a
+    value.
     """
-    known, schema = ConfigStore.instance(), _schema(nested(experiment.by_key))
-    steps = [one for one in experiment.declared if isinstance(one.default_input, Mapping)]
+    config_store, schema = ConfigStore.instance(), _schema(nested(experiment.by_key))
+    steps = [
+        setting for setting in experiment.declared if isinstance(setting.default_input, Mapping)
+    ]
     without = OmegaConf.create(schema)
     for setting in steps:
         OmegaConf.update(without, setting.key, None, merge=False)
-    known.store(name=SCHEMA, node=OmegaConf.to_container(without))
+    config_store.store(name=SCHEMA, node=OmegaConf.to_container(without))
     try:
         config = hydra.compose(config_name(experiment), overrides=overrides)
     finally:
-        known.store(name=SCHEMA, node=schema)
+        config_store.store(name=SCHEMA, node=schema)
     for setting in steps:
         if OmegaConf.select(config, setting.key) is None:
             OmegaConf.update(config, setting.key, setting.default_input, merge=False)
@@ -153,25 +156,25 @@ def _compose_lists(experiment: Experiment, overrides: list[str]) -> DictConfig:
 def clear_before_set(experiment: Experiment, overrides: Sequence[str]) -> list[str]:
     """Return overrides that clear a setting before they set it.
 
-    OmegaConf merges a mapping into a mapping and refuses to put a list in its place, or a mapping
-    in a list's, so a setting is emptied before it is set: `spring.mass=[0,45]` becomes
+    OmegaConf merges mappings, and refuses to replace a mapping by a list or a list by a mapping, so
+    a setting is emptied before it is set: `spring.mass=[0,45]` becomes
     `++spring.mass=null spring.mass=[0,45]` (with `++`, since a multirun keeps one override of
     each spelling).
     """
     keys = {setting.key for setting in experiment.declared if not members(setting)}
-    found = []
+    lines = []
     for override in overrides:
         stripped = override.lstrip("+")  # a setting is always there, so nothing is added
         key = stripped.partition("=")[0]
-        found += [f"++{key}=null", stripped] if key in keys else [override]
-    return found
+        lines += [f"++{key}=null", stripped] if key in keys else [override]
+    return lines
 
 
 def error_message(error: BaseException | None) -> str:
     """Return the messages of an error and its causes in one line."""
     words = []
     while error is not None:
-        if isinstance(error, OmegaConfBaseException):  # whose other lines name its classes
+        if isinstance(error, OmegaConfBaseException):  # other lines of its message name its classes
             words += [f"{error.full_key}:", *str(error).partition("\n")[0].split()]
         else:
             words += str(error).split()
@@ -190,28 +193,32 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     ConfigurationError
         Naming the first invalid key, its value and what is allowed.
     """
-    written: Any = OmegaConf.to_container(config, resolve=False)
-    _check_tree(experiment, nested(experiment.by_key), written, "")
+    raw: Any = OmegaConf.to_container(config, resolve=False)
+    _check_tree(experiment, nested(experiment.by_key), raw, "")
     try:
         values: Any = OmegaConf.to_container(config, resolve=True)
     except OmegaConfBaseException as error:
         key = (error.full_key or "").partition("[")[0]
-        given = flatten(experiment.declared, written)
-        why = str(error).partition("\n")[0]
+        inputs = flatten(experiment.declared, raw)
+        reason = str(error).partition("\n")[0]
         raise ConfigurationError(
-            f"{key} is {given.get(key)}, but must refer to keys that have a value ({why})"
+            f"{key} is {inputs.get(key)}, but must refer to keys that have a value ({reason})"
         ) from error
-    given = flatten(experiment.declared, values)
-    (groups,) = Together.zip.values(given.get(Together.zip.key))
+    inputs = flatten(experiment.declared, values)
+    (groups,) = Together.zip.values(inputs.get(Together.zip.key))
     together = [[_find_setting(experiment, name) for name in names] for names in groups]
-    joint = [_zipped(settings, given) for settings in together]
-    zipped = [key for one in joint for key in one.keys]
-    if twice := [key for key in zipped if zipped.count(key) > 1]:
-        raise ConfigurationError(f"grid.zip has {twice[0]!r} more than once, but keys must differ")
-    for key in zipped:  # together, one may have a value several times
-        if isinstance(listed := given.get(key), list):
-            given[key] = [one for at, one in enumerate(listed) if one not in listed[:at]]
-    choices = read_choices(experiment.declared, given)
+    joint = [_zipped(settings, inputs) for settings in together]
+    zipped = [key for axis in joint for key in axis.keys]
+    if repeated := [key for key in zipped if zipped.count(key) > 1]:
+        raise ConfigurationError(
+            f"grid.zip has {repeated[0]!r} more than once, but keys must differ"
+        )
+    for key in zipped:  # a setting may repeat values on a joint axis
+        if isinstance(listed := inputs.get(key), list):
+            inputs[key] = [
+                value for position, value in enumerate(listed) if value not in listed[:position]
+            ]
+    choices = read_choices(experiment.declared, inputs)
     return Choices(choices.values, (*choices.joint, *joint))
 
 
@@ -228,33 +235,35 @@ def _check_tree(experiment: Experiment, tree: Mapping[str, Any], node: Any, pare
 
 
 def not_a_group(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
-    """Return the error of a group that is given another value."""
+    """Return the error of a group that was set to a value."""
     return ConfigurationError(f"{key} is {quote_value(value)}, but must hold {', '.join(tree)}")
 
 
 def unknown_key(
     experiment: Experiment, tree: Mapping[str, Any], group: str, key: str
 ) -> ConfigurationError:
-    """Return the error of a key that its group, of the keys of `tree`, does not have."""
-    last = key.rpartition(".")[2]
-    wrong = f"{key} is not a key of the configuration"
-    elsewhere = [setting.key for setting in experiment.declared if setting.key.endswith(f".{last}")]
-    meant = difflib.get_close_matches(key, elsewhere, n=1, cutoff=SIMILARITY) or elsewhere
-    if not meant:
-        near = difflib.get_close_matches(last, tree, n=1, cutoff=SIMILARITY)
-        meant = [f"{group}.{name}".lstrip(".") for name in near]
-    if meant:
-        return ConfigurationError(f"{wrong}; did you mean {' or '.join(meant)}?")
-    return ConfigurationError(f"{wrong}; {group or 'it'} has {', '.join(tree) or 'no keys'}")
+    """Return the error of a key that is not in its group, which has the keys of `tree`."""
+    word = key.rpartition(".")[2]
+    problem = f"{key} is not a key of the configuration"
+    candidates = [
+        setting.key for setting in experiment.declared if setting.key.endswith(f".{word}")
+    ]
+    suggestions = difflib.get_close_matches(key, candidates, n=1, cutoff=SIMILARITY) or candidates
+    if not suggestions:
+        similar = difflib.get_close_matches(word, tree, n=1, cutoff=SIMILARITY)
+        suggestions = [f"{group}.{name}".lstrip(".") for name in similar]
+    if suggestions:
+        return ConfigurationError(f"{problem}; did you mean {' or '.join(suggestions)}?")
+    return ConfigurationError(f"{problem}; {group or 'it'} has {', '.join(tree) or 'no keys'}")
 
 
 # settings that run together -----------------------------------------------------------------------
 
 
-def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
+def _zipped(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
     keys = [setting.key for setting in settings]
-    pairs = ((setting, given.get(setting.key, setting.default_input)) for setting in settings)
+    pairs = ((setting, inputs.get(setting.key, setting.default_input)) for setting in settings)
     listed = [_in_given_order(*pair) for pair in pairs]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
@@ -262,36 +271,40 @@ def _zipped(settings: Sequence[Setting], given: Mapping[str, Any]) -> Joint:
             f"grid.zip has {', '.join(keys)}, which must have equally many values, but "
             f"{', '.join(counts)}"
         )
-    points = sorted(zip(*listed, strict=True), key=lambda point: [sort_key(one) for one in point])
+    points = sorted(
+        zip(*listed, strict=True), key=lambda point: [sort_key(value) for value in point]
+    )
     if len(set(points)) < len(points):
-        wrong = f"grid.zip has {', '.join(keys)}"
-        raise ConfigurationError(f"{wrong}, which have the same values together twice")
+        problem = f"grid.zip has {', '.join(keys)}"
+        raise ConfigurationError(f"{problem}, which have the same values together twice")
     return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
-def _in_given_order(setting: Setting, given: Any) -> list[Any]:
-    """Return values in the order in which they were given."""
-    if isinstance(given, list | tuple):
-        return [setting.values(one)[0] for one in given]
-    return list(setting.values(given))
+def _in_given_order(setting: Setting, value: Any) -> list[Any]:
+    """Return values in the order of the override."""
+    if isinstance(value, list | tuple):
+        return [setting.values(entry)[0] for entry in value]
+    return list(setting.values(value))
 
 
 def _find_setting(experiment: Experiment, name: str) -> Setting:
-    """Return the setting of a key, or of the last word of one."""
+    """Return the setting of a key, or of the last word of a key."""
     exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
-    every = experiment.declared
-    found = [exact] if exact else [one for one in every if one.name == name]
-    if len(found) != 1:
-        several = ", ".join(one.key for one in found)
-        hint = f"several keys: {several}" if found else "not a setting"
+    settings = experiment.declared
+    matches = [exact] if exact else [setting for setting in settings if setting.name == name]
+    if len(matches) != 1:
+        keys = ", ".join(setting.key for setting in matches)
+        hint = f"several keys: {keys}" if matches else "not a setting"
         raise ConfigurationError(f"grid.zip has {name!r}, which is {hint}; give a whole key")
-    if found[0].fixed:
-        raise ConfigurationError(f"grid.zip has {name!r}, but it takes one value: {found[0].fixed}")
-    return found[0]
+    if matches[0].fixed:
+        raise ConfigurationError(
+            f"grid.zip has {name!r}, but it takes one value: {matches[0].fixed}"
+        )
+    return matches[0]
 
 
 DEFAULT_STORE = "sweep.zarr"
-STEPS = ("start", "stop", "step")  # keys of a setting whose values are given by them
+STEPS = ("start", "stop", "step")  # keys of a setting whose values are in steps
 MAX_JOBS = 1_000  # each is composed by itself; more values of a setting are an axis
 
 
@@ -325,7 +338,7 @@ def read_jobs(experiment: Experiment, arguments: Sequence[str], *, several: bool
 def make_job(
     experiment: Experiment, configuration: DictConfig, lines: Iterable[str], store: str
 ) -> Job:
-    """Return a job of a composed configuration; `store` is where it goes if that names none."""
+    """Return a job of a composed configuration; `store` is its path if that names none."""
     by_key = dict(line.partition("=")[::2] for line in lines)
     choices = replace(read_configuration(experiment, configuration), given=tuple(by_key))
     return Job(by_key, choices, choices.value(Run.store) or store)
@@ -348,19 +361,19 @@ def _parse_overrides(
         override = _try_parse(parser, argument)
         if override is None:
             raise _syntax_error(experiment, parser, arguments[number:])
-        given: Any = override.value()
-        listed = given if isinstance(given, list) else [given]
-        swept = [one for one in listed if isinstance(one, Sweep)]
-        if swept and (isinstance(given, list) or not several):
-            ways = []
+        parsed: Any = override.value()
+        entries = parsed if isinstance(parsed, list) else [parsed]
+        swept = [entry for entry in entries if isinstance(entry, Sweep)]
+        if swept and (isinstance(parsed, list) or not several):
+            hints = []
             if isinstance(swept[0], RangeSweep):
-                ways = [f"give steps, {shell_quoted(f'{key}={_as_steps(swept[0])}')}"]
-            elif isinstance(given, ChoiceSweep) and given.simple_form:
+                hints = [f"give steps, {shell_quoted(f'{key}={_as_steps(swept[0])}')}"]
+            elif isinstance(parsed, ChoiceSweep) and parsed.simple_form:
                 text = shell_quoted(f"{key}={_hydra_quoted(value)}")
-                ways = [f"quote it, {shell_quoted(f'{key}=[{value}]')}, or as a text, {text}"]
-            ways += [f"or sweep over it, -m {shell_quoted(argument)}"] * (swept == [given])
-            how = ": " * bool(ways) + "; ".join(ways)
-            raise ConfigurationError(f"{key} is {value}, but must be one value or a list{how}")
+                hints = [f"quote it, {shell_quoted(f'{key}=[{value}]')}, or as a text, {text}"]
+            hints += [f"or sweep over it, -m {shell_quoted(argument)}"] * (swept == [parsed])
+            hint = ": " * bool(hints) + "; ".join(hints)
+            raise ConfigurationError(f"{key} is {value}, but must be one value or a list{hint}")
         _check_key(experiment, loader, override)
         overrides.append(override)
     return overrides
@@ -381,7 +394,7 @@ def shell_quoted(text: str) -> str:
 def _hydra_quoted(text: str) -> str:
     """Quote a text for Hydra."""
     mark = '"' if "'" in text and '"' not in text else "'"
-    # It halves backslashes before such a mark, also before that at the end.
+    # Hydra halves backslashes before such a mark, also before the closing one.
     text = re.sub(rf"(\\*){mark}", rf"\1\1\\{mark}", text)
     return mark + re.sub(r"(\\+)\Z", r"\1\1", text) + mark
 
@@ -397,24 +410,24 @@ def _try_parse(parser: OverridesParser, argument: str) -> Override | None:
 def _syntax_error(
     experiment: Experiment, parser: OverridesParser, arguments: Sequence[str]
 ) -> ConfigurationError:
-    """Return the error of the first of some arguments, which Hydra cannot read."""
-    wholes = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
+    """Return the error of the first argument, which Hydra cannot read; others may continue it."""
+    candidates = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
     pairs = (("[", "]"), ("{", "}"))
-    closed = (text for text in wholes if all(text.count(a) == text.count(b) for a, b in pairs))
-    whole = next(closed, arguments[0])
-    key, given, value = whole.partition("=")
-    if not given:
-        return ConfigurationError(f"{whole} has no value, but must be KEY=VALUE")
+    closed = (text for text in candidates if all(text.count(a) == text.count(b) for a, b in pairs))
+    argument = next(closed, arguments[0])
+    key, equals, value = argument.partition("=")
+    if not equals:
+        return ConfigurationError(f"{argument} has no value, but must be KEY=VALUE")
     if _try_parse(parser, f"{key}=1") is None:
         return unknown_key(experiment, nested(experiment.by_key), "", key)
 
     def quoted(word: re.Match[str]) -> str:
         return word[0] if _try_parse(parser, f"x={word[0]}") else _hydra_quoted(word[0])
 
-    if _try_parse(parser, whole) is None:
+    if _try_parse(parser, argument) is None:
         listed = value.startswith(("[", "{"))
-        whole = f"{key}={re.sub(WORD, quoted, value) if listed else _hydra_quoted(value)}"
-    override, setting = _try_parse(parser, whole), experiment.by_key.get(key.lstrip("+"))
+        argument = f"{key}={re.sub(WORD, quoted, value) if listed else _hydra_quoted(value)}"
+    override, setting = _try_parse(parser, argument), experiment.by_key.get(key.lstrip("+"))
     if override is None:
         return ConfigurationError(f"{arguments[0]} cannot be read, but must be KEY=VALUE")
     try:
@@ -422,7 +435,7 @@ def _syntax_error(
             setting.values(override.value())
     except ConfigurationError as error:
         return error
-    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {shell_quoted(whole)}")
+    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {shell_quoted(argument)}")
 
 
 def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override) -> None:
@@ -431,14 +444,14 @@ def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override)
     value: Any = override.value()
     # Hydra copies its whole configuration to look for a group.
     if key not in experiment.by_key and (options := loader.get_group_options(key)):
-        for one in override.sweep_iterator() if override.is_sweep_override() else [value]:
-            if isinstance(one, list):
+        for choice in override.sweep_iterator() if override.is_sweep_override() else [value]:
+            if isinstance(choice, list):
                 hint = f"; {key}.name takes a list" if f"{key}.name" in experiment.by_key else ""
-                given = str(override.input_line).partition("=")[2]
-                raise ConfigurationError(f"{key} is {given}, but must be one choice{hint}")
-            if one is not None and one not in options:
+                text = str(override.input_line).partition("=")[2]
+                raise ConfigurationError(f"{key} is {text}, but must be one choice{hint}")
+            if choice is not None and choice not in options:
                 listed = ", ".join(options)
-                raise ConfigurationError(f"{key} is {one!r}, but must be one of {listed}")
+                raise ConfigurationError(f"{key} is {choice!r}, but must be one of {listed}")
         return
     tree: Mapping[str, Any] = nested(experiment.by_key)
     words = key.split(".")
@@ -460,17 +473,17 @@ def _expand_jobs(
     """Return the overrides of every job.
 
     Swept settings are axes of one job, `a=1,2` as `a=[1,2]`, so that a grid of thousands of points
-    is one. A key that another override refers to, as the store's path may, stays swept, as do
-    groups, and settings of one value.
+    is one job. A key that another override refers to, as the store's path may, stays swept, as do
+    groups and settings of one value.
 
     Raises
     ------
     ConfigurationError
         If an axis, or the jobs, would be too many.
     """
-    lines = [str(one.input_line) for one in overrides]
+    lines = [str(override.input_line) for override in overrides]
     axes = {setting.key for setting in experiment.declared if not setting.fixed}
-    options: dict[str, list[str]] = {}  # the last of a key counts
+    options: dict[str, list[str]] = {}  # the last override of a key counts
     for override, line in zip(overrides, lines, strict=True):
         key, name = override.get_key_element(), override.key_or_group
         options[key] = [line]
@@ -492,13 +505,13 @@ def _expand_jobs(
     return product(*options.values())
 
 
-def _swept_values(override: Override, most: int) -> list[str]:
-    """Return values of a swept override as they are written; too many are refused, not made."""
+def _swept_values(override: Override, limit: int) -> list[str]:
+    """Return the values of a swept override as text; refuse too many before making them."""
     values = override.sweep_iterator(transformer=Transformer.encode)
-    found = [str(one) for one in islice(values, most + 1)]
-    if len(found) > most:
-        raise ConfigurationError(f"{override.input_line} has more than {most:,} values")
-    return found
+    texts = [str(value) for value in islice(values, limit + 1)]
+    if len(texts) > limit:
+        raise ConfigurationError(f"{override.input_line} has more than {limit:,} values")
+    return texts
 
 
 # jobs as one sweep --------------------------------------------------------------------------------
@@ -509,12 +522,12 @@ SEPARATE = "put it into the store's path for a store each"
 
 
 def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:
-    """Fuse jobs of one store into one sweep; return the choices and store of each.
+    """Fuse jobs of one store into one sweep; return the choices and store of each sweep.
 
     Raises
     ------
     ConfigurationError
-        If jobs of one store differ in something that takes one value.
+        If jobs of one store differ in a setting that takes one value.
     """
     by_store: dict[PathOrUrl, list[Job]] = {}
     for job in jobs:
@@ -536,9 +549,9 @@ def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
         if all(job.choices[setting] == first[setting] for job in jobs):
             continue
         if setting.fixed:
-            given = " and ".join(quote_value(value) for value in sorted(values, key=sort_key))
+            listed = " and ".join(quote_value(value) for value in sorted(values, key=sort_key))
             raise ConfigurationError(
-                f"{setting.key} is {given} in jobs of one store, but must be one: "
+                f"{setting.key} is {listed} in jobs of one store, but must be one: "
                 f"{setting.fixed}; {SEPARATE}"
             )
         union[setting] = tuple(sorted(values, key=sort_key))
@@ -552,15 +565,15 @@ def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
     """Refuse equal names of values that differ in origin."""
     origins = {(value, getattr(value, "origin", None)) for value in values}
     counts = Counter(value for value, _ in origins)
-    if twice := [value for value, count in counts.items() if count > 1]:
+    if repeated := [value for value, count in counts.items() if count > 1]:
         raise ConfigurationError(
-            f"{setting.key} has {str(twice[0])!r} for two values in jobs of one store, but their "
-            f"names must differ; name one of them, or {SEPARATE}"
+            f"{setting.key} has {str(repeated[0])!r} for two values in jobs of one store, but "
+            f"their names must differ; name one of them, or {SEPARATE}"
         )
 
 
 def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
-    """Return joint axes of settings that are not crossed; of all settings if nothing crosses."""
+    """Return the joint axes of settings that are not crossed, or one axis of all settings."""
 
     def joint(name: str, settings: Iterable[Setting], labels: Mapping[Point, str]) -> Joint:
         keys = tuple(setting.key for setting in settings)
@@ -572,19 +585,25 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
         following = [setting for setting in single if _is_decided_by(jobs, key, setting)]
         if len(following) > 1:
             single = [setting for setting in single if setting not in following]
-            found = [tuple(job.choices.value(setting) for setting in following) for job in jobs]
-            labels = {of: job.overrides[key] for of, job in zip(found, jobs, strict=True)}
+            job_points = [
+                tuple(job.choices.value(setting) for setting in following) for job in jobs
+            ]
+            labels = {
+                point: job.overrides[key] for point, job in zip(job_points, jobs, strict=True)
+            }
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
             groups.append(joint(name, following, dict(sorted(labels.items(), key=_label_sort_key))))
-    products = (product(*(job.choices[one] for one in union)) for job in jobs)
-    points = {point for some in products for point in some}
+    products = (product(*(job.choices[setting] for setting in union)) for job in jobs)
+    points = {point for crossed in products for point in crossed}
     sizes = [len(union[setting]) for setting in single] + [len(group.points) for group in groups]
     if math.prod(sizes) == len(points):
         return groups
-    every = sorted(points, key=lambda point: [sort_key(value) for value in point])
+    ordered = sorted(points, key=lambda point: [sort_key(value) for value in point])
     labels = {
-        point: ",".join(f"{one.name}={value}" for one, value in zip(union, point, strict=True))
-        for point in every
+        point: ",".join(
+            f"{setting.name}={value}" for setting, value in zip(union, point, strict=True)
+        )
+        for point in ordered
     }
     return [joint("job", union, labels)]
 
@@ -600,7 +619,7 @@ def _is_decided_by(jobs: Sequence[Job], key: str, setting: Setting) -> bool:
 
 
 def _label_sort_key(labelled: tuple[Point, str]) -> tuple[bool, float, str]:
-    """Return the sort key of a point with its label: numbers in ascending order, then words."""
+    """Return the sort key of a labelled point: numbers in ascending order, then words."""
     label = labelled[1]
     try:
         return False, float(label), label

@@ -1,7 +1,7 @@
 """The cells of a sweep: axes of every stage, its cells by number, and their keys.
 
-Cells of a stage are numbered over its swept axes, the last axis fastest. The cells of an input that
-they take follow by arithmetic with arrays of such numbers.
+Cells of a stage are numbered over its swept axes, the last axis fastest. The input cells that they
+read follow by arithmetic with arrays of such numbers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from sweeps.engine.resolve.modules import save_parsed_modules
 
 Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
 
-HASHED_CELLS = 2**18  # cells whose keys are made together
+HASHED_CELLS = 2**18  # cells that are hashed together
 NOT_CALLED = object()  # instead of the result of a plain stage
 
 
@@ -54,7 +54,10 @@ class Axis:
 def make_axes(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
     """Return every axis; a joint axis stands where the first of its settings does."""
     by_key = {setting.key: setting for setting in settings}
-    axes = {one.key: Axis(one.name, (one,), tuple((v,) for v in choices[one])) for one in settings}
+    axes = {
+        setting.key: Axis(setting.name, (setting,), tuple((v,) for v in choices[setting]))
+        for setting in settings
+    }
     for joint in choices.joint:
         members = tuple(by_key[key] for key in joint.keys)
         axis = Axis(joint.name, members, joint.points, joint.labels or (), joint.unlabelled)
@@ -63,10 +66,11 @@ def make_axes(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]
 
 
 class InputCells(NamedTuple):
-    """Cells of an input that the cells of a stage take.
+    """Cells of an input that the cells of a stage read.
 
-    `first` has one for each cell of the stage, (cell,). `offsets`, (gathered axis, ...), leads from
-    it to the other positions on the gathered axes of the input, in the order of `Stage.gather`.
+    `first`, (cell,), is the first input cell of each cell of the stage. `offsets`, (gathered axis,
+    ...), leads from it to the other positions on the gathered axes of the input, in the order of
+    `Stage.gather`.
     """
 
     source: BoundStage
@@ -87,12 +91,12 @@ def stored_stages(stages: Iterable[BoundStage], choices: Choices) -> tuple[Bound
 def with_inputs(
     targets: Iterable[BoundStage], stages: Mapping[str, BoundStage]
 ) -> dict[str, BoundStage]:
-    """Return some stages and all that they need, by name, in order."""
-    wanted = set(targets)
-    for bound in reversed([*stages.values()]):  # each comes after those that it needs
-        if bound in wanted:
-            wanted.update(bound.inputs)
-    return {name: bound for name, bound in stages.items() if bound in wanted}
+    """Return some stages and all their inputs, direct or not, by name in order."""
+    needed = set(targets)
+    for bound in reversed([*stages.values()]):  # each before its inputs
+        if bound in needed:
+            needed.update(bound.inputs)
+    return {name: bound for name, bound in stages.items() if bound in needed}
 
 
 def modules_of(stages: Iterable[BoundStage]) -> list[str]:
@@ -125,11 +129,14 @@ class Plan:
         for bound in self.bound.values():
             self._check_joint(bound)
             if bound.stage.substitutions:
-                self.input_cells(bound)  # which may refuse it
+                self.input_cells(bound)  # may refuse the substitutions
 
     def unused_settings(self, keys: Iterable[str]) -> list[str]:
-        """Return the keys that stages of the experiment read, but none of this plan."""
-        read, known = _setting_keys(self.bound.values()), _setting_keys(self._all_stages.values())
+        """Return the keys that stages of the experiment read, but no stage of this plan."""
+        read, all_keys = (
+            _setting_keys(self.bound.values()),
+            _setting_keys(self._all_stages.values()),
+        )
         recorder = Choices(self.choices.values, self.choices.joint)
         for group in {bound.stage.group for bound in self._all_stages.values()}:
             group.when(recorder)
@@ -139,13 +146,13 @@ class Plan:
             for setting in self.experiment.declared
             if setting.key in read and setting.fallback is not None
         }
-        return sorted(key for key in keys if key in known and key not in read)
+        return sorted(key for key in keys if key in all_keys and key not in read)
 
     # axes -----------------------------------------------------------------------------------
 
     @property
     def axis_lengths(self) -> dict[str, int]:
-        """Return the number of values of every axis of several that a stage depends on."""
+        """Return the length of every swept axis that a stage depends on."""
         read = {self.axis_number(key) for key in _setting_keys(self.bound.values())}
         return {
             "+".join(setting.key for setting in axis.settings): len(axis.points)
@@ -155,15 +162,17 @@ class Plan:
 
     @property
     def asked(self) -> list[Setting]:
-        """Return the settings of axes of several values, other than their defaults, that are read.
+        """Return the swept settings that stages read and whose values are not their defaults.
 
-        Those that the command line names come first; draws are not among them.
+        Settings that the command line names come first; draws are left out.
         """
         read = _setting_keys(self.bound.values())
-        asked = [
-            one for one in self.experiment.own_settings if one.key in read and self._is_asked(one)
+        settings = [
+            setting
+            for setting in self.experiment.own_settings
+            if setting.key in read and self._is_asked(setting)
         ]
-        return sorted(asked, key=lambda setting: setting.key not in self.choices.given)
+        return sorted(settings, key=lambda setting: setting.key not in self.choices.given)
 
     def _is_asked(self, setting: Setting) -> bool:
         values = self.choices[setting]
@@ -178,7 +187,7 @@ class Plan:
         return self._axis_of[key][0]
 
     def axis_numbers(self, bound: BoundStage) -> tuple[int, ...]:
-        """Return numbers of the axes with several values that a stage depends on, ascending."""
+        """Return the numbers of the swept axes that a stage depends on, ascending."""
         return tuple(self._strides[bound])
 
     def _along_strides(self, bound: BoundStage) -> dict[int, int]:
@@ -193,9 +202,9 @@ class Plan:
     def _axis_strides(self, bound: BoundStage) -> dict[int, int]:
         """Return the stride of a stage's cells along each swept axis."""
         numbers = sorted({self.axis_number(key) for key in bound.needs})
-        several = [number for number in numbers if self.axes[number].is_swept]
-        lengths = [len(self.axes[number].points) for number in several]
-        return {number: prod(lengths[at + 1 :]) for at, number in enumerate(several)}
+        swept = [number for number in numbers if self.axes[number].is_swept]
+        lengths = [len(self.axes[number].points) for number in swept]
+        return {number: prod(lengths[position + 1 :]) for position, number in enumerate(swept)}
 
     def _check_joint(self, bound: BoundStage) -> None:
         """Refuse gathered settings that run together with others."""
@@ -236,20 +245,26 @@ class Plan:
         """Return the name of a cell: its stage, and name=value for every swept axis."""
         words = [bound.name]
         for number in self._strides[bound]:
-            axis, at = self.axes[number], self.positions(bound, number, cell)
+            axis, position = self.axes[number], self.positions(bound, number, cell)
             if axis.unlabelled:
-                pairs = zip(axis.settings, axis.points[at], strict=True)
-                read = [(one.name, value) for one, value in pairs if one.key in bound.needs]
+                pairs = zip(axis.settings, axis.points[position], strict=True)
+                read = [
+                    (setting.name, value) for setting, value in pairs if setting.key in bound.needs
+                ]
                 words += [f"{name}={format_value(value)}" for name, value in read]
                 continue
-            label = axis.labels[at] if axis.labels else ",".join(map(format_value, axis.points[at]))
+            label = (
+                axis.labels[position]
+                if axis.labels
+                else ",".join(map(format_value, axis.points[position]))
+            )
             words.append(f"{axis.name}={label}")
         return " ".join(words)
 
     # inputs ---------------------------------------------------------------------------------
 
     def input_cells(self, bound: BoundStage) -> dict[BoundStage, InputCells]:
-        """Return by input the cells that the cells of a stage take."""
+        """Return, by input, the input cells that the cells of a stage read."""
         if bound not in self._input_cells:
             sources = dict.fromkeys(bound.inputs)
             find = partial(self._find_input_cells, bound)
@@ -258,18 +273,26 @@ class Plan:
 
     def computed_inputs(self, bound: BoundStage) -> list[InputCells]:
         """Return the cells of all inputs of a stage but plain ones."""
-        return [one for one in self.input_cells(bound).values() if not one.source.stage.is_plain]
+        return [
+            inputs
+            for inputs in self.input_cells(bound).values()
+            if not inputs.source.stage.is_plain
+        ]
 
     def _find_input_cells(self, bound: BoundStage, source: BoundStage) -> InputCells:
         cells, strides = self.cells(bound), self._strides[source]
-        moved = {
+        substituted = {
             self.axis_number(target.key): self._substitute(bound, source, target, replacement)
             for target, replacement in bound.stage.substitutions.items()
             if target.key in source.needs
         }
         first = 0 * cells
         for number, stride in strides.items():
-            positions = moved[number] if number in moved else self.positions(bound, number, cells)
+            positions = (
+                substituted[number]
+                if number in substituted
+                else self.positions(bound, number, cells)
+            )
             first += stride * positions
         offsets = np.zeros((), dtype=np.int64)
         for number in (self.axis_number(key) for key in bound.gather if key in source.needs):
@@ -280,7 +303,9 @@ class Plan:
     def _substitute(
         self, bound: BoundStage, source: BoundStage, target: Setting, replacement: Setting
     ) -> Cells:
-        """Return by cell the position of an input on the axis of a setting, at another's value.
+        """Return, by cell, the position of an input on the axis of `target`.
+
+        There `target` has the value that `replacement` has in the cell.
 
         Raises
         ------
@@ -288,54 +313,56 @@ class Plan:
             If the axis lacks a value, or settings that run together make it ambiguous.
         """
         number, position = self._axis_of[target.key]
-        axis, (at, part) = self.axes[number], self._axis_of[replacement.key]
+        axis, (other_number, other_position) = self.axes[number], self._axis_of[replacement.key]
         read = [k for k, member in enumerate(axis.settings) if member.key in source.needs]
         depends, cells = number in self._strides[bound], self.cells(bound)
         length = len(axis.points)
-        pairs = self.positions(bound, at, cells) * length + self.positions(bound, number, cells)
+        pairs = self.positions(bound, other_number, cells) * length + self.positions(
+            bound, number, cells
+        )
         distinct, inverse = np.unique(pairs, return_inverse=True)
-        found = []
+        positions = []
         for pair in distinct.tolist():
             replacing, own_position = divmod(pair, length)
-            value = self.axes[at].points[replacing][part]
+            value = self.axes[other_number].points[replacing][other_position]
             matching = [k for k, point in enumerate(axis.points) if point[position] == value]
-            known = {tuple(axis.points[k][r] for r in read) for k in matching}
+            candidates = {tuple(axis.points[k][r] for r in read) for k in matching}
             if depends and own_position in matching:
-                found.append(own_position)
-            elif len(known) == 1 and not (depends and len(read) > 1):
-                found.append(matching[0])
+                positions.append(own_position)
+            elif len(candidates) == 1 and not (depends and len(read) > 1):
+                positions.append(matching[0])
             else:
                 raise ConfigurationError(
                     f"{replacement.key} has {format_value(value)}, but must be a value of "
                     f"{target.key}, which must not run together with other settings, because "
                     f"{bound.name} takes {source.name} there"
                 )
-        return np.array(found)[inverse]
+        return np.array(positions)[inverse]
 
     def argument_value(self, bound: BoundStage, source: Setting | BoundStage, cell: int) -> Value:
         """Return the value of an argument that is a setting or a plain stage."""
         if isinstance(source, Setting):
             gathered = source.key in bound.gather
-            given = self.choices[source] if gathered else self.value(bound, source.key, cell)
-            return source.in_si(given)
+            value = self.choices[source] if gathered else self.value(bound, source.key, cell)
+            return source.in_si(value)
         input_cell = int(self.input_cells(bound)[source].first[cell])
         if source not in self._plain_values:
             self._plain_values[source] = np.full(self.count(source), NOT_CALLED, dtype=object)
-        known = self._plain_values[source]
-        if known[input_cell] is NOT_CALLED:
-            known[input_cell] = self._call_plain(source, input_cell)
-        return known[input_cell]
+        results = self._plain_values[source]
+        if results[input_cell] is NOT_CALLED:
+            results[input_cell] = self._call_plain(source, input_cell)
+        return results[input_cell]
 
     def _call_plain(self, bound: BoundStage, cell: int) -> Value:
         """Return the result of a plain stage in one of its cells."""
         arguments = bound.arguments.items()
-        given = {name: self.argument_value(bound, one, cell) for name, one in arguments}
+        values = {name: self.argument_value(bound, source, cell) for name, source in arguments}
         try:
-            return bound.stage.check_value(bound.stage.function(**given))
+            return bound.stage.check_value(bound.stage.function(**values))
         except (ConfigurationError, DeclarationError):
             raise
         except RAISED as error:
-            words = ", ".join(f"{name}={format_value(value)}" for name, value in given.items())
+            words = ", ".join(f"{name}={format_value(value)}" for name, value in values.items())
             raise ConfigurationError(
                 f"{bound.name} cannot be computed from {words}: {error or type(error).__name__}"
             ) from error
@@ -343,8 +370,9 @@ class Plan:
     def factorise(
         self, bound: BoundStage, source: Setting | BoundStage, cells: Cells
     ) -> tuple[tuple[Value, ...], Cells]:
-        """Factorise an argument, a setting or plain stage, over cells: its distinct values, and
-        each cell's index into them.
+        """Return the distinct values of an argument over cells, and each cell's index into them.
+
+        The argument is a setting or a plain stage.
         """
         if isinstance(source, BoundStage):
             codes, size = self.input_cells(bound)[source].first[cells], self.count(source)
@@ -372,8 +400,12 @@ class Plan:
         stream, by_key = bound.stage.stream, self.experiment.by_key
         if stream is None:
             return [(key, by_key[key], False) for key in bound.needs if key != Run.seed.key]
-        both = ((stream.settings, False), (stream.optional, True))
-        return [(one.name, one, optional) for settings, optional in both for one in settings]
+        sources = ((stream.settings, False), (stream.optional, True))
+        return [
+            (setting.name, setting, optional)
+            for settings, optional in sources
+            for setting in settings
+        ]
 
     # keys -----------------------------------------------------------------------------------
 
@@ -382,26 +414,26 @@ class Plan:
         return key_text(self.keys(bound)[cell])
 
     def keys(self, bound: BoundStage) -> Keys:
-        """Return the keys of all cells of a stage, (cell, 2): hashes of all that they depend on.
+        """Return the keys of all cells of a stage, (cell, 2): hashes of all their dependencies.
 
-        The keys of inputs are made first, and none is made twice.
+        Keys of inputs are computed first, and no key twice.
         """
         if bound not in self._keys:
             keys = np.empty((self.count(bound), 2), np.uint64)
             for start in range(0, len(keys), HASHED_CELLS):
-                part = np.arange(start, min(start + HASHED_CELLS, len(keys)))
-                keys[start : start + HASHED_CELLS] = self.hash_cells(bound, part, self.keys)
+                cells = np.arange(start, min(start + HASHED_CELLS, len(keys)))
+                keys[start : start + HASHED_CELLS] = self.hash_cells(bound, cells, self.keys)
             self._keys[bound] = keys
         return self._keys[bound]
 
     def drop_keys(self, bound: BoundStage) -> None:
-        """Free the memory of a stage's keys; `keys` makes them again."""
+        """Free the memory of a stage's keys; `keys` computes them again."""
         self._keys.pop(bound, None)
 
     def hash_cells(
         self, bound: BoundStage, cells: Cells, known: Callable[[BoundStage], Keys]
     ) -> Keys:
-        """Return the keys of cells, from those of their inputs, which `known` returns."""
+        """Return the keys of cells from the keys of their inputs, which `known` returns."""
         identity = f"{STREAM_VERSION} {self.identity[bound.name]}"
         keys = np.tile(hash_texts([identity]), (len(cells), 1))
         for name, source in bound.arguments.items():
@@ -410,12 +442,12 @@ class Plan:
                 texts = [f"{name}={value_token(value)}" for value in values]
                 fold(keys, hash_texts(texts)[codes])
             else:
-                taken = self.input_cells(bound)[source]
-                first, codes = np.unique(taken.first[cells], return_inverse=True)
-                every = (first[:, None] + taken.offsets.ravel()).ravel()
-                rows = known(source)[every].reshape(len(first), taken.offsets.size, 2)
-                several = rows.shape[1] > 1
-                words = hash_texts(row.tobytes() for row in rows) if several else rows[:, 0]
+                inputs = self.input_cells(bound)[source]
+                first, codes = np.unique(inputs.first[cells], return_inverse=True)
+                gathered = (first[:, None] + inputs.offsets.ravel()).ravel()
+                rows = known(source)[gathered].reshape(len(first), inputs.offsets.size, 2)
+                gathers = rows.shape[1] > 1
+                words = hash_texts(row.tobytes() for row in rows) if gathers else rows[:, 0]
                 fold(keys, hash_texts([f"{name}:"]))
                 fold(keys, words[codes])
         if bound.random:
@@ -425,11 +457,11 @@ class Plan:
             for label, setting, optional in settings:
                 number = self.axis_number(setting.key)
                 codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
-                value = partial(self.value, bound, setting.key)
-                values, codes = _factorise(codes, size, cells, value)
-                counting = (one for one in values if one or not optional)
-                named = {one: f"{label}~{value_token(one)}" for one in counting}
-                fold(keys, hash_texts(named.get(one, "") for one in values)[codes])
+                value_at = partial(self.value, bound, setting.key)
+                values, codes = _factorise(codes, size, cells, value_at)
+                counting = (value for value in values if value or not optional)
+                tokens = {value: f"{label}~{value_token(value)}" for value in counting}
+                fold(keys, hash_texts(tokens.get(value, "") for value in values)[codes])
         return keys
 
     def fingerprint(self, bound: BoundStage) -> str:
@@ -441,12 +473,12 @@ class Plan:
     @cached_property
     def identity(self) -> dict[str, str]:
         """Return by stage the hash of its code and of the names of its outputs."""
-        found = {}
+        identities = {}
         for name, bound in self.bound.items():
             outputs = [output.identity for output in bound.stage.outputs]
             order = (bound.along, bound.gather)  # of the axes of arguments and results
-            found[name] = digest(repr([outputs, order, self.digests[name].digest]))
-        return found
+            identities[name] = digest(repr([outputs, order, self.digests[name].digest]))
+        return identities
 
     @cached_property
     def source_code(self) -> Code:
@@ -459,14 +491,14 @@ class Plan:
         """Return the digest of each stage's function."""
         stages = {name: bound.stage for name, bound in self.bound.items()}
         digest = self.source_code.digest
-        found = {name: digest(one.function, one.version) for name, one in stages.items()}
+        digests = {name: digest(stage.function, stage.version) for name, stage in stages.items()}
         save_parsed_modules()
-        return found
+        return digests
 
     @property
     def code(self) -> dict[str, str]:
         """Return by stage the hash of its code and libraries, for the store's attributes."""
-        return {name: one.digest for name, one in self.digests.items()}
+        return {name: code.digest for name, code in self.digests.items()}
 
 
 def _factorise(

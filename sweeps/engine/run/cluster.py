@@ -26,7 +26,7 @@ REQUIRED_SETTINGS = {
     "address": {"address": "the address of a dask scheduler"},
     "slurm": {"workers": "the number of jobs", "memory": "the memory of a job, such as 4GiB"},
 }
-# Class of dask-jobqueue, and command that submits jobs, of each kind of job queue.
+# For each kind of job queue, the class of dask-jobqueue and the command that submits jobs.
 JOB_QUEUES = {"slurm": ("SLURMCluster", "sbatch")}
 # Pattern that a setting must match, and its description.
 PATTERNS = {
@@ -42,9 +42,9 @@ PATTERNS = {
 
 @dataclass(frozen=True)
 class ClusterChoice:
-    """Choice of the cluster that runs the tasks: values of `Cluster` settings that fit together.
+    """Choice of the cluster that runs the tasks: consistent values of the `Cluster` settings.
 
-    Raises `ConfigurationError` if they do not. Kinds are `inline` (this process), `local`
+    Raises `ConfigurationError` if they are inconsistent. Kinds are `inline` (this process), `local`
     (processes of this machine), `address` (a running dask scheduler) and `slurm` (jobs submitted
     with `sbatch`, each one task at a time on one core).
     """
@@ -62,14 +62,14 @@ class ClusterChoice:
     interface: str | None = None  # network interface between jobs and this process
 
     def __post_init__(self) -> None:
-        where = f"when cluster.kind is {self.kind}"
+        condition = f"when cluster.kind is {self.kind}"
         required = REQUIRED_SETTINGS.get(self.kind, {})
         for name, value in list(asdict(self).items())[1:]:
             if value is None:
                 if name in required:
-                    raise _invalid(name, None, f"{required[name]} {where}")
+                    raise _invalid(name, None, f"{required[name]} {condition}")
             elif name not in SETTINGS_OF_KIND[self.kind]:
-                raise _invalid(name, value, f"null {where}")
+                raise _invalid(name, value, f"null {condition}")
             elif name in PATTERNS and not re.fullmatch(PATTERNS[name][0], value):
                 raise _invalid(name, value, PATTERNS[name][1])
         encrypted = str(self.address).startswith("tls://")
@@ -84,8 +84,8 @@ class ClusterChoice:
 
 
 def _invalid(name: str, value: Any, allowed: str) -> ConfigurationError:
-    given = "null" if value is None else value
-    return ConfigurationError(f"cluster.{name} is {given}, but must be {allowed}")
+    text = "null" if value is None else value
+    return ConfigurationError(f"cluster.{name} is {text}, but must be {allowed}")
 
 
 class Executor(Protocol):
@@ -103,7 +103,7 @@ class Executor(Protocol):
         """Submit a task: call a function with some arguments."""
 
     def finished(self) -> list[tuple[int, Any, Exception | None]]:
-        """Wait for tasks to finish; return number, result and error of each, if any are left."""
+        """Wait for tasks to finish; return number, result and error of each; empty if none runs."""
 
 
 class InlineExecutor:

@@ -2,7 +2,7 @@
 
 Tasks arrive as pickled functions, so a client of a worker can run code there. Hence scheduler
 and workers started here accept only holders of a certificate that is made for the run
-and never readable by another user; those of this machine listen on loopback only.
+and never readable by another user; processes of this machine listen on loopback only.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from sweeps.engine.run.shared import REQUIREMENT_ERRORS, Requirements
 
 DASK_SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
-    "distributed.admin.low-level-log-length": 0,  # of messages, which have all of a task
+    "distributed.admin.low-level-log-length": 0,  # each message has a whole task
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.admin.tick.cycle": "5s",
     "distributed.admin.tick.interval": "1s",
@@ -49,10 +49,10 @@ DASK_SETTINGS = {
     "distributed.worker.memory.spill": False,
     "distributed.worker.profile.enabled": False,
 }
-# Its HTTP server is not encrypted, and would otherwise listen on a fixed port of all interfaces.
+# The scheduler's HTTP server is not encrypted, and by default listens on all interfaces.
 SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 
-COUNT_INTERVAL = 1.0  # s between looks at how many workers a running cluster has
+COUNT_INTERVAL = 1.0  # s between counts of a running cluster's workers
 ANSWER_SECONDS, ARRIVAL_SECONDS = 10, 60  # for a scheduler's answer; for its first worker
 CHECK_INTERVAL = 1.0  # s between checks of workers
 JOB_INTERVAL = 10.0  # s between checks whether a job has ended, for example by its time limit
@@ -64,7 +64,7 @@ SCRATCH = "temporary-directory"
 # Removing a scratch folder must not fail for a file that a dying worker still writes.
 CLEANUP: dict[str, Any] = {"ignore_cleanup_errors": True}
 
-# Runs all tasks of this process; a daemon thread, unlike those of `concurrent.futures`.
+# Runs all tasks of this process; a daemon thread, unlike threads of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
 
 TaskResult = tuple[int, Any, Exception | None]
@@ -99,9 +99,9 @@ class DaskExecutor:
 
     @property
     def worker_count(self) -> int:
-        """Number of processes started or, of a running cluster, present a moment ago."""
-        if self._workers is None and time.monotonic() >= self._due:  # asked for with every task
-            with suppress(OSError):  # of a scheduler that is gone, as `finished` finds out
+        """Number of started processes or, on a running cluster, of those present a moment ago."""
+        if self._workers is None and time.monotonic() >= self._due:  # called with every task
+            with suppress(OSError):  # the scheduler may be gone, as `finished` finds out
                 self._counted = max(1, len(self._client.nthreads()))
             self._due = time.monotonic() + COUNT_INTERVAL
         return self._workers or self._counted
@@ -121,7 +121,7 @@ class DaskExecutor:
         done = [future for future in batch if future.status == "finished"]
         try:  # at once, which takes a quarter of the time
             results = dict(zip(done, self._client.gather(done), strict=True))
-        except (Exception, CancelledError):  # of some, whose errors follow
+        except (Exception, CancelledError):  # of some tasks, whose errors follow
             results = {}
         return [self._outcome(future, results) for future in batch]
 
@@ -139,8 +139,8 @@ class DaskExecutor:
         try:
             return number, future.result(), None
         except KilledWorker:
-            why = "the worker process died whenever it ran this task (out of memory?)"
-            return number, None, RuntimeError(why)
+            reason = "the worker process died whenever it ran this task (out of memory?)"
+            return number, None, RuntimeError(reason)
         except REQUIREMENT_ERRORS as error:  # of a worker that joined later
             raise ConfigurationError(f"a worker of the cluster {error}") from None
         except Exception as error:
@@ -151,13 +151,13 @@ class DaskExecutor:
 def local(
     *, workers: int | None, tasks: int, say: Say, shared: Requirements, method: str = "spawn"
 ) -> Iterator[DaskExecutor]:
-    """Start worker processes on this machine, which end with this process in any case.
+    """Start worker processes on this machine, which always end with this process.
 
     `method` is the start method of `multiprocessing`; see `forking.start_fork_server`.
     """
     count = max(1, min(workers or CPU_COUNT, tasks))
     say(f"starting {count} worker process{'es' if count > 1 else ''}")
-    # Workers share the terminal, to which one that dies would log.
+    # Workers share the terminal, to which a dying worker would log.
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
         # In dask's common scratch folder, all would wait for a lock that any user may hold.
@@ -179,7 +179,7 @@ def local(
                         silence_logs=logging.CRITICAL,
                     )
                 )
-        except (OSError, RuntimeError, EOFError) as error:  # as without shared memory
+        except (OSError, RuntimeError, EOFError) as error:  # for example without shared memory
             cause = error.__cause__ or error.__context__ or error
             raise ConfigurationError(
                 "cluster.kind is local, but no worker process can be started here "
@@ -213,14 +213,14 @@ def address(
         try:
             client.wait_for_workers(1, timeout=ARRIVAL_SECONDS)
         except TimeoutError as error:
-            wrong = f"cluster.address is {address}, but its scheduler has no workers"
-            raise ConfigurationError(wrong) from error
-        for worker, wrong in client.run(shared.check, on_error="return").items():
-            if wrong is not None:
-                known = isinstance(wrong, REQUIREMENT_ERRORS)
-                reason = wrong if known else f"cannot be asked: {wrong}"
-                wrong = f"its worker {worker} {reason}"
-                raise ConfigurationError(f"cluster.address is {address}, but {wrong}")
+            problem = f"cluster.address is {address}, but its scheduler has no workers"
+            raise ConfigurationError(problem) from error
+        for worker, problem in client.run(shared.check, on_error="return").items():
+            if problem is not None:
+                is_known = isinstance(problem, REQUIREMENT_ERRORS)
+                reason = problem if is_known else f"cannot be asked: {problem}"
+                problem = f"its worker {worker} {reason}"
+                raise ConfigurationError(f"cluster.address is {address}, but {problem}")
         yield DaskExecutor(client, None, shared)
 
 
@@ -230,8 +230,8 @@ def slurm(
 ) -> Iterator[DaskExecutor]:
     """Submit Slurm jobs with some settings, and cancel them at the end.
 
-    Until then, the certificate of the run and what jobs print are in a private folder in the
-    current directory, which the jobs must be able to read.
+    Until then, a private folder in the current directory, which the jobs must be able to read, has
+    the certificate of the run and the output of the jobs.
     """
     jobs = max(1, min(workers, tasks))
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
@@ -244,10 +244,10 @@ def slurm(
             with interrupts_blocked():
                 cluster = stack.enter_context(_slurm_cluster(Path(folder), options))
             _submit(cluster, jobs)
-        except RuntimeError as error:  # Slurm's own words, if they are its
+        except RuntimeError as error:  # with Slurm's own message, if it refused
             reason = " ".join(str(error).rpartition("stderr:")[2].split())
-            wrong = f"cluster.kind is slurm, but no job starts: {reason}"
-            raise ConfigurationError(wrong) from error
+            problem = f"cluster.kind is slurm, but no job starts: {reason}"
+            raise ConfigurationError(problem) from error
         run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
         look = _SlurmQueue(cluster, run, Path(folder), say).look
         stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_INTERVAL, look=look))
@@ -273,9 +273,9 @@ def _check_scheduler(url: str, security: Security) -> None:
 def _security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
     """Return the certificates of client, scheduler and workers."""
     roles = ("client", "scheduler", "worker")
-    own = {f"tls_{role}_cert": cert for role in roles}
-    own |= {f"tls_{role}_key": private_key for role in roles}
-    security = Security(tls_ca_file=ca_file, require_encryption=True, **own)
+    certificates = {f"tls_{role}_cert": cert for role in roles}
+    certificates |= {f"tls_{role}_key": private_key for role in roles}
+    security = Security(tls_ca_file=ca_file, require_encryption=True, **certificates)
     try:
         security.get_connection_args("client")
     except OSError as error:
@@ -288,9 +288,9 @@ def _security(ca_file: str | None, cert: str | None, private_key: str | None) ->
 
 def _slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
     """Return a cluster without jobs, whose certificate, logs and scratch files are in a folder."""
-    made, certificate, key = Security.temporary(), folder / "certificate.pem", folder / "key.pem"
-    certificate.write_text(made.tls_client_cert, encoding="ascii")
-    key.write_text(made.tls_client_key, encoding="ascii")
+    tls, certificate, key = Security.temporary(), folder / "certificate.pem", folder / "key.pem"
+    certificate.write_text(tls.tls_client_cert, encoding="ascii")
+    key.write_text(tls.tls_client_key, encoding="ascii")
     return import_jobqueue("slurm")(
         **options,
         cores=1,
@@ -324,23 +324,23 @@ def _submit(cluster: Any, jobs: int) -> None:
 
 
 class _SlurmQueue:
-    """Slurm's queue: which jobs have ended, and why others wait."""
+    """Slurm's queue: ended jobs, and the reasons why others wait."""
 
     def __init__(self, cluster: Any, run: DaskExecutor, folder: Path, say: Say) -> None:
         self._cluster, self._run, self._folder, self._say = cluster, run, folder, say
         self._reported: set[str] = set()
-        self._vain = 0  # checks, since there was a worker, that found jobs ended
+        self._vain = 0  # checks that found ended jobs, since there was a worker
 
     async def look(self) -> None:
-        """Mark jobs that ended; say why all others wait; give up if jobs end without a worker."""
+        """Mark ended jobs; say why all others wait; give up if jobs end without a worker."""
         jobs = [job for job in self._cluster.workers.values() if job.job_id]
-        asked = ("squeue", "--me", "--noheader", "--format=%A %t %r")
-        process = await asyncio.create_subprocess_exec(*asked, stdout=PIPE, stderr=DEVNULL)
+        command = ("squeue", "--me", "--noheader", "--format=%A %t %r")
+        process = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=DEVNULL)
         out, _ = await process.communicate()
         if process.returncode:
             return
         lines = [line.split(maxsplit=2) for line in out.decode().splitlines()]
-        listed = {number: why if state == "PD" else "" for number, state, why in lines}
+        listed = {number: reason if state == "PD" else "" for number, state, reason in lines}
         ended = [job for job in jobs if job.job_id not in listed]
         for job in ended:
             job.status = Status.closed
@@ -351,9 +351,9 @@ class _SlurmQueue:
         if self._vain == MAX_VAIN_CHECKS:
             logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
             last = logs[-1].read_text(errors="replace").split("\n") if logs else []
-            why = next((line.strip() for line in reversed(last) if line.strip()), "no message")
-            wrong = f"its jobs end before they have a worker ({why})"
-            await self._run.abandon(f"cluster.kind is slurm, but {wrong}")
+            message = next((line.strip() for line in reversed(last) if line.strip()), "no message")
+            problem = f"its jobs end before they have a worker ({message})"
+            await self._run.abandon(f"cluster.kind is slurm, but {problem}")
         reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._reported
         for reason in sorted(reasons):
             self._reported.add(reason)
@@ -366,8 +366,8 @@ def _replacing_workers(
 ) -> Iterator[None]:
     """Replace dead workers, checking every few seconds.
 
-    Dask restarts a worker process that dies, but gives up if it dies during its start, as by a task
-    that it gets at once. It does not replace a job that ended.
+    Dask restarts a worker process that dies, but gives up if it dies during its start, for example
+    by a task that it gets at once. It does not replace a job that ended.
     """
 
     async def restore() -> None:
@@ -376,7 +376,7 @@ def _replacing_workers(
         for name, worker in list(cluster.workers.items()):
             if worker.status in {Status.closed, Status.failed}:
                 del cluster.workers[name], cluster.worker_spec[name]
-        cluster.scale(count)  # starts those that are missing
+        cluster.scale(count)  # starts the missing ones
 
     callback = PeriodicCallback(restore, 1000 * every)
     cluster.loop.add_callback(callback.start)

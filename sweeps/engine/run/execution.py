@@ -18,31 +18,31 @@ from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches
 QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
 
 Failures = list[tuple[str, str]]
-"""Names of cells or tables that failed, and why."""
+"""Names of cells or tables that failed, with reasons."""
 
 
 def call_each(
     functions: Sequence[Callable[[], object]], executor: Executor, progress: Callable[[], None]
 ) -> None:
-    """Call functions on workers, side by side; `progress` is called whenever one ends.
+    """Call functions on workers, side by side, and `progress` whenever a function has ended.
 
     Raises SweepIncomplete if one fails.
     """
     for number, function in enumerate(functions):
         executor.submit(number, function)
-    left = len(functions)
-    while left:
+    remaining = len(functions)
+    while remaining:
         with interruptible():
             finished = executor.finished()
         for _, _, error in finished:
             if error is not None:
                 raise SweepIncomplete(f"workers cannot be prepared: {one_line(error)}") from error
-        left -= len(finished)
+        remaining -= len(finished)
         progress()
 
 
 def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
-    """Run all calls of a schedule, and record finished cells in the index, whose packs have them.
+    """Run all calls of a schedule, and record finished cells in the index.
 
     Returns the names of cells that failed, with the reasons. Raises `DamagedResults` at the end if
     cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
@@ -53,21 +53,21 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
     failures: Failures = []
     under_way: dict[int, Task] = {}
     # A worker that dies, for example out of memory, takes other tasks with it. So each of their
-    # calls is run again, alone, when nothing else is left to run.
+    # calls runs again, alone, when nothing else is left to run.
     suspects: deque[Task] = deque()
     isolated = False  # whether the running task is a suspect
     numbers = count()
 
     def submit(task: Task) -> None:
-        number, batches = next(numbers), tuple(one.batch for one in task.batches)
+        number, batches = next(numbers), tuple(planned.batch for planned in task.batches)
         executor.submit(number, run_batches, batches, task.order, index.cells)
         under_way[number] = task
 
     while schedule.ready or under_way or suspects:
         if not under_way and (isolated := bool(suspects) and not schedule.ready):
             submit(suspects.popleft())
-        most = 0 if isolated else QUEUED_TASKS * executor.worker_count
-        while schedule.ready and len(under_way) < most:
+        limit = 0 if isolated else QUEUED_TASKS * executor.worker_count
+        while schedule.ready and len(under_way) < limit:
             if (task := schedule.next_task(executor.worker_count)).batches:
                 submit(task)
         with interruptible():
@@ -78,9 +78,9 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                 suspects += schedule.split_task(task)
                 continue
             if error is not None:
-                lost = Failure("", one_line(error), traceback=format_traceback(error))
+                crash = Failure("", one_line(error), traceback=format_traceback(error))
                 cells = range(len(task.batches[0].cells))
-                report = Report((Outcome(0.0, dict.fromkeys(cells, lost)),))
+                report = Report((Outcome(0.0, dict.fromkeys(cells, crash)),))
             if report.write_error is not None:
                 raise report.write_error
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):

@@ -38,8 +38,8 @@ SERVER = "sweeps.engine.run.server"
 
 def check_guard() -> None:
     """Refuse to start workers from an unguarded line of a script, which they would run, too."""
-    ways = get_preparation_data("")
-    module = ways.get("init_main_from_path") or ways.get("init_main_from_name", "")
+    preparation = get_preparation_data("")
+    module = preparation.get("init_main_from_path") or preparation.get("init_main_from_name", "")
     if not module or module.endswith(".__main__"):
         return  # a notebook, prompt or `python -m package`: workers run none of it
     frame = inspect.currentframe()
@@ -61,17 +61,17 @@ def check_guard() -> None:
 
 
 def preloaded_modules(modules: Iterable[str]) -> list[str]:
-    """Return modules, and those listed in their `IMPORTS`, each once."""
-    found = [(name, *getattr(sys.modules.get(name), IMPORTS, ())) for name in modules]
-    return list(dict.fromkeys(name for names in found for name in names))
+    """Return modules and the ones that their `IMPORTS` list, each once."""
+    imports = [(name, *getattr(sys.modules.get(name), IMPORTS, ())) for name in modules]
+    return list(dict.fromkeys(name for names in imports for name in names))
 
 
 def start_fork_server(modules: Iterable[str]) -> str:
     """Start the fork server, which imports modules; return the start method of workers.
 
     It lives as long as this process. At a prompt or in a notebook, where modules are edited and
-    reloaded, each worker imports them itself. If the server cannot start, as where the path of the
-    temporary folder is too long for a socket, workers are spawned.
+    reloaded, each worker imports them itself. If the server cannot start, for example because the
+    path of the temporary folder is too long for a socket, workers are spawned.
     """
     main = vars(sys.modules["__main__"])
     if not os.path.exists(main.get("__file__") or "."):  # '<stdin>', which no worker can run

@@ -1,4 +1,4 @@
-"""Python's own work that a command can spare: looking for garbage, and taking itself apart."""
+"""Work of the interpreter that a command can spare: garbage collection and finalization."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def relax_gc() -> None:
 
 
 def end_with(main: Callable[[], None]) -> NoReturn:
-    """Run a command, and end this process with its status, but without what takes Python a second.
+    """Run a command, and exit with its status without finalization, which takes a second.
 
-    Only its output is written; no object is destroyed, and no function of `atexit` called.
+    Its output is flushed; no object is destroyed, and no function of `atexit` is called.
     """
     status: str | int | None = None
     try:
@@ -29,6 +29,6 @@ def end_with(main: Callable[[], None]) -> NoReturn:
     except SystemExit as ended:
         status = ended.code
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # of which the command has said so
+        with suppress(OSError, ValueError, AttributeError):  # the command has reported these
             stream.flush()
     os._exit(status if isinstance(status, int) else status is not None)

@@ -1,9 +1,10 @@
 """Signals that ask this process to stop.
 
-No signal is lost, and none interrupts cleaning up: an exception raised at any moment would be
-swallowed by some library, or cut the stopping of workers short. So a signal is only noted, and
+No signal is lost, and none interrupts a cleanup: an exception raised at any moment could be
+swallowed by a library, or cut the stopping of workers short. So the handler only notes the signal.
 `Stopped` is raised where the program asks (`raise_if_stopped`), or at any moment of long work that
-needs no cleaning up (`interruptible`). The command imports this module first: it imports little.
+needs no cleanup (`interruptible`). This module imports little, because the command imports it
+first.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from contextlib import contextmanager
 from types import FrameType, SimpleNamespace
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-CLEANUP_SECONDS = 5.0  # s of cleaning up, after which another signal ends the process at once
+CLEANUP_SECONDS = 5.0  # s of cleanup, after which another signal ends the process at once
 
 
 class Stopped(BaseException):
@@ -41,7 +42,7 @@ class Stopped(BaseException):
         return 128 + self.number
 
 
-# The signal that arrived, when [s, monotonic], and whether one may interrupt now.
+# The signal that arrived, its time [s, monotonic], and whether a signal may interrupt now.
 _state = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
 
 
@@ -54,19 +55,23 @@ def signals_deferred() -> Iterator[None]:
     if _state.handled or threading.current_thread() is not threading.main_thread():
         yield
         return
-    handlers = {one: signal.getsignal(one) for one in SIGNALS}
-    before = {one: was for one, was in handlers.items() if was not in (signal.SIG_IGN, None)}
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    previous = {
+        number: handler
+        for number, handler in handlers.items()
+        if handler not in (signal.SIG_IGN, None)
+    }
     hook = sys.unraisablehook
     _state.number, _state.interruptible, _state.handled = None, 0, True
-    # Nothing is printed of a `Stopped` that the interpreter cannot raise.
+    # Print no `Stopped` that the interpreter cannot raise.
     sys.unraisablehook = lambda error: issubclass(error.exc_type, Stopped) or hook(error)
-    for one in before:
-        signal.signal(one, _handle)
+    for number in previous:
+        signal.signal(number, _handle)
     try:
         yield
     finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
         sys.unraisablehook, _state.handled = hook, False
 
 
@@ -88,7 +93,7 @@ def unless_stopped(say: Callable[[str], None]) -> Callable[[str], None]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let a signal raise `Stopped` at any moment of this context, its first included."""
+    """Let a signal raise `Stopped` at any moment of this context, including the first."""
     if not _handles_signals():
         yield
         return

@@ -27,14 +27,14 @@ def say(name: str, sentence: str) -> None:
         sys.stderr.flush()
 
 
-_unwritten: list[str] = []  # why stdout could not be written
+_unwritten: list[str] = []  # errors of writing to stdout
 
 
 @contextmanager
 def printing() -> Iterator[None]:
-    """Print to stdout within this context: a reader that has ended is no error, others come later.
+    """Print to stdout within this context: ignore a closed pipe, and keep other errors.
 
-    `flush_output` returns them.
+    `flush_output` returns the first one.
     """
     try:
         yield
@@ -51,7 +51,7 @@ def show(what: Any) -> None:
 
 
 def flush_output() -> str:
-    """Flush stdout; return why it could not be written, unless its reader has ended."""
+    """Flush stdout; return the first error of writing to it, unless its reader has ended."""
     flushed = sys.stdout is None
     with printing():
         if sys.stdout is not None:
@@ -59,9 +59,9 @@ def flush_output() -> str:
         flushed = True
     if not flushed:  # else Python tries again when it ends, and exits with 120
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    why = _unwritten[0] if _unwritten else ""
+    reason = _unwritten[0] if _unwritten else ""
     _unwritten.clear()
-    return why
+    return reason
 
 
 # environment
@@ -69,7 +69,7 @@ def flush_output() -> str:
 
 @contextmanager
 def environment(variables: Mapping[str, str], *changed: str) -> Iterator[None]:
-    """Set environment variables within this context; restore them and those named in `changed`."""
+    """Set environment variables within this context; then restore them, and `changed` ones."""
     before = {name: os.environ.get(name) for name in (*variables, *changed)}
     os.environ.update(variables)
     try:
@@ -102,7 +102,7 @@ def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit numerical libraries, including those loaded meanwhile, to one thread."""
+    """Limit numerical libraries, including ones loaded meanwhile, to one thread."""
     with environment(ONE_THREAD), _libraries(len(sys.modules)).limit(limits=1):
         yield
 

@@ -58,7 +58,7 @@ class _ProgressView:
         self.name, self.log, self.record = name, log, record
         self.states, self.file, self.due = open_states(cache, make=True), state_name(store), 0.0
         self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
-        self.state["ended"] = "stopped"  # unless it says otherwise
+        self.state["ended"] = "stopped"  # until the sweep finishes
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
         self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
         self.begun = self.at = time.monotonic()
@@ -82,27 +82,38 @@ class _ProgressView:
     def step(self, schedule: Schedule) -> None:
         now, self.schedule = time.monotonic(), schedule
         stages = [*schedule.progress.items()]
-        work, done = schedule.remaining_seconds(), (one.seconds for _, one in stages)
+        work, done = schedule.remaining_seconds(), (progress.seconds for _, progress in stages)
         if now >= self.due:
             self.write()
             self.due = time.monotonic() + SAVE_INTERVAL
         rest = time_left(sum(work.values()), sum(done), now - self.begun)
-        left = f"about {rest} left" if rest else ""
-        begun = [(name, one) for name, one in stages if one.left and one.done + one.failed]
+        remaining = f"about {rest} left" if rest else ""
+        started = [
+            (name, progress)
+            for name, progress in stages
+            if progress.left and progress.done + progress.failed
+        ]
         if self.terminal:
-            shown = [one for _, one in stages if one.reused < one.total]
-            rows = [*begun[:MAX_BARS], ("all", Progress.sum(shown))] if shown else []
-            self.live.update(_bars(rows, left))
+            computed = [progress for _, progress in stages if progress.reused < progress.total]
+            rows = [*started[:MAX_BARS], ("all", Progress.sum(computed))] if computed else []
+            self.live.update(_bars(rows, remaining))
         elif now - self.at >= LINE_INTERVAL:
             self.at = now
-            parts = [f"{name} {one.total - one.left}/{one.total}" for name, one in begun[::-1]]
-            self.say(", ".join([*parts, left] if left else parts) or "finishing")
+            parts = [
+                f"{name} {progress.total - progress.left}/{progress.total}"
+                for name, progress in started[::-1]
+            ]
+            self.say(", ".join([*parts, remaining] if remaining else parts) or "finishing")
 
     def write(self) -> None:
         if self.record and self.schedule is not None:
             work, stages = self.schedule.remaining_seconds(), self.schedule.progress.items()
-            left = {name: [*astuple(one), work[name]] for name, one in stages if one.total}
-            state = json.dumps(self.state | {"stages": left, "at": time.time()})
+            numbers = {
+                name: [*astuple(progress), work[name]]
+                for name, progress in stages
+                if progress.total
+            }
+            state = json.dumps(self.state | {"stages": numbers, "at": time.time()})
             with suppress(OSError):
                 self.states.put(self.file, state.encode())
 
@@ -115,7 +126,7 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
 
     def make_table(schedule: Schedule) -> Table:
         stages = [item for item in schedule.progress.items() if item[1].reused < item[1].total]
-        work, done = schedule.remaining_seconds(), sum(one.seconds for _, one in stages)
+        work, done = schedule.remaining_seconds(), sum(progress.seconds for _, progress in stages)
         rest = time_left(sum(work.values()), done, time.monotonic() - begun)
         return _bars(stages, f"about {rest} left" if rest else "")
 
@@ -139,20 +150,22 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
         yield lambda schedule: None
 
 
-def _bars(rows: Sequence[tuple[str, Progress]], left: str) -> Table:
-    """Return a bar for each stage; behind the last one, the time that is left."""
+def _bars(rows: Sequence[tuple[str, Progress]], remaining: str) -> Table:
+    """Return a bar for each stage, the last one followed by the remaining time."""
     table = Table.grid(padding=(0, 1))
-    for number, (name, one) in enumerate(rows, 1):
-        count = one.total - one.left
-        bar = ProgressBar(one.total, count, width=20)
-        table.add_row(f"{name:<20}", bar, f"{count}/{one.total}", left * (number == len(rows)))
+    for number, (name, progress) in enumerate(rows, 1):
+        count = progress.total - progress.left
+        bar = ProgressBar(progress.total, count, width=20)
+        table.add_row(
+            f"{name:<20}", bar, f"{count}/{progress.total}", remaining * (number == len(rows))
+        )
     return table
 
 
 def time_left(work: float, done: float, elapsed: float) -> str:
     """Return the time left for `work`, at the rate of the work `done` in `elapsed` [s].
 
-    Empty while too little is done.
+    Empty until `MIN_WORK` is done.
     """
     return str(timedelta(seconds=round(work * elapsed / done))) if done >= MIN_WORK else ""
 
@@ -169,14 +182,14 @@ def count_table(rows: Mapping[str, Sequence[Any]], *headings: str) -> Table:
 
 
 def summary(stages: Mapping[str, Progress], seconds: float) -> str:
-    """Return how many cells were computed, reused and failed, and which stages took longest."""
-    every = Progress.sum(stages.values())
+    """Return the numbers of computed, reused and failed cells, and the stages that took longest."""
+    total = Progress.sum(stages.values())
     longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
     slow = (item for item in longest[:MAX_STAGES] if item[1].seconds >= MIN_SECONDS)
-    parts = [f"{name} {one.seconds:.1f} s" for name, one in slow]
+    parts = [f"{name} {progress.seconds:.1f} s" for name, progress in slow]
     return (
-        f"{every.done:,} cells computed, {every.reused:,} reused, {every.failed:,} failed in "
-        f"{seconds:.1f} s; work {every.seconds:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
+        f"{total.done:,} cells computed, {total.reused:,} reused, {total.failed:,} failed in "
+        f"{seconds:.1f} s; work {total.seconds:.1f} s" + (f" ({', '.join(parts)})" if parts else "")
     )
 
 
@@ -185,7 +198,7 @@ STATUS_FOLDER = "status"  # of a cache
 
 
 def open_states(cache: PathOrUrl, *, make: bool = False) -> Objects:
-    """Return the states of sweeps that a cache knows."""
+    """Return the states of sweeps in a cache."""
     return Objects(join(cache, STATUS_FOLDER), make=make, mode=PRIVATE_MODE, clean=False)
 
 

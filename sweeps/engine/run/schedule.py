@@ -45,9 +45,9 @@ Call = tuple[BoundStage, Cells]  # cells of a stage that one call computes
 class ReadyCalls:
     """Calls of stages that became ready together; call k has `cells[begins[k]:begins[k + 1]]`.
 
-    Its stage is `stages[stage[k]]`. `objects`, (call, ...), are numbers of the in-memory objects
-    that it needs, dependencies first, and -1 beyond those; calls are in the order of these, so that
-    calls that share most are neighbours.
+    Its stage is `stages[stage[k]]`. `objects`, (call, ...), numbers the in-memory objects that each
+    call needs, dependencies first, padded with -1. Calls are sorted by it, so that calls with the
+    most objects in common are neighbours.
     """
 
     stages: list[BoundStage]
@@ -63,8 +63,8 @@ class ReadyCalls:
     def next_calls(self, most: int) -> tuple[BoundStage, Cells]:
         """Return the stage of the next calls, and the bounds of their cells."""
         calls = self.stage[self.position : self.position + most]
-        same = int(np.argmax(np.append(calls != calls[0], True)))
-        return self.stages[calls[0]], self.begins[self.position : self.position + same + 1]
+        count = int(np.argmax(np.append(calls != calls[0], True)))
+        return self.stages[calls[0]], self.begins[self.position : self.position + count + 1]
 
 
 class CallQueue:
@@ -83,13 +83,13 @@ class CallQueue:
     def add(self, ready: Mapping[BoundStage, Cells]) -> None:
         """Add calls for cells of stages, sorted by the in-memory objects that they share."""
         tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
-        width = max(part.shape[1] for _, _, part, _ in tables)
-        stage, lengths, cells = (np.concatenate([one[k] for one in tables]) for k in (0, 1, 3))
+        width = max(numbers.shape[1] for _, _, numbers, _ in tables)
+        stage, lengths, cells = (np.concatenate([table[k] for table in tables]) for k in (0, 1, 3))
         objects = np.full((len(stage), width), -1, np.int32)
         filled = 0
-        for _, _, part, _ in tables:
-            objects[filled : filled + len(part), : part.shape[1]] = part
-            filled += len(part)
+        for _, _, numbers, _ in tables:
+            objects[filled : filled + len(numbers), : numbers.shape[1]] = numbers
+            filled += len(numbers)
         if width:
             order = np.lexsort(objects.T[::-1])
             begins = np.cumsum(lengths) - lengths
@@ -99,7 +99,7 @@ class CallQueue:
             cells = cells[np.arange(len(cells)) + np.repeat(moves, lengths)]
         begins = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
         self._ready.append(ReadyCalls([*ready], stage, begins, cells, objects))
-        self.load.update({bound: len(of) for bound, of in ready.items()})
+        self.load.update({bound: len(stage_cells) for bound, stage_cells in ready.items()})
 
     def retry(self, bound: BoundStage, cells: Cells) -> None:
         """Add a call before all others."""
@@ -109,7 +109,7 @@ class CallQueue:
     def _calls(
         self, number: int, bound: BoundStage, cells: Cells
     ) -> tuple[Cells, Cells, Cells, Cells]:
-        """Return stage, number of cells and in-memory objects of each call; and all their cells.
+        """Return stage, number of cells and in-memory objects of each call, and the cells of all.
 
         Cells that differ only on axes computed together share a call.
         """
@@ -125,54 +125,55 @@ class CallQueue:
 
     def _object_numbers(self, bound: BoundStage, cells: Cells) -> list[Cells]:
         """Return the numbers of the in-memory objects of cells, dependencies first."""
-        found: list[Cells] = []
+        objects: list[Cells] = []
         for source, first, _ in self._plan.computed_inputs(bound):
             if not source.stage.is_cached:
-                taken, codes = np.unique(first[cells], return_inverse=True)
-                known = len(self._objects)
-                keys = concatenate(self._objects, self._plan.keys(source)[taken])
+                inputs, codes = np.unique(first[cells], return_inverse=True)
+                count = len(self._objects)
+                keys = concatenate(self._objects, self._plan.keys(source)[inputs])
                 of_first, number = unique_keys(keys)
                 self._objects = keys[of_first]
-                found += [*self._object_numbers(source, first[cells]), number[known:][codes]]
-        return found
+                objects += [*self._object_numbers(source, first[cells]), number[count:][codes]]
+        return objects
 
     def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Call]:
-        """Remove and yield calls that take about `size` seconds, by the cost of a cell of a stage.
+        """Remove and yield calls that take about `size` seconds, by the stages' costs of a cell.
 
-        At least one. Up to `together` where calls share two in-memory objects, and have a third.
+        Yields at least one, and up to `together` seconds of calls that share two in-memory objects
+        and have a third.
         """
-        seconds, cells = 0.0, 0
-        before: list[int] = []
-        while self and cells < MAX_TASK_CELLS:
+        seconds, count = 0.0, 0
+        previous: list[int] = []
+        while self and count < MAX_TASK_CELLS:
             block = self._ready[0] if not self._split else None
             if block and not block.objects.shape[1]:
-                left = size - seconds, MAX_TASK_CELLS - cells
-                yield from self._take_calls(block, costs, *left, cells == 0)
+                remaining = size - seconds, MAX_TASK_CELLS - count
+                yield from self._take_calls(block, costs, *remaining, count == 0)
                 break
             objects = block.objects[block.position].tolist() if block else []
-            shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == before
-            if cells and seconds >= (together if shared else size):
+            shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == previous
+            if count and seconds >= (together if shared else size):
                 break
             if block:
                 bound, (begin, end) = block.next_calls(1)
-                own = block.cells[begin:end]
+                cells = block.cells[begin:end]
                 self._advance(1)
             else:
-                bound, own = self._split.popleft()
-            before = objects[:2]
-            seconds += costs[bound.name] * len(own)
-            cells += len(own)
-            self.load[bound] -= len(own)
-            yield bound, own
+                bound, cells = self._split.popleft()
+            previous = objects[:2]
+            seconds += costs[bound.name] * len(cells)
+            count += len(cells)
+            self.load[bound] -= len(cells)
+            yield bound, cells
 
     def _take_calls(
-        self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, begins: bool
+        self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, is_first: bool
     ) -> Iterator[Call]:
         """Remove and yield calls of one stage that share no objects, as `position` does."""
         bound, ends = block.next_calls(most)
-        before = (ends - ends[0])[:-1]
-        count = int(np.count_nonzero((before * costs[bound.name] < size) & (before < most)))
-        count = max(count, int(begins))  # at least one, even if a damaged index has wrong costs
+        offsets = (ends - ends[0])[:-1]
+        count = int(np.count_nonzero((offsets * costs[bound.name] < size) & (offsets < most)))
+        count = max(count, int(is_first))  # at least one, even if a damaged index has wrong costs
         self._advance(count)
         self.load[bound] -= int(ends[count] - ends[0])
         for begin, end in pairwise(ends[: count + 1].tolist()):
@@ -233,9 +234,9 @@ class Task(NamedTuple):
 class Schedule:
     """Cells of a plan: finished, failed, or still to be computed.
 
-    Distinct results, those of different keys, are numbered: `results` has by stage the number of
-    each cell's, negative if none is needed. `locations` has by number where a result is, and its
-    key; `failed`, why one failed. `costs` are seconds per cell by stage.
+    Results of distinct keys are numbered: `results` maps a stage to the number of each cell's
+    result, negative if it is not needed. `locations` has the location and key of each result,
+    `failed` the reason why a result failed. `costs` are seconds per cell by stage.
     """
 
     plan: Plan
@@ -252,31 +253,37 @@ class Schedule:
         plan, self._index = self.plan, index
         index.refresh()
         self.locations = replace(NO_LOCATIONS, paths=index.paths)
-        wanted = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
+        needed = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
         for bound in plan.targets:
-            wanted[bound][:] = True
+            needed[bound][:] = True
             plan.fingerprint(bound)  # while its keys are known
         missing: dict[BoundStage, Cells] = {}
-        of_function: dict[str, list[range]] = defaultdict(list)  # results by code of their function
-        for bound in reversed(plan.bound.values()):  # each before those that it needs
-            cells = np.flatnonzero(wanted[bound])
+        ranges: dict[str, list[range]] = defaultdict(list)  # results by code of their function
+        for bound in reversed(plan.bound.values()):  # each before its inputs
+            cells = np.flatnonzero(needed[bound])
             if bound.stage.is_cached and cells.size:
-                cells = self._number_results(bound, cells, of_function[plan.identity[bound.name]])
+                cells = self._number_results(bound, cells, ranges[plan.identity[bound.name]])
                 missing[bound] = cells
-            for taken in plan.computed_inputs(bound):
-                wanted[taken.source][taken.select(cells)] = True
+            for inputs in plan.computed_inputs(bound):
+                needed[inputs.source][inputs.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
         maker = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
         for number, (bound, cells) in enumerate(self._missing.items()):
             maker[self.results[bound][cells]] = number
         stages = [*self._missing]
-        made_by = {one: self._makers(one, maker) for one in stages}
-        self._needs = {one: [stages[n] for n in of if n >= 0] for one, of in made_by.items()}
+        made_by = {bound: self._makers(bound, maker) for bound in stages}
+        self._needs = {
+            bound: [stages[n] for n in numbers if n >= 0] for bound, numbers in made_by.items()
+        }
         # Every stage with missing cells, their number, and the number of calls.
         self.missing_cells = [
-            (one, len(cells), len(np.unique(plan.first_cells(one, cells)) if one.along else cells))
-            for one, cells in self._missing.items()
+            (
+                bound,
+                len(cells),
+                len(np.unique(plan.first_cells(bound, cells)) if bound.along else cells),
+            )
+            for bound, cells in self._missing.items()
         ]
         self._object_keys: dict[BoundStage, Keys] = {}
         self._calls = CallQueue(plan)
@@ -284,45 +291,45 @@ class Schedule:
 
     def _makers(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
         """Return the numbers of the stages that make the inputs of a stage and of its objects."""
-        found: set[int] = set()
+        makers: set[int] = set()
         for source, *_ in self.plan.computed_inputs(bound):
             if source.stage.is_cached:
                 results = self.results[source]
                 counts = np.bincount(maker[results[results >= 0]] + 1)
-                found |= {*(np.flatnonzero(counts) - 1).tolist()}
+                makers |= {*(np.flatnonzero(counts) - 1).tolist()}
             else:
-                found |= self._makers(source, maker)
-        return found
+                makers |= self._makers(source, maker)
+        return makers
 
     def _number_results(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
-        """Number the results of cells; return one missing cell of each.
+        """Number the results of cells; return one cell of each missing result.
 
-        Cells of equal keys are one result, also of other stages of the same function, whose
-        results are among the `earlier` ones.
+        Cells of equal keys share a result, also with other stages of the same function, whose
+        results are in the `earlier` ranges.
         """
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
         self.plan.drop_keys(bound)  # its inputs have theirs
         known = np.array([result for results in earlier for result in results], dtype=np.int32)
         first, number = unique_keys(concatenate(self.locations.keys[known], keys))
-        again, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
-        before = len(self.locations)
-        numbers = concatenate(again, np.arange(before, before + len(new), dtype=np.int32))
+        reused, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
+        begin = len(self.locations)
+        numbers = concatenate(reused, np.arange(begin, begin + len(new), dtype=np.int32))
         results = np.full(self.plan.count(bound), -1, dtype=np.int32)
         results[cells] = numbers[number[len(known) :]]
         self.results[bound] = results
-        earlier.append(range(before, before + len(new)))
-        asked = keys[new] if len(new) < len(keys) else keys
-        found = self._index.find(asked, bound.stage.outputs)
-        absent = cells[new[~found.present]]
+        earlier.append(range(begin, begin + len(new)))
+        new_keys = keys[new] if len(new) < len(keys) else keys
+        cached = self._index.find(new_keys, bound.stage.outputs)
+        absent = cells[new[~cached.present]]
         self.locations = Locations(
-            found.paths,
-            concatenate(self.locations.pack, found.pack),
-            concatenate(self.locations.row, found.row),
-            concatenate(self.locations.keys, found.keys),
+            cached.paths,
+            concatenate(self.locations.pack, cached.pack),
+            concatenate(self.locations.row, cached.row),
+            concatenate(self.locations.keys, cached.keys),
         )
         # Results that another stage computes are counted there.
-        total = len(new) + int(self.locations.present[again].sum())
+        total = len(new) + int(self.locations.present[reused].sum())
         self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
 
@@ -338,12 +345,12 @@ class Schedule:
         while ready := {
             bound: cells
             for bound, cells in self._missing.items()
-            if not any(self._left[one] for one in self._needs[bound])
+            if not any(self._left[source] for source in self._needs[bound])
         }:
             for bound in ready:
                 del self._missing[bound]
-            possible = {bound: self._computable(bound, cells) for bound, cells in ready.items()}
-            if calls := {bound: cells for bound, cells in possible.items() if len(cells)}:
+            computable = {bound: self._computable(bound, cells) for bound, cells in ready.items()}
+            if calls := {bound: cells for bound, cells in computable.items() if len(cells)}:
                 self._calls.add(calls)
 
     def _computable(self, bound: BoundStage, cells: Cells) -> Cells:
@@ -353,44 +360,46 @@ class Schedule:
         """
         if not self.failed:
             return cells
-        taken = self.plan.computed_inputs(bound)
-        gone = {source: self._is_lost(source) for source, *_ in taken}
-        lost = self._lacks_input(taken, gone, cells)
+        inputs = self.plan.computed_inputs(bound)
+        lost_inputs = {source: self._is_lost(source) for source, *_ in inputs}
+        lost = self._lacks_input(inputs, lost_inputs, cells)
         for cell in cells[lost].tolist():
-            source, at = next(
-                (source, at)
-                for source, first, offsets in taken
-                if gone[source][at := (first[cell] + offsets).ravel()].all()
+            source, input_cells = next(
+                (source, input_cells)
+                for source, first, offsets in inputs
+                if lost_inputs[source][input_cells := (first[cell] + offsets).ravel()].all()
             )
-            why = f"needs {self.plan.cell_name(source, int(at[0]))}, which failed"
-            self._fail(bound, int(self.results[bound][cell]), why)
+            reason = f"needs {self.plan.cell_name(source, int(input_cells[0]))}, which failed"
+            self._fail(bound, int(self.results[bound][cell]), reason)
         cells = cells[~lost]
         results = self.results[bound][cells]
         keys = self.plan.hash_cells(bound, cells, self._current_keys)
         changed = np.flatnonzero((keys != self.locations.keys[results]).any(axis=1))
         self.locations.keys[results[changed]] = keys[changed]
-        found = self._index.find(keys[changed], bound.stage.outputs)
-        here = changed[found.present]
-        self._finish(bound, results[here], found.pack[found.present], found.row[found.present])
-        return np.delete(cells, here)
+        cached = self._index.find(keys[changed], bound.stage.outputs)
+        reused = changed[cached.present]
+        self._finish(
+            bound, results[reused], cached.pack[cached.present], cached.row[cached.present]
+        )
+        return np.delete(cells, reused)
 
     def _lacks_input(
-        self, taken: list[InputCells], gone: Mapping[BoundStage, Flags], cells: Cells
+        self, inputs: list[InputCells], lost_inputs: Mapping[BoundStage, Flags], cells: Cells
     ) -> Flags:
-        """Return which cells lack an input, or all cells of a gathered one."""
+        """Return flags of the cells that lack an input, or all cells of a gathered input."""
         lost = np.zeros(len(cells), dtype=bool)
-        for source, first, offsets in taken:
+        for source, first, offsets in inputs:
             starts, codes = np.unique(first[cells], return_inverse=True)
-            lost |= gone[source][starts[:, None] + offsets.ravel()].all(axis=1)[codes]
+            lost |= lost_inputs[source][starts[:, None] + offsets.ravel()].all(axis=1)[codes]
         return lost
 
     def _is_lost(self, bound: BoundStage) -> Flags:
-        """Return which cells of a stage failed, or are objects that cannot be made."""
+        """Return flags of the cells of a stage that failed, or whose objects cannot be made."""
         if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
-        taken = self.plan.computed_inputs(bound)
-        gone = {source: self._is_lost(source) for source, *_ in taken}
-        return self._lacks_input(taken, gone, self.plan.cells(bound))
+        inputs = self.plan.computed_inputs(bound)
+        lost_inputs = {source: self._is_lost(source) for source, *_ in inputs}
+        return self._lacks_input(inputs, lost_inputs, self.plan.cells(bound))
 
     def _current_keys(self, bound: BoundStage) -> Keys:
         """Return the keys of a stage's cells, given the failed inputs."""
@@ -412,17 +421,19 @@ class Schedule:
         `workers` tasks run at once: towards the end they get shorter, so that none idles.
         """
         costs = defaultdict(lambda: UNTIMED_SECONDS, self.costs)
-        left = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
-        size = min(max(left / (3 * workers), MIN_SECONDS), MAX_SECONDS)
-        together = min(MAX_SHARED_SECONDS, max(left / workers / 2, size))
+        remaining = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
+        size = min(max(remaining / (3 * workers), MIN_SECONDS), MAX_SECONDS)
+        together = min(MAX_SHARED_SECONDS, max(remaining / workers / 2, size))
         task = self._task(self._calls.next(costs, size, together))
         message = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
-        LOG.debug(message, [one.bound.name for one in task.batches], size, left, workers)
+        LOG.debug(
+            message, [planned.bound.name for planned in task.batches], size, remaining, workers
+        )
         return task
 
     def _task(self, calls: Iterable[Call]) -> Task:
-        """Return a task of calls: the stage of each, and the cells that it computes."""
-        of_stage: dict[tuple[BoundStage, bytes], list[Cells]] = defaultdict(list)
+        """Return a task of calls, each with its stage and the cells that it computes."""
+        groups: dict[tuple[BoundStage, bytes], list[Cells]] = defaultdict(list)
         order: list[int] = []
         numbers: dict[tuple[BoundStage, bytes], int] = {}
         for bound, cells in calls:
@@ -430,8 +441,8 @@ class Schedule:
             starts = self.plan.first_cells(bound, cells[:1]) if bound.along else None
             pattern = b"" if starts is None else (cells - starts).tobytes()
             order.append(numbers.setdefault((bound, pattern), len(numbers)))
-            of_stage[bound, pattern].append(cells)
-        batches = (self.make_batch(bound, cells) for (bound, _), cells in of_stage.items())
+            groups[bound, pattern].append(cells)
+        batches = (self.make_batch(bound, cells) for (bound, _), cells in groups.items())
         return Task(tuple(batches), np.array(order, dtype=np.int16))
 
     # calls ----------------------------------------------------------------------------------
@@ -448,8 +459,8 @@ class Schedule:
             stride = plan.along_strides[bound].get(number, 0)
             grid = np.add.outer(grid, stride * np.unique(plan.positions(bound, number, calls[0])))
         order = np.argsort(grid.ravel())
-        moved = cells - np.repeat(firsts, np.diff(begins))
-        positions = order[np.searchsorted(grid.ravel(), moved, sorter=order)]
+        offsets = cells - np.repeat(firsts, np.diff(begins))
+        positions = order[np.searchsorted(grid.ravel(), offsets, sorter=order)]
         results = self.results[bound][cells]
         batch = self._bind_arguments(
             bound,
@@ -465,10 +476,10 @@ class Schedule:
     def _bind_arguments(
         self, bound: BoundStage, firsts: Cells, grid: Cells, **computed: Any
     ) -> Batch:
-        """Return a batch of calls for cells, (call,), each with a grid of others.
+        """Return a batch of calls that begin at the cells `firsts`, (call,).
 
-        The grid has offsets, with an axis for each axis computed together. `computed` are other
-        fields of `Batch`.
+        `grid` has the offsets of a call's other cells, with one axis for each axis computed
+        together. `computed` are other fields of `Batch`.
         """
         plan, along, count = self.plan, bound.along, len(firsts)
         arguments: dict[str, ValueArgument | StoredArgument | ObjectArgument] = {}
@@ -478,19 +489,25 @@ class Schedule:
         for name, source in bound.arguments.items():
             if isinstance(source, Setting) and source.key in along:
                 rows = np.moveaxis(grid, along.index(source.key), 0)
-                at = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
-                values = tuple(plan.value(bound, source.key, cell) for cell in at.tolist())
+                cells = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
+                values = tuple(plan.value(bound, source.key, cell) for cell in cells.tolist())
                 zeros = np.zeros(count, dtype=np.int32)
                 arguments[name] = ValueArgument((source.in_si(values),), zeros)
             elif isinstance(source, Setting) or source.stage.is_plain:
-                found, codes = plan.factorise(bound, source, firsts)
-                arguments[name] = ValueArgument(found, codes.astype(np.int32))
+                distinct, codes = plan.factorise(bound, source, firsts)
+                arguments[name] = ValueArgument(distinct, codes.astype(np.int32))
             elif not source.stage.is_cached:
                 first = plan.input_cells(bound)[source].first[firsts]
-                made, codes = np.unique(first, return_inverse=True)
-                keys = (self._current_keys if self.failed else plan.keys)(source)[made]
-                own = {"keys": keys, "begins": np.arange(len(made) + 1), "positions": 0 * made}
-                batch = self._bind_arguments(source, made, np.zeros((), dtype=np.int64), **own)
+                objects, codes = np.unique(first, return_inverse=True)
+                keys = (self._current_keys if self.failed else plan.keys)(source)[objects]
+                fields = {
+                    "keys": keys,
+                    "begins": np.arange(len(objects) + 1),
+                    "positions": 0 * objects,
+                }
+                batch = self._bind_arguments(
+                    source, objects, np.zeros((), dtype=np.int64), **fields
+                )
                 arguments[name] = ObjectArgument(batch, codes.astype(np.int32))
             else:
                 locations, present = self._locate_input(bound, source, firsts, grid)
@@ -510,14 +527,14 @@ class Schedule:
     ) -> tuple[Locations, Flags]:
         """Return the locations of an input, and by call a mask on the gathered axes."""
         _, first, offsets = self.plan.input_cells(bound)[source]
-        # Along axes on which the input does not depend, it is the same.
-        own = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
-        taken = np.add.outer(first[np.add.outer(firsts, own)], offsets)
-        locations = self.locations[self.results[source][taken]].compact()
-        each = range(1, locations.present.ndim - offsets.ndim)
-        present = np.asarray(locations.present.all(axis=tuple(each)))
-        lacking = (slice(None) if key in source.needs else None for key in bound.gather)
-        return locations, present[(slice(None), *lacking)]
+        # The input is constant along axes on which it does not depend.
+        input_grid = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
+        input_cells = np.add.outer(first[np.add.outer(firsts, input_grid)], offsets)
+        locations = self.locations[self.results[source][input_cells]].compact()
+        grid_axes = range(1, locations.present.ndim - offsets.ndim)
+        present = np.asarray(locations.present.all(axis=tuple(grid_axes)))
+        selection = (slice(None) if key in source.needs else None for key in bound.gather)
+        return locations, present[(slice(None), *selection)]
 
     # outcomes -------------------------------------------------------------------------------
 
@@ -532,25 +549,25 @@ class Schedule:
         done = np.ones(len(planned.cells), dtype=bool)
         for call in outcome.lost_inputs:
             done[begins[call] : begins[call + 1]] = False
-        failed: list[Failure] = []
-        together = np.repeat(np.diff(begins), np.diff(begins)) > 1
+        failures: list[Failure] = []
+        splittable = np.repeat(np.diff(begins), np.diff(begins)) > 1
         for number, failure in outcome.failed.items():
             done[number] = False
             cells = planned.cells[number : number + 1]
-            if split and failure.traceback and together[number]:
+            if split and failure.traceback and splittable[number]:
                 self._calls.retry(bound, cells)
             else:
-                failed.append(failure._replace(name=self.plan.cell_name(bound, int(cells[0]))))
+                failures.append(failure._replace(name=self.plan.cell_name(bound, int(cells[0]))))
                 self._fail(bound, int(planned.results[number]), failure.reason)
         results = planned.results[done]
         self._finish(bound, results, pack, np.arange(len(results), dtype=np.int32))
         self.progress[name].seconds += outcome.seconds
         if outcome.seconds:
-            each = outcome.seconds / len(planned.cells)
-            self.costs[name] = 0.7 * self.costs.get(name, each) + 0.3 * each
+            cell_seconds = outcome.seconds / len(planned.cells)
+            self.costs[name] = 0.7 * self.costs.get(name, cell_seconds) + 0.3 * cell_seconds
         if not self._left[bound]:
             self._queue_ready()
-        return failed
+        return failures
 
     def split_task(self, task: Task) -> list[Task]:
         """Return a task for every call of a task."""
@@ -565,18 +582,21 @@ class Schedule:
         self.progress[bound.name].done += len(results)
         self._left[bound] -= len(results)
 
-    def _fail(self, bound: BoundStage, result: int, why: str) -> None:
-        self.failed[result] = why
+    def _fail(self, bound: BoundStage, result: int, reason: str) -> None:
+        self.failed[result] = reason
         self.progress[bound.name].failed += 1
         self._left[bound] -= 1
 
     def remaining_seconds(self) -> dict[str, float]:
         """Return the seconds that missing cells take, by stage; the median for untimed stages."""
-        needed = {name: one for name, one in self.progress.items() if one.total}
+        needed = {name: progress for name, progress in self.progress.items() if progress.total}
         timed = [name for name in needed if name in self.costs]
-        whole = {name: self.costs[name] * needed[name].total for name in timed}
-        usual = median(whole.values()) if whole else 0.0
-        return {name: whole.get(name, usual) * one.left / one.total for name, one in needed.items()}
+        totals = {name: self.costs[name] * needed[name].total for name in timed}
+        typical = median(totals.values()) if totals else 0.0
+        return {
+            name: totals.get(name, typical) * progress.left / progress.total
+            for name, progress in needed.items()
+        }
 
 
 @dataclass

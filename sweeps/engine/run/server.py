@@ -1,4 +1,4 @@
-"""Imported by the fork server alone, and first: it imports in less time, and ends at once."""
+"""First import of the fork server, which makes it import faster and end at once."""
 
 import atexit
 import os

@@ -21,10 +21,10 @@ class CodeDiffers(RuntimeError):
 @cache
 def package_digest(name: str) -> str:
     """Return the hash of all sources and shaders of a package or module; empty if it is missing."""
-    found, spec = package_files(name, SHADERS | {".py"}), module_spec(name)
-    if spec and spec.has_location and spec.origin and not found:
-        found = [(name, digest(Path(spec.origin).read_bytes()))]
-    return digest(repr(found)) if found else ""
+    files, spec = package_files(name, SHADERS | {".py"}), module_spec(name)
+    if spec and spec.has_location and spec.origin and not files:
+        files = [(name, digest(Path(spec.origin).read_bytes()))]
+    return digest(repr(files)) if files else ""
 
 
 class CacheNotShared(RuntimeError):
@@ -40,10 +40,10 @@ class Requirements(NamedTuple):
 
     def check(self) -> None:
         """Raise one of `REQUIREMENT_ERRORS` if this process has other code or sees no marker."""
-        other = [name for name, code in self.code.items() if package_digest(name) != code]
-        if other:
+        differing = [name for name, code in self.code.items() if package_digest(name) != code]
+        if differing:
             remedy = "it must have that of this process"
-            raise CodeDiffers(f"has other code of {', '.join(other)}; {remedy}")
+            raise CodeDiffers(f"has other code of {', '.join(differing)}; {remedy}")
         if self.packs is not None:
             _check_marker(self.packs, self.marker)
 
@@ -55,13 +55,13 @@ REQUIREMENT_ERRORS = (CodeDiffers, CacheNotShared)
 @cache
 def _check_marker(packs: Objects, mark: str) -> None:
     """Raise `CacheNotShared` if this process sees no marker, or the folder is another user's."""
-    found = None
+    content = None
     with suppress(OSError):
-        found = packs.get(mark)
-    if found is None:
-        what, remedy = "does not see the cache", "it must be where all of them see it"
+        content = packs.get(mark)
+    if content is None:
+        problem, remedy = "does not see the cache", "it must be where all of them see it"
     elif isinstance(packs.path, Path) and not is_private(packs.path):
-        what, remedy = "sees files of another user in", "it must run as the same user"
+        problem, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return
-    raise CacheNotShared(f"{what} {str(packs.path)!r} of this command; {remedy}")
+    raise CacheNotShared(f"{problem} {str(packs.path)!r} of this command; {remedy}")

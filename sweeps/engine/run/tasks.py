@@ -1,9 +1,9 @@
-"""Tasks of a worker: it reads or makes the inputs of calls, and packs their results.
+"""Tasks of a worker, which reads or makes the inputs of calls and packs their results.
 
 A task has batches of calls, each of one function. A call computes one cell, or several along the
-axes that its stage computes together. The arguments of a batch come together: plain values, arrays
-from packs, stacks of such arrays, or objects made by another stage in this process, which keeps the
-last few of each.
+axes that its stage computes together. A batch has the arguments of all its calls: plain values,
+arrays from packs, stacks of such arrays, or objects made by another stage in this process, which
+keeps the last few objects of each stage.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from sweeps.engine.declare.undeclared import FLOAT, Undeclared, split_variables
 from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
 from sweeps.engine.resolve.keys import Keys, cell_rng
 
-AHEAD_BYTES = 2**25  # of inputs that are read at once
+AHEAD_BYTES = 2**25  # of inputs that are prefetched at once
 AHEAD_CALLS = 512
-INT_LIMIT = 2**63  # of the whole numbers that numpy knows, about the largest
+INT_LIMIT = 2**63  # just above the largest integer of numpy
 
 
 @dataclass(frozen=True)
@@ -56,31 +56,33 @@ class StageSpec:
     @property
     def call(self) -> Callable[..., Any]:
         """The function."""
-        one: Any = self.function or resolve_name(self.import_path)
-        return one.function if isinstance(one, Stage) else one
+        function: Any = self.function or resolve_name(self.import_path)
+        return function.function if isinstance(function, Stage) else function
 
 
 @cache
 def stage_spec(stage: Stage) -> StageSpec:
     """Return the part of a stage that workers need."""
     function, (module, name) = stage.function, module_and_name(stage.function)
-    there = find_attribute(module, name) if module != MAIN else None
-    given = None if getattr(there, "function", there) is function else function
-    stored = (one for one in stage.outputs if stage.stored_as(one)[0])
-    even = tuple(one.name for one in stored if stage.has_fixed_shape(one))
-    return StageSpec(stage.name, f"{module}:{name}", given, stage.outputs, even, stage.keep)
+    imported = find_attribute(module, name) if module != MAIN else None
+    local_function = None if getattr(imported, "function", imported) is function else function
+    stored = (output for output in stage.outputs if stage.stored_as(output)[0])
+    fixed = tuple(output.name for output in stored if stage.has_fixed_shape(output))
+    return StageSpec(
+        stage.name, f"{module}:{name}", local_function, stage.outputs, fixed, stage.keep
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class ValueArgument:
-    """A plain argument of many calls: the distinct values, and which of them each call gets."""
+    """A plain argument of many calls: its distinct values and each call's index into them."""
 
     values: tuple[Any, ...]
     indices: NDArray[np.int32]
 
     @cached_property
     def per_call(self) -> list[Any]:
-        """The value that each call gets."""
+        """The value of each call."""
         return [self.values[index] for index in self.indices.tolist()]
 
 
@@ -98,7 +100,7 @@ class StoredArgument:
 
 @dataclass(frozen=True, eq=False)
 class ObjectArgument:
-    """An argument of many calls that is an object, made in this process: which call makes it."""
+    """An argument of many calls that is an object made here: each call's index in `batch`."""
 
     batch: Batch
     indices: NDArray[np.int32]
@@ -106,11 +108,11 @@ class ObjectArgument:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Calls of one function: the arguments of all by name, and the cells that they compute.
+    """Calls of one function: their arguments by name, and the cells that they compute.
 
-    Call k computes the cells `begins[k]` to `begins[k + 1]` of those with `keys`, (cell, 2), and
-    `indices`, (cell,), on the axes of lengths `shape` that it computes together. A call that makes
-    an object has one cell.
+    Call k computes the cells `begins[k]` to `begins[k + 1]`, which have `keys`, (cell, 2), and flat
+    `positions`, (cell,), on the axes of lengths `shape` that it computes together. A call that
+    makes an object has one cell.
     """
 
     stage: StageSpec
@@ -128,10 +130,10 @@ class Batch:
 
 
 class Outcome(NamedTuple):
-    """Outcome of some calls: how long they took [s], which cells failed, by number, and why.
+    """Outcome of some calls: their time [s], and the failures by number of the cell.
 
-    `lost_inputs` has by number of a call the keys of lost inputs, without which it was not run. All
-    other cells are in a pack, in their order.
+    `lost_inputs` has, by number of a call that did not run, the keys of its lost inputs. `pack` has
+    all other cells in their order.
     """
 
     seconds: float
@@ -145,7 +147,7 @@ class Report(NamedTuple):
 
     outcomes: tuple[Outcome, ...]
     write_error: OSError | None = None  # why results could not be packed, if so
-    # Shapes met, by stage and output, of outputs that have the same in every cell.
+    # Stage, name and shape of outputs that have one shape in all cells.
     shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
 
@@ -170,12 +172,15 @@ def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects
     for number in order:
         running[number].run()
     outcomes = []
-    for one in running:
+    for batch in running:
         try:
-            outcomes.append(one.outcome())
+            outcomes.append(batch.outcome())
         except OSError as error:
             return Report((), write_error=error)
-    return Report(tuple(outcomes), shapes=tuple(sorted({s for one in running for s in one.shapes})))
+    return Report(
+        tuple(outcomes),
+        shapes=tuple(sorted({shape for batch in running for shape in batch.shapes})),
+    )
 
 
 def uneven_error(
@@ -211,41 +216,44 @@ class _RunningBatch:
         begin, end = self.begins[number], self.begins[number + 1]
         inputs = next(self._inputs)
         start = time.perf_counter()
-        given: dict[str, Any] = {}
+        arguments: dict[str, Any] = {}
         try:
-            given = _arguments(batch, number, inputs, self.packs)
-            cells = self._computed(number, given)
+            arguments = _arguments(batch, number, inputs, self.packs)
+            cells = self._computed(number, arguments)
         except DamagedResults as error:
             self.lost_inputs[number] = error.args
             return
         except RAISED as error:
             if batch.streams:  # from which the generator can be made again
                 seed, name = batch.streams[number]
-                given[RNG] = f"cell_rng({seed}, **{name})"
-            failure = Failure("", one_line(error), format_arguments(given), format_traceback(error))
+                arguments[RNG] = f"cell_rng({seed}, **{name})"
+            failure = Failure(
+                "", one_line(error), format_arguments(arguments), format_traceback(error)
+            )
             self.failed |= dict.fromkeys(range(begin, end), failure)
             return
         self.seconds += time.perf_counter() - start
         for cell, arrays in enumerate(cells, begin):
             self.packing.add(arrays)
             self.packed.append(cell)
-        for output in stage.fixed_shape:  # those of a call are of one array
+        for output in stage.fixed_shape:  # a call's cells are of one array
             self.shapes.add((stage.name, output, cells[0][output].shape))
 
     def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
         """Return each wanted cell of a call's result."""
         batch, stage = self.batch, self.batch.stage
         try:
-            found = self.function(**arguments)
+            result = self.function(**arguments)
         finally:
             _return_to(self.working_folder)
-        arrays = check_result(stage.name, stage.outputs, found, batch.shape)
+        arrays = check_result(stage.name, stage.outputs, result, batch.shape)
         if not batch.shape:
             return [arrays]
         cells: list[Arrays] = []
         for position in batch.positions[batch.begins[number] : batch.begins[number + 1]].tolist():
-            at: Any = (*np.unravel_index(position, batch.shape), ...)  # an array even for one value
-            cells.append({name: array[at] for name, array in arrays.items()})
+            # The ellipsis makes it an array even for one value.
+            index: Any = (*np.unravel_index(position, batch.shape), ...)
+            cells.append({name: array[index] for name, array in arrays.items()})
         return cells
 
     def outcome(self) -> Outcome:
@@ -259,7 +267,7 @@ class _RunningBatch:
 
 def _return_to(folder: str) -> None:
     """Change back to the working folder, if a call has left it."""
-    with suppress(FileNotFoundError):  # of the folder of now
+    with suppress(FileNotFoundError):  # the current folder was deleted
         if os.getcwd() == folder:
             return
     os.chdir(folder)
@@ -276,38 +284,44 @@ def _prefetch_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[I
 
     Opening a pack takes longer than reading a small cell in it.
     """
-    reads = {name: one for name, one in batch.arguments.items() if isinstance(one, StoredArgument)}
+    reads = {
+        name: argument
+        for name, argument in batch.arguments.items()
+        if isinstance(argument, StoredArgument)
+    }
     if not reads:
         yield from ({} for _ in range(start, len(batch)))
         return
     window = 1
     while start < len(batch):
         stop = min(start + window, len(batch))
-        found: list[Inputs] = [{} for _ in range(start, stop)]
+        prefetched: list[Inputs] = [{} for _ in range(start, stop)]
         size = 0
         for name, read in reads.items():
             locations = read.locations[start:stop]
             if locations.pack.ndim > 1:  # several cells, which are read when the call runs
-                for number, inputs in enumerate(found):
+                for number, inputs in enumerate(prefetched):
                     inputs[name] = GatheredArray(read.stage, locations[number], packs)
                 continue
             for number, arrays in enumerate(iter_cells(packs, locations)):
-                found[number][name] = arrays or DamagedResults(locations.keys[number].tobytes())
+                prefetched[number][name] = arrays or DamagedResults(
+                    locations.keys[number].tobytes()
+                )
                 size += sum(array.nbytes for array in (arrays or {}).values())
-        while found:
-            yield found.pop(0)  # and hold it no longer
+        while prefetched:
+            yield prefetched.pop(0)  # and hold it no longer
         fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
 
 
 def _arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
-    """Return arguments of a call by name; raise `DamagedResults` if one is unreadable."""
-    given: dict[str, Any] = {}
+    """Return the arguments of a call by name; raise `DamagedResults` if one is unreadable."""
+    arguments: dict[str, Any] = {}
     for name, source in batch.arguments.items():
         if isinstance(source, ValueArgument):
-            given[name] = source.per_call[number]
+            arguments[name] = source.per_call[number]
         elif isinstance(source, ObjectArgument):
-            given[name] = _get_object(source.batch, int(source.indices[number]), packs)
+            arguments[name] = _get_object(source.batch, int(source.indices[number]), packs)
         else:
             arrays = inputs.pop(name)
             if isinstance(arrays, DamagedResults):
@@ -316,19 +330,19 @@ def _arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dic
                 arrays = arrays.arrays(arrays.locations)
             if not source.in_blocks and len(arrays) == 1:
                 arrays = arrays[source.stage.outputs[0].name]
-            given[name] = arrays
+            arguments[name] = arrays
     if batch.streams:
         seed, cell = batch.streams[number]
-        given[RNG] = cell_rng(seed, **cell)
+        arguments[RNG] = cell_rng(seed, **cell)
     if batch.valid is not None:
-        given[VALID] = batch.valid[number].copy()
-    return given
+        arguments[VALID] = batch.valid[number].copy()
+    return arguments
 
 
 def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
-    """Return an in-memory object, made if it is missing; evict the oldest of its stage."""
-    # By the function's name: stages that share one share its results. A function that comes with
-    # each task, from a script or a session, is another object each time.
+    """Return an in-memory object, after making a missing one and evicting its stage's oldest."""
+    # Keyed by the function's name, so that stages of one function share their results: a function
+    # that comes with each task, from a script or a session, is another object each time.
     objects = vars(_objects).setdefault(batch.stage.import_path, OrderedDict())
     key = batch.keys[number].tobytes()
     if key in objects:
@@ -342,8 +356,8 @@ def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
     if latest is not batch or due != number:
         inputs = _prefetch_inputs(batch, packs, number)
     ahead[batch.stage.import_path] = batch, number + 1, inputs
-    objects[key] = made = batch.stage.call(**_arguments(batch, number, next(inputs), packs))
-    return made
+    objects[key] = new_object = batch.stage.call(**_arguments(batch, number, next(inputs), packs))
+    return new_object
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -359,7 +373,7 @@ class GatheredArray:
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
-        """Numbers of cells, and the shape of one."""
+        """Numbers of cells, followed by the shape of one cell's array."""
         flat = self.locations.reshape(-1)
         first = flat[np.flatnonzero(flat.present)[:1]]
         [array] = self.arrays(first).values()
@@ -370,49 +384,51 @@ class GatheredArray:
 
     def reshape(self, *shape: int) -> GatheredArray:
         """Return the array with other axes of cells."""
-        own = len(self.shape) - self.locations.pack.ndim
-        return replace(self, locations=self.locations.reshape(*shape[: len(shape) - own]))
+        cell_ndim = len(self.shape) - self.locations.pack.ndim
+        return replace(self, locations=self.locations.reshape(*shape[: len(shape) - cell_ndim]))
 
-    def __getitem__(self, at: Any) -> NDArray[Any]:
-        """Return the arrays of some cells; raise `DamagedResults` if any are."""
-        locations, own = self.locations[at], self.shape[self.locations.pack.ndim :]
+    def __getitem__(self, index: Any) -> NDArray[Any]:
+        """Return the arrays of some cells; raise `DamagedResults` if any is damaged."""
+        locations, cell_shape = self.locations[index], self.shape[self.locations.pack.ndim :]
         if not locations.present.any():
             [output] = self.stage.outputs
-            return np.full((*locations.pack.shape, *own), output.fill_value, output.dtype)
+            return np.full((*locations.pack.shape, *cell_shape), output.fill_value, output.dtype)
         [array] = self.arrays(locations).values()
         return array
 
     def arrays(self, locations: Locations) -> Arrays:
-        """Return the arrays of cells by output; empty values where there is none."""
-        present, whole = locations.present, Arrays()
+        """Return the arrays of cells by output, with fill values for missing cells."""
+        present, stacks = locations.present, Arrays()
         cells = iter_results(self.packs, locations[present])
         for index, arrays in zip(np.flatnonzero(present).tolist(), cells, strict=True):
             for output in self.stage.outputs:
                 name, array = output.name, arrays[output.name]
-                if name not in whole:
+                if name not in stacks:
                     shape = (present.size, *array.shape)
-                    whole[name] = np.full(shape, output.fill_value, output.dtype)
-                if array.shape != whole[name].shape[1:]:
-                    what = f"{name} of {self.stage.name}"
-                    raise ValueError(f"{what} has a shape that differs between cells")
-                whole[name][index] = array
-        return {name: one.reshape(*present.shape, *one.shape[1:]) for name, one in whole.items()}
+                    stacks[name] = np.full(shape, output.fill_value, output.dtype)
+                if array.shape != stacks[name].shape[1:]:
+                    label = f"{name} of {self.stage.name}"
+                    raise ValueError(f"{label} has a shape that differs between cells")
+                stacks[name][index] = array
+        return {
+            name: stack.reshape(*present.shape, *stack.shape[1:]) for name, stack in stacks.items()
+        }
 
 
-# By function, its objects, and the latest calls with their inputs that are read ahead.
+# By function: its objects, and the latest batch with its prefetched inputs.
 _objects, _prefetched = threading.local(), threading.local()
 
 
 def drop_objects() -> None:
     """Drop all in-memory objects of this thread, and their prefetched inputs."""
-    for kept in (_objects, _prefetched):
-        vars(kept).clear()
+    for local in (_objects, _prefetched):
+        vars(local).clear()
 
 
 # results of a call --------------------------------------------------------------------------------
 
 
-# Kinds of dtypes (see numpy) that may become another, if every value is the same in it.
+# Kinds of dtypes (see numpy) that may be cast to a kind, if the cast preserves every value.
 CASTABLE_KINDS = {"f": "biuf", "i": "biuf", "u": "biuf", "b": "biuf", "c": "biufc"}
 
 _dtype = cache(np.dtype)
@@ -433,40 +449,44 @@ def check_result(
     Raises
     ------
     TypeError
-        If an output is missing, has another shape, or would lose something in its dtype. One
-        sentence with stage, output, what was returned, and what is allowed.
+        If an output is missing, has another shape, or would lose values in its dtype. One sentence
+        with stage, output, returned and allowed values.
     """
     first = outputs[0]
     if isinstance(first, Undeclared):
         if first.is_number and _is_number(found):  # at once: many functions are quick
             return {first.name: np.array(found, FLOAT)}
-        declared, about = split_variables(first, found)
-        arrays = {one.name: _check_output(stage, one, values, ()) for one, values in declared}
-        return arrays | ({about: np.empty(0, "u1")} if about else {})
+        declared, meta = split_variables(first, found)
+        arrays = {
+            output.name: _check_output(stage, output, values, ()) for output, values in declared
+        }
+        return arrays | ({meta: np.empty(0, "u1")} if meta else {})
     names = [output.name for output in outputs]
     if not isinstance(found, Mapping) and len(names) == 1:
         found = {names[0]: found}
-    given = list(found) if isinstance(found, Mapping) else [type(found).__name__]
-    if set(given) != set(names):
-        wrong = f"{stage} returned {', '.join(map(str, given))}"
-        raise TypeError(f"{wrong}, but must return {', '.join(names)}")
-    return {one.name: _check_output(stage, one, found[one.name], along) for one in outputs}
+    returned = list(found) if isinstance(found, Mapping) else [type(found).__name__]
+    if set(returned) != set(names):
+        problem = f"{stage} returned {', '.join(map(str, returned))}"
+        raise TypeError(f"{problem}, but must return {', '.join(names)}")
+    return {
+        output.name: _check_output(stage, output, found[output.name], along) for output in outputs
+    }
 
 
-def _is_number(given: Any) -> bool:
-    return isinstance(given, float) or (isinstance(given, int) and abs(given) < INT_LIMIT)
+def _is_number(value: Any) -> bool:
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < INT_LIMIT)
 
 
-def _check_output(stage: str, output: Output, given: Any, along: tuple[int, ...]) -> NDArray[Any]:
+def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...]) -> NDArray[Any]:
     """Return one output as an array."""
     dtype = _dtype(output.dtype)
-    if dtype.kind == "f" and _is_number(given) and abs(given) <= _max_float(output.dtype):
-        array = np.array(given, dtype)  # the general way takes 10 us
-    elif given is None:
+    if dtype.kind == "f" and _is_number(values) and abs(values) <= _max_float(output.dtype):
+        array = np.array(values, dtype)  # the general way takes 10 us
+    elif values is None:
         raise _output_error(stage, output, "None")
     else:
         try:
-            array, masked = _unmasked(given)
+            array, masked = _unmasked(values)
         except ValueError:
             raise _output_error(stage, output, "rows of different lengths", "an array") from None
         if array.dtype != dtype:
@@ -482,19 +502,19 @@ def _check_output(stage: str, output: Output, given: Any, along: tuple[int, ...]
     return array
 
 
-def _unmasked(given: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return an array with 0 where it, or one of a list of arrays, is masked, and where it is."""
-    several = isinstance(given, list | tuple)
-    if isinstance(given, np.ma.MaskedArray) or (
-        several and any(isinstance(one, np.ma.MaskedArray) for one in given)
+def _unmasked(values: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return an array, or a stack of a list of arrays, with 0 for masked values, and its mask."""
+    is_list = isinstance(values, list | tuple)
+    if isinstance(values, np.ma.MaskedArray) or (
+        is_list and any(isinstance(value, np.ma.MaskedArray) for value in values)
     ):
-        whole = np.ma.stack([*map(np.ma.asarray, given)]) if several else given
-        return np.asarray(whole.filled(0)), np.ma.getmaskarray(whole)
-    return np.asarray(given), np.zeros((), bool)
+        stacked = np.ma.stack([*map(np.ma.asarray, values)]) if is_list else values
+        return np.asarray(stacked.filled(0)), np.ma.getmaskarray(stacked)
+    return np.asarray(values), np.zeros((), bool)
 
 
 def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return an array in another dtype; digits of floats may go, and nothing else."""
+    """Return an array in another dtype; raise an error if more than digits of floats is lost."""
     texts = dtype.kind in "SU" and all(isinstance(value, str | bytes) for value in array.flat)
     castable = CASTABLE_KINDS.get(dtype.kind, dtype.kind)
     if not texts and array.dtype.kind not in castable and array.size:
@@ -509,6 +529,6 @@ def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any])
     return cast
 
 
-def _output_error(stage: str, output: Output, given: str, allowed: str = "") -> TypeError:
+def _output_error(stage: str, output: Output, returned: str, allowed: str = "") -> TypeError:
     allowed = allowed or f"values that the dtype {output.dtype} holds"
-    return TypeError(f"{stage} returned {given} as {output.name}, but must return {allowed}")
+    return TypeError(f"{stage} returned {returned} as {output.name}, but must return {allowed}")

@@ -21,10 +21,10 @@ from sweeps.engine.resolve.keys import digest
 
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
-BOTH = "is_attribute"  # of a scalar coordinate that the group has as an attribute, too
+BOTH = "is_attribute"  # marks a scalar coordinate that the group has as an attribute, too
 
-# Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array takes the
-# other one, so that the old metadata never refer to new chunks.
+# Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array gets the
+# other prefix, so that the old metadata never refer to new chunks.
 KEY_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20
@@ -119,21 +119,21 @@ class Array:
 
     def digest(self, region: Region) -> str:
         """Return the hash of all that determines the chunk of a region."""
-        sizes = [part.stop - part.start for part in region]
-        about = (self.stored_dtype.str, self.chunks, self.empty.tobytes().hex(), sizes, ZSTD_LEVEL)
+        sizes = [span.stop - span.start for span in region]
+        layout = (self.stored_dtype.str, self.chunks, self.empty.tobytes().hex(), sizes, ZSTD_LEVEL)
         if self.source_bytes is not None:
-            given = self.source_bytes(region)
+            content = self.source_bytes(region)
         else:
-            given = np.asarray(self.read(region), self.stored_dtype).tobytes()
-        return digest(repr(about).encode() + given)
+            content = np.asarray(self.read(region), self.stored_dtype).tobytes()
+        return digest(repr(layout).encode() + content)
 
     def with_fill(self) -> Array:
-        """Return a small array of equal values with that as fill value: it needs no chunk."""
+        """Return a small array of equal values with that fill value, so that it needs no chunk."""
         if self.chunks != self.shape or not 0 < math.prod(self.shape) <= MAX_CONSTANT:
             return self
         values = self.load()
         first = values.flat[0]
-        # The metadata of zarr have one NaN, of many. A scalar has no chunk in any case.
+        # The metadata of zarr have only one of the many NaNs. A scalar has no chunk in any case.
         equal = first == first and values.tobytes() == first.tobytes() * values.size
         if self.dims and not equal:
             return self
@@ -147,7 +147,7 @@ class Array:
 
     def load(self) -> NDArray[Any]:
         """Return all values as they are stored; they stay in memory."""
-        # In the order in which zarr reads them: sums may depend on that in their last bit.
+        # In the order in which zarr reads them: the last bit of sums may depend on the order.
         everywhere = tuple(slice(0, size) for size in self.shape)
         values = np.asarray(self.read(everywhere), self.stored_dtype, order="C")
         self.read = values.__getitem__
@@ -164,50 +164,54 @@ class Group:
     @property
     def attributes(self) -> dict[str, Any]:
         """Return the attributes, including the list of coordinates that are not dimensions."""
-        coordinates = {name: one for name, one in self.arrays.items() if one.coordinate}
-        others = [name for name, one in coordinates.items() if one.dims != (name,)]
-        named = {"coordinates": " ".join(sorted(others))} if others else {}
-        return encode_attrs(self.attrs) | named
+        coordinates = {name: array for name, array in self.arrays.items() if array.coordinate}
+        auxiliary = [name for name, array in coordinates.items() if array.dims != (name,)]
+        extra = {"coordinates": " ".join(sorted(auxiliary))} if auxiliary else {}
+        return encode_attrs(self.attrs) | extra
 
     def fold_scalars(self, taken: Collection[str] = ()) -> Group:
         """Return the group with scalar coordinates as attributes, as it is stored.
 
-        `SCALARS` has the attributes of each, by which `tables.with_scalars` finds them. One whose
-        name is `taken` by an attribute of another value stays an array. Those that are attributes
-        already come first.
+        The attribute `SCALARS` has the attributes of each one, for `tables.with_scalars`. A
+        coordinate stays an array if its name is `taken`, or an attribute of another value.
+        Coordinates that are attributes already come first.
         """
         taken = {*taken, "coordinates", SCALARS}
         names = sorted(self.arrays.keys() - taken, key=[*self.attrs, *self.arrays].index)
         scalars = {
-            name: one
+            name: array
             for name in names
-            if (one := self.arrays[name]).coordinate and not one.dims and one.dtype.kind in "biufU"
+            if (array := self.arrays[name]).coordinate
+            and not array.dims
+            and array.dtype.kind in "biufU"
         }
-        values = {name: one.load().astype(one.dtype).item() for name, one in scalars.items()}
+        values = {name: array.load().astype(array.dtype).item() for name, array in scalars.items()}
         scalars = {
-            name: one
-            for name, one in scalars.items()
+            name: array
+            for name, array in scalars.items()
             if _is_json(values[name])
             if name not in self.attrs or _is_same(self.attrs[name], values[name])
         }
         if not scalars:
             return self
-        given = {name: values[name] for name in scalars if values[name] == values[name]}  # not NaN
-        about = {
+        scalar_values = {
+            name: values[name] for name in scalars if values[name] == values[name]
+        }  # not NaN
+        scalar_attrs = {
             SCALARS: {
-                name: one.attributes | {BOTH: 1} if name in self.attrs else one.attributes
-                for name, one in scalars.items()
+                name: array.attributes | {BOTH: 1} if name in self.attrs else array.attributes
+                for name, array in scalars.items()
             }
         }
-        others = {name: one for name, one in self.arrays.items() if name not in scalars}
-        return Group(others, {**self.attrs, **given, **about})
+        arrays = {name: array for name, array in self.arrays.items() if name not in scalars}
+        return Group(arrays, {**self.attrs, **scalar_values, **scalar_attrs})
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
-    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `load` axes.
+    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `whole` axes.
 
-    The last axes whole, one axis before them in parts that do not depend on its length, so that
-    more values leave the others where they are, and 1 along those before.
+    The last axes are uncut. One axis before them is cut into parts that do not depend on its
+    length, so that further values leave other chunks unchanged. Axes before it are cut into 1.
     """
     chunks: list[int] = []
     budget = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
@@ -215,7 +219,7 @@ def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> 
         full = max(size, 1)
         cut = axis >= whole and size > budget
         chunks.append(budget if cut else full)
-        # Once an axis is cut, those before it have chunks of 1.
+        # Once an axis is cut, chunks have length 1 along the axes before it.
         budget = 1 if chunks[-1] < full else max(budget // full, 1)
     return tuple(reversed(chunks))
 
@@ -268,7 +272,7 @@ def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
 
 
 def _fill(value: Any) -> Any:
-    """Return a fill value as zarr's metadata have it."""
+    """Return a fill value in the form of zarr's metadata."""
     if value.dtype.kind == "c":
         return [_fill(value.real), _fill(value.imag)]
     if value.dtype.kind != "f":
@@ -287,13 +291,13 @@ def encode(array: Array, region: Region) -> bytes | None:
     return None if content == empty else bytes(_ZSTD.encode(content))
 
 
-def _is_same(one: Any, other: Any) -> bool:
+def _is_same(first: Any, second: Any) -> bool:
     """Return whether values have one type and are equal."""
-    return type(one) is type(other) and bool(one == other)
+    return type(first) is type(second) and bool(first == second)
 
 
 def _is_json(value: Any) -> bool:
-    """Return whether an attribute can hold a value, NaN being left out: no infinity, 64 bits."""
+    """Return whether an attribute can hold a value: no infinity, 64 bits; NaN is left out."""
     return not (isinstance(value, float) and math.isinf(value)) and (
         not isinstance(value, int) or -(2**63) <= value < 2**63
     )

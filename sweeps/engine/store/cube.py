@@ -49,12 +49,12 @@ class StoredVariable:
     output: Output
     group: str
     name: str  # in its group
-    axes: tuple[int, ...]  # numbers of those that are dimensions, in their order
+    axes: tuple[int, ...]  # numbers of the axes that are dimensions, in their order
     order: tuple[int, ...]  # source of each dimension: these axes first, then its own
 
     @property
     def origin(self) -> dict[str, Output]:
-        """The outputs at which a cell begins, by own dimension."""
+        """The outputs with the index at which a cell begins, by own dimension."""
         return self.bound.stage.origin(self.output)
 
 
@@ -80,32 +80,32 @@ class RegionReader:
 
     def read(self, region: Region) -> NDArray[Any]:
         """Return the values of the region; raise `DamagedResults` if a cell is damaged."""
-        output, own = self.output, self.own_lengths
+        output, lengths = self.output, self.own_lengths
         dtype, empty = output.store_dtype
-        flat = np.full((math.prod(self.shape), *own), empty, dtype=dtype)
+        flat = np.full((math.prod(self.shape), *lengths), empty, dtype=dtype)
         flat[self.failed] = FAILED
         cells = iter_results(self.packs, self.locations)
         for number, arrays in zip(self.present.tolist(), cells, strict=True):
             array = arrays.get(output.name)
             if array is None:  # of a function that declares nothing
                 continue
-            if array.shape == own:
+            if array.shape == lengths:
                 flat[number] = array
                 continue
             if self.fixed_shape:
-                raise uneven_error(self.stage, output.name, array.shape, own)
+                raise uneven_error(self.stage, output.name, array.shape, lengths)
             if output.pad is not None:
                 flat[number] = output.pad
             corner = map(int.__sub__, _begins(output, arrays), self.own_starts)
             ends = zip(corner, array.shape, strict=True)
-            corner_region: Any = [slice(at, at + size) for at, size in ends]
+            corner_region: Any = [slice(begin, begin + size) for begin, size in ends]
             flat[(number, *corner_region)] = array
-        inside: Any = (..., *self.own_region)
-        return flat.reshape((*self.shape, *own))[inside].transpose(self.order)
+        own_index: Any = (..., *self.own_region)
+        return flat.reshape((*self.shape, *lengths))[own_index].transpose(self.order)
 
 
 def _begins(output: Output, arrays: Arrays) -> list[int]:
-    """Return where a cell begins on each own dimension."""
+    """Return the index at which a cell begins on each own dimension."""
     return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
 
 
@@ -113,12 +113,12 @@ def stored_variables(
     plan: Plan, bound: BoundStage, outputs: Iterable[Output]
 ) -> list[StoredVariable]:
     """Return the variables of a stage's stored outputs."""
-    of = bound.stage.group
-    order = {name: number for number, name in enumerate(of.dims)}
+    stage_group = bound.stage.group
+    order = {name: number for number, name in enumerate(stage_group.dims)}
 
     def rank(number: int) -> int:
         axis = plan.axes[number]
-        renamed = of.names.get(axis.settings[0], "")
+        renamed = stage_group.names.get(axis.settings[0], "")
         words = [renamed, axis.name, *(setting.name for setting in axis.settings)]
         return min((order[word] for word in words if word in order), default=-1)
 
@@ -143,13 +143,13 @@ def _dimensions(plan: Plan, *bounds: BoundStage) -> list[int]:
     """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
-    fixed = {n for n, axis in axes if any(one.single == DIMENSION for one in axis.settings)}
+    fixed = {n for n, axis in axes if any(setting.single == DIMENSION for setting in axis.settings)}
     return [n for n, axis in axes if axis.is_swept or n in fixed]
 
 
 @dataclass
 class Cube:
-    """The arrays of a store, made of the finished cells of a schedule."""
+    """The arrays of a store, read from the finished cells of a schedule."""
 
     schedule: Schedule
     packs: Objects
@@ -164,44 +164,46 @@ class Cube:
     def groups(self) -> dict[str, Group]:
         """Return groups of the store by path; raise `DamagedResults` if a cell is damaged."""
         members: dict[str, list[StoredVariable]] = defaultdict(list)
-        known: dict[str, dict[str, Array]] = defaultdict(dict)
+        group_coordinates: dict[str, dict[str, Array]] = defaultdict(dict)
         for bound in self.plan.targets:
             outputs, coordinates = self._outputs(bound)
             for variable in stored_variables(self.plan, bound, outputs):
                 members[variable.group].append(variable)
-            known[bound.stage.group.path] |= coordinates
-        found = {name: self._group(variables) for name, variables in members.items()}
-        for name, arrays in known.items():
-            found[name].arrays.update(arrays)
+            group_coordinates[bound.stage.group.path] |= coordinates
+        groups = {name: self._group(variables) for name, variables in members.items()}
+        for name, arrays in group_coordinates.items():
+            groups[name].arrays.update(arrays)
         if states := self._states(members[STATUS]):
-            found.setdefault(STATUS, Group()).arrays.update(states)
-        return dict(sorted(found.items()))
+            groups.setdefault(STATUS, Group()).arrays.update(states)
+        return dict(sorted(groups.items()))
 
     def _outputs(self, bound: BoundStage) -> tuple[Sequence[Output], dict[str, Array]]:
-        """Return the outputs of a stage, inferred if undeclared.
+        """Return the outputs of a stage, and its coordinates that are equal in all results.
 
-        And, for undeclared ones, the coordinates that are equal in all results.
+        Outputs that are not declared are inferred; only these have such coordinates.
         """
         output = bound.stage.outputs[0] if bound.stage.outputs else None
         if not isinstance(output, Undeclared):
             return bound.stage.outputs, {}
         results = np.unique(self.schedule.results[bound])
         locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
-        found = infer_outputs(output, distinct_layouts(self.packs, locations))
-        names = [one.name for one in found if one.role == COORDINATE]
+        inferred = infer_outputs(output, distinct_layouts(self.packs, locations))
+        names = [variable.name for variable in inferred if variable.role == COORDINATE]
         values = longest_arrays(iter_results(self.packs, locations), names) if names else {}
         coordinates = {}
-        for one in found:
-            if values.get(one.name) is not None:
-                attrs = {"units": one.unit, "long_name": one.label, **one.attrs}
-                array = Array.from_values(one.dims, values[one.name], attrs, coordinate=True)
-                coordinates[one.name] = array
-            elif one.name in one.dims:
-                raise DeclarationError(
-                    f"{output.name} returned other labels of the dimension {one.name!r} for other "
-                    "arguments; return them as a variable of another name"
+        for variable in inferred:
+            if values.get(variable.name) is not None:
+                attrs = {"units": variable.unit, "long_name": variable.label, **variable.attrs}
+                array = Array.from_values(
+                    variable.dims, values[variable.name], attrs, coordinate=True
                 )
-        return [one for one in found if one.name not in coordinates], coordinates
+                coordinates[variable.name] = array
+            elif variable.name in variable.dims:
+                raise DeclarationError(
+                    f"{output.name} returned other labels of the dimension {variable.name!r} for "
+                    "other arguments; return them as a variable of another name"
+                )
+        return [variable for variable in inferred if variable.name not in coordinates], coordinates
 
     def _group(self, variables: Sequence[StoredVariable]) -> Group:
         """Return a group of its variables, and the coordinates of their dimensions."""
@@ -210,13 +212,13 @@ class Cube:
         for variable in variables:
             for dim, first in variable.origin.items():
                 values = starts.get(dim, 0) + np.arange(lengths[dim])
-                about = {"units": first.unit, "long_name": first.label}
-                arrays[dim] = Array.from_values((dim,), values, about, coordinate=True)
+                attrs = {"units": first.unit, "long_name": first.label}
+                arrays[dim] = Array.from_values((dim,), values, attrs, coordinate=True)
             arrays[variable.name] = self._variable(variable, names)
         return Group(arrays | self._coordinates(variables, names))
 
     def _names(self, variables: Sequence[StoredVariable]) -> dict[int, str]:
-        """Return the names of all axes of a group: the whole key if its last word is taken."""
+        """Return the names of all axes of a group: the whole key if its last word is in use."""
         axes, number_of = self.plan.axes, self.plan.axis_number
         names = {
             number_of(key): axes[number_of(key)].name
@@ -225,23 +227,25 @@ class Cube:
             if axes[number_of(key)].name in variable.output.dims
         }
         bounds = {
-            number_of(key): one.bound for one in reversed(variables) for key in one.bound.needs
+            number_of(key): variable.bound
+            for variable in reversed(variables)
+            for key in variable.bound.needs
         }
         for number in (*_dimensions(self.plan, *bounds.values()), *sorted(bounds)):
             setting = axes[number].settings[0]
             name = bounds[number].stage.group.names.get(setting) or axes[number].name
-            taken = name in (*names.values(), *(one.name for one in variables))
-            names.setdefault(number, setting.key.replace(".", "_") if taken else name)
+            is_taken = name in (*names.values(), *(variable.name for variable in variables))
+            names.setdefault(number, setting.key.replace(".", "_") if is_taken else name)
         return names
 
     def _variable(self, variable: StoredVariable, names: Mapping[int, str]) -> Array:
         """Return the variable of an output."""
         output, (_, lengths) = variable.output, self._extents[variable.group]
-        own = [lengths[dim] for dim in output.dims]
-        shape = (*(len(self.plan.axes[number].points) for number in variable.axes), *own)
+        own_lengths = [lengths[dim] for dim in output.dims]
+        shape = (*(len(self.plan.axes[number].points) for number in variable.axes), *own_lengths)
         dims = (*(names[number] for number in variable.axes), *output.dims)
         dtype, empty = output.store_dtype
-        chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own))
+        chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own_lengths))
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if dtype.kind in "UM" else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
@@ -252,36 +256,42 @@ class Cube:
             attrs["comment"] = MEASURED_COMMENT
         if output.role == STATE:
             attrs |= FLAGS
-        given: Any = (tuple(one[k] for k in variable.order) for one in (dims, shape, chunks))
-        named, sizes, parts = given
+        ordered: Any = (
+            tuple(values[k] for k in variable.order) for values in (dims, shape, chunks)
+        )
+        ordered_dims, sizes, chunk_shape = ordered
         make, coordinate = partial(self._make_reader, variable), output.role == COORDINATE
 
         def read(region: Region) -> NDArray[Any]:
             return make(region)(region)
 
-        if words:  # few, and stored no wider than the longest
+        if words:  # texts are few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
-            return Array.from_values(named, texts, attrs, coordinate=coordinate)
-        how = partial(self._source_bytes, variable), make
-        return Array(named, sizes, dtype, attrs, read, parts, empty, coordinate, *how)
+            return Array.from_values(ordered_dims, texts, attrs, coordinate=coordinate)
+        sources = partial(self._source_bytes, variable), make
+        return Array(
+            ordered_dims, sizes, dtype, attrs, read, chunk_shape, empty, coordinate, *sources
+        )
 
     def _results(self, variable: StoredVariable, ranges: Sequence[range]) -> Cells:
         """Return numbers of the results in ranges of a variable's axes, the last fastest."""
         plan, bound = self.plan, variable.bound
         by_axis = dict(zip(variable.axes, ranges, strict=True))
-        own = plan.axis_numbers(bound)
+        stage_axes = plan.axis_numbers(bound)
         results = self.schedule.results[bound]
-        results = results.reshape([len(plan.axes[number].points) for number in own])
-        results = results[np.ix_(*(by_axis.get(number, (0,)) for number in own))]
-        order = [own.index(number) for number in variable.axes if number in own]
-        others = [at for at, number in enumerate(own) if number not in by_axis]
-        return results.transpose(order + others).ravel()
+        results = results.reshape([len(plan.axes[number].points) for number in stage_axes])
+        results = results[np.ix_(*(by_axis.get(number, (0,)) for number in stage_axes))]
+        order = [stage_axes.index(number) for number in variable.axes if number in stage_axes]
+        remaining = [
+            position for position, number in enumerate(stage_axes) if number not in by_axis
+        ]
+        return results.transpose(order + remaining).ravel()
 
     def _find_extents(
         self, variables: Sequence[StoredVariable]
     ) -> tuple[dict[str, int], dict[str, int]]:
-        """Return starts of own dimensions with an origin over all cells, and lengths of all."""
-        ends: dict[tuple[str, bool], tuple[int, int]] = {}  # by whether there is an origin
+        """Return starts of own dimensions with an origin, and lengths of all, over all cells."""
+        ends: dict[tuple[str, bool], tuple[int, int]] = {}  # by dimension and if it has an origin
         lengths: dict[str, int] = {}
         for variable in variables:
             output, axes = variable.output, self.plan.axes
@@ -304,7 +314,7 @@ class Cube:
                     ends[dim, dim in origin] = min(low, begin), max(high, begin + size)
         for (dim, _), (low, high) in ends.items():
             lengths[dim] = max(lengths[dim], high - low)
-        return {dim: low for (dim, moved), (low, _) in ends.items() if moved}, lengths
+        return {dim: low for (dim, has_origin), (low, _) in ends.items() if has_origin}, lengths
 
     def _make_reader(
         self, variable: StoredVariable, region: Region
@@ -313,14 +323,14 @@ class Cube:
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
         natural = [region[k] for k in np.argsort(variable.order)]
-        ranges = [range(one.start, one.stop) for one in natural[:count]]
+        ranges = [range(span.start, span.stop) for span in natural[:count]]
         results = self._results(variable, ranges)
         state = output.role == STATE
-        lost = np.flatnonzero(np.isin(results, [*self.schedule.failed])) if state else results[:0]
-        wanted = np.flatnonzero(self.schedule.locations.present[results])
+        failed = np.flatnonzero(np.isin(results, [*self.schedule.failed])) if state else results[:0]
+        present = np.flatnonzero(self.schedule.locations.present[results])
         return RegionReader(
             self.packs,
-            self.schedule.locations[results[wanted]].compact(),
+            self.schedule.locations[results[present]].compact(),
             variable.bound.name,
             output,
             variable.bound.stage.has_fixed_shape(output),
@@ -331,8 +341,8 @@ class Cube:
             own_lengths=tuple(lengths[dim] for dim in output.dims),
             own_region=tuple(natural[count:]),
             order=variable.order,
-            present=wanted,
-            failed=lost,
+            present=present,
+            failed=failed,
         ).read
 
     def _source_bytes(self, variable: StoredVariable, region: Region) -> bytes:
@@ -340,33 +350,35 @@ class Cube:
         output, count = variable.output, len(variable.axes)
         starts, lengths = self._extents[variable.group]
         natural = [region[k] for k in np.argsort(variable.order)]
-        results = self._results(variable, [range(one.start, one.stop) for one in natural[:count]])
+        results = self._results(
+            variable, [range(span.start, span.stop) for span in natural[:count]]
+        )
         locations, failed = self.schedule.locations, self.schedule.failed
         keys = np.where(locations.present[results, None], locations.keys[results], 0)
-        lost = np.isin(results, [*failed]) if output.role == STATE else np.empty(0, bool)
-        own = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
-        about = [output.name, output.pad, variable.order, own, natural[count:]]
-        return repr(about).encode() + lost.tobytes() + keys.tobytes()
+        flags = np.isin(results, [*failed]) if output.role == STATE else np.empty(0, bool)
+        extents = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
+        layout = [output.name, output.pad, variable.order, extents, natural[count:]]
+        return repr(layout).encode() + flags.tobytes() + keys.tobytes()
 
     def _coordinates(
         self, variables: Sequence[StoredVariable], names: Mapping[int, str]
     ) -> dict[str, Array]:
-        """Return coordinates of all axes: along dimensions, or scalar ones of one value."""
-        found: dict[str, Array] = {}
+        """Return the coordinates of all axes; an axis that is no dimension has a scalar."""
+        coordinates: dict[str, Array] = {}
         dims = {dim for variable in variables for dim in variable.output.dims}
         for number, name in names.items():
             axis = self.plan.axes[number]
             if name in dims or any(number in variable.axes for variable in variables):
-                found |= axis_coordinates(axis, name)
+                coordinates |= axis_coordinates(axis, name)
             elif not axis.is_swept:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
                     if setting.single == COORDINATE:
                         label = setting.name if axis.is_joint else name
-                        found |= setting_coordinates(setting, label, [value], scalar=True)
-        return found
+                        coordinates |= setting_coordinates(setting, label, [value], scalar=True)
+        return coordinates
 
     def _states(self, variables: Sequence[StoredVariable]) -> dict[str, Array]:
-        """Return the states of stages, beside the `variables` of states that stages return."""
+        """Return the states of stages, except the `variables` of states that stages return."""
         members: dict[tuple[str, str, tuple[int, ...]], list[BoundStage]] = defaultdict(list)
         for bound in self.plan.targets:
             status = bound.stage.group.status
@@ -379,33 +391,37 @@ class Cube:
                 over = tuple(self.plan.axis_number(setting.key) for setting in status.over)
                 members[status.name, status.label, over].append(bound)
         names = self._names(variables)
-        taken = [*names.values(), *(one.name for one in variables), *(name for name, *_ in members)]
-        found: dict[str, Array] = {}
+        used_names = [
+            *names.values(),
+            *(variable.name for variable in variables),
+            *(name for name, *_ in members),
+        ]
+        arrays: dict[str, Array] = {}
         for number in sorted({number for *_, over in members for number in over} - names.keys()):
             axis = self.plan.axes[number]
             key = axis.settings[0].key.replace(".", "_")
-            names[number] = key if axis.name in taken else axis.name
-            taken.append(names[number])
+            names[number] = key if axis.name in used_names else axis.name
+            used_names.append(names[number])
         for (name, label, over), bounds in members.items():
             for number in over:
-                found |= axis_coordinates(self.plan.axes[number], names[number])
+                arrays |= axis_coordinates(self.plan.axes[number], names[number])
             attrs = {"units": "1", "long_name": label, **FLAGS}
             dims = tuple(names[number] for number in over)
-            found[name] = Array.from_values(dims, self._worst(bounds, over), attrs, MISSING)
-        return found
+            arrays[name] = Array.from_values(dims, self._worst(bounds, over), attrs, MISSING)
+        return arrays
 
     def _worst(self, bounds: Sequence[BoundStage], numbers: Sequence[int]) -> NDArray[np.int8]:
         """Return the worst state of some stages along axes."""
         plan = self.plan
         worst = np.full([len(plan.axes[number].points) for number in numbers], DONE, dtype=np.int8)
         for bound in bounds:
-            results, own = self.schedule.results[bound], plan.axis_numbers(bound)
+            results, stage_axes = self.schedule.results[bound], plan.axis_numbers(bound)
             present = self.schedule.locations.present[results]
             failed = np.isin(results, [*self.schedule.failed])
-            for state, those in ((MISSING, ~present & ~failed), (FAILED, failed)):
-                cells = np.flatnonzero(those)
+            for state, flags in ((MISSING, ~present & ~failed), (FAILED, failed)):
+                cells = np.flatnonzero(flags)
                 point = tuple(
-                    plan.positions(bound, number, cells) if number in own else slice(None)
+                    plan.positions(bound, number, cells) if number in stage_axes else slice(None)
                     for number in numbers
                 )
                 if len(cells):
@@ -425,38 +441,42 @@ def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
     columns = list(zip(*axis.points, strict=True))
     if not axis.is_joint:
         return setting_coordinates(axis.settings[0], name, columns[0])
-    found: dict[str, Array] = {}
+    coordinates: dict[str, Array] = {}
     for setting, values in zip(axis.settings, columns, strict=True):
-        taken = setting.name in (*found, *[name] * (not axis.unlabelled))
-        label = setting.key.replace(".", "_") if taken else setting.name
+        is_taken = setting.name in (*coordinates, *[name] * (not axis.unlabelled))
+        label = setting.key.replace(".", "_") if is_taken else setting.name
         array = value_array(values)
-        found[label] = Array.from_values((name,), array, setting.attrs, coordinate=True)
+        coordinates[label] = Array.from_values((name,), array, setting.attrs, coordinate=True)
     if axis.unlabelled:
-        return found
+        return coordinates
     labels = axis.labels or [
         ",".join(
-            f"{label}={format_value(value)}" for label, value in zip(found, point, strict=True)
+            f"{label}={format_value(value)}"
+            for label, value in zip(coordinates, point, strict=True)
         )
         for point in axis.points
     ]
-    about = {"long_name": " and ".join(one.label for one in axis.settings) + ", together"}
-    return {name: Array.from_values((name,), np.array(labels), about, coordinate=True), **found}
+    attrs = {"long_name": " and ".join(setting.label for setting in axis.settings) + ", together"}
+    return {
+        name: Array.from_values((name,), np.array(labels), attrs, coordinate=True),
+        **coordinates,
+    }
 
 
 def setting_coordinates(
     setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
 ) -> dict[str, Array]:
-    """Yield coordinates of a setting's values as its kind defines them, its own first."""
+    """Return coordinates of a setting's values as its kind defines them, the main one first."""
     offered = getattr(setting.kind, "coordinates", None)
     if offered is None:
-        found = {name: (value_array(values), setting.attrs)}
+        coordinates = {name: (value_array(values), setting.attrs)}
     else:
-        (_, own), *others = offered(tuple(values)).items()
-        found = {**({} if scalar else {name: own}), **dict(others)}
+        (_, main), *extra = offered(tuple(values)).items()
+        coordinates = {**({} if scalar else {name: main}), **dict(extra)}
     dims: tuple[str, ...] = () if scalar else (name,)
     return {
         label: Array.from_values(dims, array[0] if scalar else array, attrs, coordinate=True)
-        for label, (array, attrs) in found.items()
+        for label, (array, attrs) in coordinates.items()
     }
 
 

@@ -1,8 +1,9 @@
 """Locks of stores, so that one process writes at a time.
 
-Beside a folder, a file that the operating system locks: it is free as soon as its owner ends,
-however that ends. Beside the objects of a bucket, an object that its owner renews: whoever finds it
-silent for a while takes it over. Clocks are never compared: whoever waits measures that itself.
+The lock of a folder is a file beside it that the operating system locks, and frees when its owner
+ends in any way. The lock in a bucket is an object that its owner renews; a process that sees no
+renewal during the lease takes it over. Clocks of machines are never compared: a waiting process
+measures the time itself.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ from sweeps.engine.run.process import call_every
 
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
 RENEW_INTERVAL = 10.0  # s between renewals
-POLL_INTERVAL = 1.0  # s between looks at the object of another owner
+POLL_INTERVAL = 1.0  # s between checks of the object of another owner
 OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 
 
 @contextmanager
 def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
-    """Hold the lock of a store, which need not exist; yield a check that it still is held.
+    """Hold the lock of a store, which need not exist; yield a check that it is still held.
 
     It is advisory. The check raises OSError if another process has taken over the lock of a bucket,
     since this one was stopped for longer than the lease; call it before changes that readers see.
@@ -53,9 +54,9 @@ def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
             f"store is {str(path)!r}, but nothing can be locked in {str(parent)!r}: "
             f"{error.strerror}"
         ) from error
-    except _HeldError as held:
+    except _HeldError as holder:
         raise ConfigurationError(
-            f"store is {str(path)!r}, which is being written by {held}; "
+            f"store is {str(path)!r}, which is being written by {holder}; "
             "wait until it ends or give another path"
         ) from None
     try:
@@ -88,7 +89,7 @@ def _lock_path(path: PathOrUrl) -> tuple[PathOrUrl, str]:
 
 
 class _HeldError(Exception):
-    """Another process or thread holds a lock: its text says which."""
+    """Another process or thread holds a lock; the message names it."""
 
     def __init__(self, owner: bytes) -> None:
         text = owner.decode(errors="replace").partition("\n")[0]
@@ -127,34 +128,38 @@ def _lock_file(folder: Path, name: str) -> Lock:
 
 def _lock_object(parent: PathOrUrl, name: str) -> Lock:
     """Make a lock object that `check` renews, or take over one whose lease has ended."""
-    objects, own, using = Objects(parent), uuid.uuid4().hex, threading.Lock()
-    owner, turns, found, since = _owner(), count(), None, 0.0
+    objects, token, mutex = Objects(parent), uuid.uuid4().hex, threading.Lock()
+    owner, turns, current, since = _owner(), count(), None, 0.0
 
     def content() -> bytes:
-        return f"{owner}\n{own} {next(turns)}".encode()  # another each time
+        return f"{owner}\n{token} {next(turns)}".encode()  # differs each time
 
     while True:
-        before, found = found, objects.get_versioned(name)
-        if found and before and found != before:
-            raise _HeldError(found[0])
-        if before is None:
+        previous, current = current, objects.get_versioned(name)
+        if current and previous and current != previous:
+            raise _HeldError(current[0])
+        if previous is None:
             since = time.monotonic()  # not before the answer, which may have taken longer
-        if found is None or time.monotonic() - since > LEASE:
-            version = objects.put_if(name, content(), found and found[1])
+        if current is None or time.monotonic() - since > LEASE:
+            version = objects.put_if(name, content(), current and current[1])
             if version:
                 break
-            raise _HeldError(found[0] if found else b"")
+            raise _HeldError(current[0] if current else b"")
         time.sleep(POLL_INTERVAL)
 
     def check() -> None:
         nonlocal version
-        with using:
+        with mutex:
             version = version and objects.put_if(name, content(), version)
-            if not version and (there := objects.get_versioned(name)) and own.encode() in there[0]:
-                version = there[1]  # the answer to an earlier put was lost
+            if (
+                not version
+                and (stored := objects.get_versioned(name))
+                and token.encode() in stored[0]
+            ):
+                version = stored[1]  # the answer to an earlier put was lost
             if not version:
-                why = f"its lock was taken by another process after {LEASE:.0f} s without a sign"
-                raise OSError(errno.EIO, why, f"{parent}/{name}")
+                reason = f"its lock was taken by another process after {LEASE:.0f} s without a sign"
+                raise OSError(errno.EIO, reason, f"{parent}/{name}")
 
     def release() -> None:
         check()

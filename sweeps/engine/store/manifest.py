@@ -1,9 +1,9 @@
 """The manifest of a store: the size of each object, and a digest of the sources of each chunk.
 
-Whoever reads a changed chunk notices it by the checksum within, but a missing one reads as fill
-values: a listing of the store shows it, without reading. A store changes in three steps, each of
-which begins with the manifest: names of the chunks to come, which no metadata refer to; then all
-new metadata, which are put in place, the root's last; then the finished store.
+A changed chunk fails its checksum when it is read, but a missing one reads as fill values; a
+listing of the store reveals it without reading. A store changes in three steps, and the manifest is
+written at the start of each: with the names of the chunks to come, to which no metadata refer; then
+with all new metadata, which are put in place, the root's last; then for the finished store.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ MANIFEST = "manifest"
 class Manifest:
     """Contents of a store, by name of an object or path of an array.
 
-    `chunks` are the key space of each array and, by index, the digest of what decides the values of
-    a chunk; one that holds only the fill value is no file. While it is written: names of the chunks
-    to come; then all metadata, and the sizes of all objects before.
+    `chunks` has the key space of each array and, by index, the digest of a chunk's sources; a chunk
+    of only fill values has no file. During a write, `coming` names the new chunks, `nodes` has all
+    new metadata, and `before` the sizes of all earlier objects.
     """
 
     files: dict[str, int] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Manifest:
     before: dict[str, int] = field(default_factory=dict)
 
     def put(self, objects: Objects) -> None:
-        """Write it."""
+        """Write the manifest."""
         document = {name: value for name, value in asdict(self).items() if value}
         objects.put(MANIFEST, seal(document))
 
@@ -80,10 +80,10 @@ def refuse_foreign(path: PathOrUrl, found: Iterable[str], manifest: Manifest | N
 
 def require_manifest(path: PathOrUrl) -> Manifest:
     """Return the manifest of a store; ConfigurationError if it is missing or damaged."""
-    found = read_manifest(path)
-    if found is None:
+    manifest = read_manifest(path)
+    if manifest is None:
         raise _unreadable(path)
-    return found
+    return manifest
 
 
 def _unreadable(path: PathOrUrl) -> ConfigurationError:
@@ -100,11 +100,11 @@ def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
     it as a chunk. If `groups` are given, only their objects and all metadata are verified. Raises
     OSError where the path fails, and ConfigurationError without a manifest.
     """
-    manifest, found = require_manifest(path), Objects(path).sizes()
+    manifest, sizes = require_manifest(path), Objects(path).sizes()
     inside, known = tuple(f"{group}/" for group in groups or ()), manifest.known
     return sorted(
         name
-        for name in {*manifest.files, *manifest.before, *found}
+        for name in {*manifest.files, *manifest.before, *sizes}
         if groups is None or name.startswith(inside) or name.endswith(METADATA)
-        if name not in known or not manifest.allows(name, found.get(name))
+        if name not in known or not manifest.allows(name, sizes.get(name))
     )

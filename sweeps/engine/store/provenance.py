@@ -43,8 +43,8 @@ def as_input(setting: Setting, values: tuple[Value, ...]) -> Any:
 def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Return root attributes: everything that results depend on, and nothing else.
 
-    No times, hosts, paths or numbers of workers are among them: equal sweeps make equal stores.
-    `failures` are the names of cells that failed, and why.
+    They hold no times, hosts, paths or numbers of workers: equal sweeps make equal stores.
+    `failures` maps the names of failed cells to reasons.
     """
     experiment, choices = plan.experiment, plan.choices
     attributes: dict[str, Any] = {
@@ -66,8 +66,8 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
     }
     if choices.joint:
         attributes["joint"] = [
-            [one.name, one.keys, [[*map(str, point)] for point in one.points], one.labels]
-            for one in choices.joint
+            [axis.name, axis.keys, [[*map(str, point)] for point in axis.points], axis.labels]
+            for axis in choices.joint
         ]
     if failures:
         attributes["failures"] = dict(sorted(failures.items()))
@@ -75,48 +75,66 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
 
 
 def _code_parts(plan: Plan) -> dict[str, dict[str, str]]:
-    """Return by stage the parts of its code digest, by name, each as the beginning of its hash.
+    """Return, by stage, the parts of its code digest by name, each as the beginning of its hash.
 
-    A name that stages share for different parts has the stage's name behind it.
+    A name that stages use for different parts is followed by the stage's name.
     """
-    known: dict[str, str] = {}
-    found: dict[str, dict[str, str]] = {}
+    digests: dict[str, str] = {}
+    parts: dict[str, dict[str, str]] = {}
     for stage, code in sorted(plan.digests.items()):
         for name, value in sorted(code.parts.items()):
-            key = name if known.setdefault(name, value) == value else f"{name} ({stage})"
-            found.setdefault(stage, {})[key] = value[:12]
-    return found
+            key = name if digests.setdefault(name, value) == value else f"{name} ({stage})"
+            parts.setdefault(stage, {})[key] = value[:12]
+    return parts
 
 
 def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
-    """Yield each stage whose keys differ from those of a store, with the differences."""
-    settings, parts, now = _result_settings(plan.experiment), _code_parts(plan), versions(plan)
-    before = read_choices(settings, flatten(settings, old.get("configuration", {})))
-    keys = {one.key for one in settings if before[one] != plan.choices[one]}
-    code, old_parts, were = (old.get(name, {}) for name in ("code", "parts", "versions"))
-    other: set[str] = set()
+    """Yield each stage whose keys differ from the store's, with the differences."""
+    settings, parts, new_versions = (
+        _result_settings(plan.experiment),
+        _code_parts(plan),
+        versions(plan),
+    )
+    old_choices = read_choices(settings, flatten(settings, old.get("configuration", {})))
+    keys = {setting.key for setting in settings if old_choices[setting] != plan.choices[setting]}
+    code, old_parts, old_versions = (old.get(name, {}) for name in ("code", "parts", "versions"))
+    differing: set[str] = set()
     for name, bound in plan.bound.items():
         libraries = [*plan.digests[name].libraries, *(["numpy"] if bound.random else [])]
-        changed = {one: f"{one} {were[one]} -> {now[one]}" for one in libraries if one in were}
-        found = [text for one, text in sorted(changed.items()) if were[one] != now[one]]
+        changed = {
+            library: f"{library} {old_versions[library]} -> {new_versions[library]}"
+            for library in libraries
+            if library in old_versions
+        }
+        reasons = [
+            text
+            for library, text in sorted(changed.items())
+            if old_versions[library] != new_versions[library]
+        ]
         if name not in code:
-            found = ["the store has none of it"]
+            reasons = ["the store has none of it"]
         elif code[name] != plan.code[name]:
-            named = [key for key, part in parts.get(name, {}).items() if old_parts.get(key) != part]
-            found += named or ([] if found else ["which parts it has"])
-        inputs = {one.name: {*one.needs} for one in bound.inputs if one.name in other}
-        found += sorted(keys & {*bound.needs, *bound.gather} - set().union(*inputs.values()))
-        found += [f"its input {one}" for one in inputs]
-        if found:
-            other.add(name)
-            yield name, found if name in code else found[:1]
+            changed_parts = [
+                key for key, part in parts.get(name, {}).items() if old_parts.get(key) != part
+            ]
+            reasons += changed_parts or ([] if reasons else ["which parts it has"])
+        inputs = {
+            source.name: {*source.needs} for source in bound.inputs if source.name in differing
+        }
+        reasons += sorted(keys & {*bound.needs, *bound.gather} - set().union(*inputs.values()))
+        reasons += [f"its input {source}" for source in inputs]
+        if reasons:
+            differing.add(name)
+            yield name, reasons if name in code else reasons[:1]
 
 
 def _display_digest(plan: Plan) -> str:
     """Return the hash of all that a store displays besides results: labels, units, tables."""
     experiment = plan.experiment
-    settings = [(one.key, one.name, one.label, one.unit) for one in experiment.declared]
-    stages = [(one.stage.outputs, one.stage.group.status) for one in plan.targets]
+    settings = [
+        (setting.key, setting.name, setting.label, setting.unit) for setting in experiment.declared
+    ]
+    stages = [(bound.stage.outputs, bound.stage.group.status) for bound in plan.targets]
     tables = [
         (table.group, table.of, _code_of(table.make, plan), *map(repr, table.displays))
         for table in experiment.tables
@@ -139,10 +157,13 @@ def _result_settings(experiment: Experiment) -> tuple[Setting, ...]:
 
 def versions(plan: Plan) -> dict[str, str]:
     """Return versions of the distributions that results depend on, and of Python."""
-    found = {name: one for name in ENGINE_LIBRARIES for one in _version(name)}
+    libraries = {name: release for name in ENGINE_LIBRARIES for release in _version(name)}
     for code in plan.digests.values():
-        found |= code.libraries
-    return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
+        libraries |= code.libraries
+    return {
+        "python": ".".join(platform.python_version_tuple()[:2]),
+        **dict(sorted(libraries.items())),
+    }
 
 
 def _version(name: str) -> list[str]:
@@ -165,24 +186,24 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             f"{experiment.name}"
         )
     settings = _result_settings(experiment)
-    before = read_choices(settings, flatten(settings, old["configuration"]))
+    old_choices = read_choices(settings, flatten(settings, old["configuration"]))
     for setting in settings:
-        stored, asked = before[setting], plan.choices[setting]
-        lacking = sorted(set(stored).difference(asked), key=stored.index)
-        if not lacking:
+        stored, requested = old_choices[setting], plan.choices[setting]
+        missing = sorted(set(stored).difference(requested), key=stored.index)
+        if not missing:
             continue
         advice = "give another store"
         if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
-            both = sorted({*stored, *asked}, key=lambda value: (value is None, value))
-            advice = f"give {setting.override(both)} to have both, or another store"
+            union = sorted({*stored, *requested}, key=lambda value: (value is None, value))
+            advice = f"give {setting.override(union)} to have both, or another store"
         raise ConfigurationError(
-            f"{setting.message_name} is {', '.join(map(format_value, asked))}, but the store "
-            f"{path!r} has {', '.join(map(format_value, lacking))}: {advice}"
+            f"{setting.message_name} is {', '.join(map(format_value, requested))}, but the store "
+            f"{path!r} has {', '.join(map(format_value, missing))}: {advice}"
         )
     texts = replace(
-        before,
-        values={key: tuple(map(str, values)) for key, values in before.values.items()},
-        joint=tuple(Joint(*one) for one in old.get("joint", ())),
+        old_choices,
+        values={key: tuple(map(str, values)) for key, values in old_choices.values.items()},
+        joint=tuple(Joint(*axis) for axis in old.get("joint", ())),
     )
     for joint in plan.choices.joint:
         points = {tuple(map(str, point)) for point in joint.points}
@@ -191,13 +212,13 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
                 f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
                 "together; include these points in those that run together, or give another store"
             )
-    now = {"code": plan.code, "versions": versions(plan)}
+    current = {"code": plan.code, "versions": versions(plan)}
     for kind, word in (("code", "code of"), ("versions", "version of")):
         for name, value in old.get(kind, {}).items():
-            if now[kind].get(name, value) != value:
+            if current[kind].get(name, value) != value:
                 differs = ", ".join(dict(differences(plan, old)).get(name, ())[:3])
-                named = f"{name} ({differs})" if differs else name
+                label = f"{name} ({differs})" if differs else name
                 raise ConfigurationError(
-                    f"store is {path!r}, which was made by another {word} {named}; give another "
+                    f"store is {path!r}, which was made by another {word} {label}; give another "
                     "store, or remove it"
                 )

@@ -31,7 +31,7 @@ from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.arrays import BOTH, SCALARS, Array, Group, metadata
 from sweeps.engine.store.writing import zarr_store
 
-MAX_ROWS = 20  # of a table at the end of a sweep
+MAX_ROWS = 20  # rows of a table at the end of a sweep
 
 
 def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
@@ -43,26 +43,28 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
     failed: dict[str, Failure] = {}
     for table in plan.experiment.tables:
         name = f"table {table.group}"
-        if lost := [one for one in table.of if f"table {one}" in failed]:
-            failed[name] = Failure(name, f"needs table {lost[0]}, which failed")
-        if name in failed or not all(one in groups for one in table.of):
+        if failed_inputs := [group for group in table.of if f"table {group}" in failed]:
+            failed[name] = Failure(name, f"needs table {failed_inputs[0]}, which failed")
+        if name in failed or not all(group in groups for group in table.of):
             continue
         try:
             if table.when(plan.choices):
-                given = [to_dataset(groups[one]) for one in table.of]
-                made = table.make(*given, plan.choices)
-                if not isinstance(made, xr.Dataset | None):
-                    kind = type(made).__name__
-                    wrong = f"its function returned a {kind}"
-                    raise TypeError(f"{wrong}, but must return a data set or None")
-                if made is None and not _returns(table.make):
+                datasets = [to_dataset(groups[group]) for group in table.of]
+                dataset = table.make(*datasets, plan.choices)
+                if not isinstance(dataset, xr.Dataset | None):
+                    kind = type(dataset).__name__
+                    problem = f"its function returned a {kind}"
+                    raise TypeError(f"{problem}, but must return a data set or None")
+                if dataset is None and not _returns(table.make):
                     sentence = "its function has no return, but must return a data set or None"
                     raise TypeError(locate(table.make, sentence))
-                if made is not None:
+                if dataset is not None:
                     if table.displays:
-                        displays = [one.as_attribute(plan.choices) for one in table.displays]
-                        made = made.assign_attrs({ATTRIBUTE: displays})
-                    groups[table.group] = from_dataset(made)
+                        displays = [
+                            display.as_attribute(plan.choices) for display in table.displays
+                        ]
+                        dataset = dataset.assign_attrs({ATTRIBUTE: displays})
+                    groups[table.group] = from_dataset(dataset)
         except (DamagedResults, DeclarationError):  # of cells, not of the table
             raise
         except RAISED as error:
@@ -72,31 +74,37 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
 
 
 def _returns(function: Callable[..., Any]) -> bool:
-    """Return whether a function has a statement that returns something, as far as its text says."""
+    """Return whether a function returns a value anywhere; True if its source is unknown."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, TypeError, SyntaxError):
         return True
-    returns = [one.value for one in ast.walk(tree) if isinstance(one, ast.Return)]
+    returns = [node.value for node in ast.walk(tree) if isinstance(node, ast.Return)]
     return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
 
 
 def format_tables(path: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
     """Yield tables of a store as texts, long ones without their middle."""
     for name in groups:
-        with suppress(KeyError, FileNotFoundError):  # a table that has nothing, or failed
+        with suppress(KeyError, FileNotFoundError):  # a table that is empty or failed
             table = xr.open_zarr(zarr_store(path), group=name, consolidated=False)
-            table = table.drop_vars([one for one in table.coords if not table[one].dims])
-            units = {one: table[one].attrs.get("units", "1") for one in table.variables}
-            heads = {one: f"{one} [{unit}]" for one, unit in units.items() if unit != "1"}
-            some = table.isel({dim: slice(MAX_ROWS) for dim in table.dims})
-            rows = some.to_dataframe() if table.dims else some.to_pandas().to_frame().T
+            table = table.drop_vars(
+                [coordinate for coordinate in table.coords if not table[coordinate].dims]
+            )
+            units = {
+                variable: table[variable].attrs.get("units", "1") for variable in table.variables
+            }
+            heads = {
+                variable: f"{variable} [{unit}]" for variable, unit in units.items() if unit != "1"
+            }
+            head = table.isel({dim: slice(MAX_ROWS) for dim in table.dims})
+            rows = head.to_dataframe() if table.dims else head.to_pandas().to_frame().T
             rows = rows.rename_axis(index=heads).rename(columns=heads)
             yield rows.to_string(max_rows=MAX_ROWS, float_format="{:.4g}".format)
 
 
 class LazyArray(BackendArray):
-    """Values of an array, which are all read when some are wanted."""
+    """Values of an array, all read at the first access."""
 
     def __init__(self, array: Array) -> None:
         self.shape, self.dtype, self._array = array.shape, array.stored_dtype, array
@@ -107,40 +115,45 @@ class LazyArray(BackendArray):
 
 
 def to_dataset(group: Group) -> xr.Dataset:
-    """Return the data set that xarray would open of a written group; variables are read lazily."""
+    """Return the data set that xarray would open from a written group, read lazily."""
     variables = {  # with their dtype, else xarray makes objects of texts
         name: xr.Variable(
-            one.dims,
-            LazilyIndexedArray(LazyArray(one)),
-            one.attributes,
-            {"dtype": one.stored_dtype},
+            array.dims,
+            LazilyIndexedArray(LazyArray(array)),
+            array.attributes,
+            {"dtype": array.stored_dtype},
         )
-        for name, one in group.arrays.items()
+        for name, array in group.arrays.items()
     }
     return xr.decode_cf(xr.Dataset(variables, attrs=group.attributes))
 
 
 def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a group of a store with the scalar coordinates that are attributes there."""
+    """Return a group of a store, with scalar coordinates restored from its attributes."""
     attrs = dict(dataset.attrs)
-    about = decode_attrs({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
+    attrs_by_name = decode_attrs({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]
     scalars = {}
-    for name, given in about.items():
-        value = attrs.get(name, math.nan) if given.pop(BOTH, 0) else attrs.pop(name, math.nan)
-        value = value == "true" if given.pop("dtype", "") == "bool" else value
-        scalars[name] = ((), value, given)
-    found = dataset.assign_coords(scalars)
-    found.attrs = attrs
-    return found
+    for name, scalar_attrs in attrs_by_name.items():
+        value = (
+            attrs.get(name, math.nan) if scalar_attrs.pop(BOTH, 0) else attrs.pop(name, math.nan)
+        )
+        value = value == "true" if scalar_attrs.pop("dtype", "") == "bool" else value
+        scalars[name] = ((), value, scalar_attrs)
+    restored = dataset.assign_coords(scalars)
+    restored.attrs = attrs
+    return restored
 
 
 def from_dataset(dataset: xr.Dataset) -> Group:
     """Return the group of a store that holds a data set; TypeError if it cannot be stored."""
     arrays = {
         str(name): Array.from_values(
-            tuple(map(str, one.dims)), one.values, one.attrs, coordinate=name in dataset.coords
+            tuple(map(str, variable.dims)),
+            variable.values,
+            variable.attrs,
+            coordinate=name in dataset.coords,
         )
-        for name, one in dataset.variables.items()
+        for name, variable in dataset.variables.items()
     }
     for array in arrays.values():
         metadata(array)

@@ -24,7 +24,7 @@ from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import read_manifest, refuse_foreign
 
 ZARR_FILES = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
-LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # of names beside a store one of the longest
+LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # as long as any name beside a store
 
 
 def check_store_path(path: PathOrUrl) -> None:
@@ -34,11 +34,11 @@ def check_store_path(path: PathOrUrl) -> None:
     """
     resolved = _resolve_checked("store", path, inside=True)
     try:
-        found = Objects(resolved).sizes()
+        sizes = Objects(resolved).sizes()
     except OSError as error:
         raise _invalid("store", resolved, f"which cannot be read: {error.strerror}") from error
-    if found:
-        refuse_foreign(path, found, read_manifest(resolved))
+    if sizes:
+        refuse_foreign(path, sizes, read_manifest(resolved))
 
 
 def check_cache_path(path: PathOrUrl) -> None:
@@ -58,7 +58,7 @@ def check_targets(
     cache: PathOrUrl,
     beside: Callable[[Path], Iterable[Path]] = lambda store: (),
 ) -> None:
-    """Refuse stores and a cache that cannot be used, are inside each other, or in a report's way.
+    """Refuse stores and a cache that are unusable, nested, or in the way of a report.
 
     `beside` returns the paths that the report of a store writes to, which may also be an existing
     store.
@@ -69,17 +69,19 @@ def check_targets(
     stores_by_path = {resolve_path(path): path for path in stores}
     reports: dict[Path, PathOrUrl] = {}
     for path in stores_by_path.values():
-        for written in beside(path_beside(path)):
-            if resolve_path(written) in stores_by_path or is_store(written):
-                reason = f"whose report would be written into the store {str(written)!r}"
+        for report in beside(path_beside(path)):
+            if resolve_path(report) in stores_by_path or is_store(report):
+                reason = f"whose report would be written into the store {str(report)!r}"
                 raise _invalid("store", path, f"{reason}; give another path")
-            if (other := reports.setdefault(written, path)) != path:
+            if (other := reports.setdefault(report, path)) != path:
                 reason = f"whose report would replace that of {str(other)!r}"
                 raise _invalid("store", path, f"{reason}; give another name")
     for key, path in (("cache", cache), *(("store", path) for path in stores_by_path.values())):
         resolved = resolve_path(path)
         outside = [resolved, *ancestors(resolved)][key == "store" :]
-        if store := next((stores_by_path[one] for one in outside if one in stores_by_path), None):
+        if store := next(
+            (stores_by_path[ancestor] for ancestor in outside if ancestor in stores_by_path), None
+        ):
             raise _invalid(key, path, f"but must not be in the store {str(store)!r}")
 
 
@@ -94,19 +96,19 @@ def _invalid(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
     return ConfigurationError(f"{key} is {str(path)!r}, {reason}")
 
 
-def _resolve_checked(key: str, given: PathOrUrl, *, inside: bool) -> PathOrUrl:
+def _resolve_checked(key: str, value: PathOrUrl, *, inside: bool) -> PathOrUrl:
     """Return the real path; refuse an impossible one, or one in a store.
 
     With `inside`, the path itself may be a store.
     """
-    path = path_or_url(key, given)
-    resolved = _resolve_folder(key, given, path, inside=inside) if isinstance(path, Path) else path
+    path = path_or_url(key, value)
+    resolved = _resolve_folder(key, value, path, inside=inside) if isinstance(path, Path) else path
     if store := next(filter(is_store, [resolved, *ancestors(resolved)][inside:]), None):
-        raise _invalid(key, given, f"but must not be in the store {str(store)!r}")
+        raise _invalid(key, value, f"but must not be in the store {str(store)!r}")
     return resolved
 
 
-def _resolve_folder(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> Path:
+def _resolve_folder(key: str, value: PathOrUrl, path: Path, *, inside: bool) -> Path:
     """Return the real path; refuse an impossible name or an unwritable folder."""
     try:
         resolved = Path(os.path.realpath(path))
@@ -118,20 +120,20 @@ def _resolve_folder(key: str, given: PathOrUrl, path: Path, *, inside: bool) -> 
             )
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise _invalid(key, given, f"which cannot be used: {reason}") from error
+        raise _invalid(key, value, f"which cannot be used: {reason}") from error
     for link in (path, *path.parents):
         if link.is_symlink() and not link.exists():
-            raise _invalid(key, given, f"but {str(link)!r} is a dangling symlink")
-    if not str(given) or not resolved.name:
-        raise _invalid(key, given, "but must be the name of a folder")
-    nearest = next(part for part in (resolved, *resolved.parents) if part.exists())
+            raise _invalid(key, value, f"but {str(link)!r} is a dangling symlink")
+    if not str(value) or not resolved.name:
+        raise _invalid(key, value, "but must be the name of a folder")
+    nearest = next(folder for folder in (resolved, *resolved.parents) if folder.exists())
     if not nearest.is_dir():
-        raise _invalid(key, given, f"but {str(nearest)!r} is not a folder")
+        raise _invalid(key, value, f"but {str(nearest)!r} is not a folder")
     if inside and nearest == resolved:
         nearest = resolved.parent
     try:
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError as error:
         reason = f"but nothing can be written in {str(nearest)!r}: {error.strerror}"
-        raise _invalid(key, given, reason) from error
+        raise _invalid(key, value, reason) from error
     return resolved

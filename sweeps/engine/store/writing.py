@@ -1,10 +1,10 @@
 """Stores: the results of a sweep as one zarr DataTree, which appears whole or not at all.
 
 Equal input, given in the same order, makes equal bytes of a new store: it holds no times, hosts or
-paths. The metadata of a group repeat those of all below it ("consolidated"), so that a store opens
-by one object, at the root or at any group. A store grows where it is: of chunks that metadata refer
-to, only damaged ones are written again. A changed array takes other names for its chunks, and when
-all metadata refer to these, the old ones are deleted.
+paths. The metadata of a group include the metadata of everything below it ("consolidated"), so that
+a store opens with one object, at the root or at any group. A store grows in place: of chunks that
+metadata refer to, only damaged ones are written again. A changed array gets other names for its
+chunks, and when all metadata refer to these, the old chunks are deleted.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from sweeps.engine.store.manifest import (
 )
 
 LOG = logging.getLogger(__name__)
-MAX_SENT = 64  # chunks of a task of another process
+MAX_SENT = 64  # most chunks in a task of another process
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
@@ -65,10 +65,10 @@ def write_store(
     The caller holds the lock of the store (`store_lock`), and has called `recover`. `check`, of the
     lock, is called before readers see a change; if anything fails before that, the store is
     unchanged. Readers must open the store again. The operating system flushes files: `verify` finds
-    those that a power cut has lost. Memory holds a few chunks.
+    files that a power cut has lost. Memory holds a few chunks.
 
-    `groups` are by path, such as 'classification/acn', without parents. `attributes` are those of
-    the root; all groups repeat those named in `shared`. `writers` write chunks that other processes
+    `groups` are by path, such as 'classification/acn', without parents. `attributes` belong to the
+    root; all groups repeat the ones named in `shared`. `writers` write chunks that other processes
     can make.
     """
     groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
@@ -82,22 +82,24 @@ def write_store(
             for inner, array in group.arrays.items()
         }
         layouts = {path: _lay_out(path, array, old) for path, array in arrays.items()}
-        described = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
-        nodes = _make_nodes(groups, described, attributes, shared)
+        array_metadata = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
+        nodes = _make_nodes(groups, array_metadata, attributes, shared)
         chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
-        same = [one.name for one in chunks if one.is_unchanged(old, sizes)]
-        unchanged = {name: sizes.get(name) for name in same}
-        new = [chunk for chunk in chunks if chunk.name not in unchanged]
-        coming = [chunk.name for chunk in new]
+        unchanged_names = [chunk.name for chunk in chunks if chunk.is_unchanged(old, sizes)]
+        unchanged = {name: sizes.get(name) for name in unchanged_names}
+        new_chunks = [chunk for chunk in chunks if chunk.name not in unchanged]
+        coming = [chunk.name for chunk in new_chunks]
         intent = replace(old, coming=coming)
         try:
             intent.put(objects)
-            made = dict(unchanged)
+            chunk_sizes = dict(unchanged)
             if writers is not None:
-                made |= _write_remotely(objects, new, writers)
+                chunk_sizes |= _write_remotely(objects, new_chunks, writers)
             with interruptible():
-                made |= _write_chunks(objects, [one for one in new if one.name not in made])
-            files = {name: size for name, size in made.items() if size is not None}
+                chunk_sizes |= _write_chunks(
+                    objects, [chunk for chunk in new_chunks if chunk.name not in chunk_sizes]
+                )
+            files = {name: size for name, size in chunk_sizes.items() if size is not None}
             # Another process may have written something there.
             refuse_foreign(path, objects.sizes(), read_manifest(path))
             check()
@@ -107,13 +109,15 @@ def write_store(
             raise
         files |= {name: len(content) for name, content in _metadata_objects(nodes).items()}
         files = dict(sorted(files.items()))  # in an order that does not depend on the writers
-        LOG.debug("%d chunks are written, %d stay: they have equal cells", len(new), len(unchanged))
-        made_of = {
+        LOG.debug(
+            "%d chunks are written, %d stay: they have equal cells", len(new_chunks), len(unchanged)
+        )
+        chunk_digests = {
             path: (space, {chunk.index: chunk.digest for chunk in of_array})
             for path, (space, of_array) in layouts.items()
             if of_array
         }
-        finished = Manifest(files, made_of, coming, nodes, old.files)
+        finished = Manifest(files, chunk_digests, coming, nodes, old.files)
         finished.put(objects)
         _commit(objects, finished, check)
 
@@ -134,7 +138,7 @@ def _commit(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> 
     """Put all metadata in place, the root's last, and delete unreferenced objects."""
     documents = _metadata_objects(manifest.nodes)
     root = documents.pop(METADATA)
-    objects.map(lambda one: objects.put(*one), documents.items())
+    objects.map(lambda item: objects.put(*item), documents.items())
     check()
     objects.put(METADATA, root)
     objects.delete(sorted({*manifest.before, *manifest.coming}.difference(manifest.files)))
@@ -177,7 +181,7 @@ def zarr_store(path: PathOrUrl) -> Any:
     """Return the store of a path that zarr and xarray open, read-only."""
     from zarr.storage import LocalStore, ObjectStore  # takes long
 
-    if isinstance(path, Path):  # threads of obstore that answer when Python ends would abort it
+    if isinstance(path, Path):  # a thread of obstore that answers while Python ends aborts it
         return LocalStore(path, read_only=True)
     return ObjectStore(Objects(path).store, read_only=True)
 
@@ -187,7 +191,7 @@ def zarr_store(path: PathOrUrl) -> Any:
 
 @dataclass(frozen=True)
 class Chunk:
-    """A chunk of an array; `known` says whether the store had one of this name with equal cells."""
+    """A chunk of an array; `known` if the store had a chunk of this name with equal cells."""
 
     name: str
     index: str
@@ -197,27 +201,27 @@ class Chunk:
     known: bool
 
     def is_unchanged(self, old: Manifest, sizes: Mapping[str, int]) -> bool:
-        """Return whether an undamaged chunk is there already, or need not be, being empty."""
+        """Return whether the store has the chunk undamaged, or needs none because it is empty."""
         return self.known and old.allows(self.name, sizes.get(self.name))
 
 
 def _lay_out(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
     """Return the key space and the chunks of an array.
 
-    If all chunks that it had are among them, these stay where they are.
+    If they include all chunks of the old array, these keep their names.
     """
-    made = [(index, region, array.digest(region)) for index, region in iter_chunks(array)]
-    space, known = old.chunks.get(path, (KEY_PREFIXES[0], {}))
-    if not known.items() <= {(index, digest) for index, _, digest in made}:
-        space, known = next(one for one in KEY_PREFIXES if one != space), {}
+    chunks = [(index, region, array.digest(region)) for index, region in iter_chunks(array)]
+    space, digests = old.chunks.get(path, (KEY_PREFIXES[0], {}))
+    if not digests.items() <= {(index, digest) for index, _, digest in chunks}:
+        space, digests = next(prefix for prefix in KEY_PREFIXES if prefix != space), {}
     return space, [
-        Chunk(chunk_name(path, space, index), index, array, region, digest, index in known)
-        for index, region, digest in made
+        Chunk(chunk_name(path, space, index), index, array, region, digest, index in digests)
+        for index, region, digest in chunks
     ]
 
 
 def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | None]:
-    """Write chunks, several at once; return their sizes by name, None of empty ones."""
+    """Write chunks, several at once; return their sizes by name, None for empty ones."""
     files: dict[str, int | None] = {}
     with ThreadPoolExecutor(REQUESTS) as pool:
         under_way: deque[Future[None]] = deque()
@@ -236,28 +240,31 @@ def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | 
 def _write_remotely(
     objects: Objects, chunks: Sequence[Chunk], writers: Executor
 ) -> dict[str, int | None]:
-    """Let other processes write new chunks; return the sizes of those written.
+    """Let other processes write new chunks; return the sizes of the written ones.
 
-    This process writes the others, such as those of workers that do not see the store.
+    This process writes the others, such as chunks of workers that do not see the store.
     """
-    objects = Objects(resolve_path(objects.path))  # which no worker makes
-    new = [chunk for chunk in chunks if chunk.array.remote_read is not None]
-    size = min(MAX_SENT, len(new) // (4 * writers.worker_count) + 1)
-    parts = enumerate(new[k : k + size] for k in range(0, len(new), size))
+    objects = Objects(resolve_path(objects.path))  # no worker makes the folder
+    new_chunks = [chunk for chunk in chunks if chunk.array.remote_read is not None]
+    size = min(MAX_SENT, len(new_chunks) // (4 * writers.worker_count) + 1)
+    batches = enumerate(new_chunks[k : k + size] for k in range(0, len(new_chunks), size))
     files: dict[str, int | None] = {}
     under_way = 0
     try:
         while True:
             raise_if_stopped()
-            for number, part in islice(parts, 2 * writers.worker_count - under_way):
-                sent = [(one.name, one.array.for_worker(one.region), one.region) for one in part]
+            for number, batch in islice(batches, 2 * writers.worker_count - under_way):
+                sent = [
+                    (chunk.name, chunk.array.for_worker(chunk.region), chunk.region)
+                    for chunk in batch
+                ]
                 writers.submit(number, write_chunks, objects, sent)
                 under_way += 1
             if not under_way:
                 return files
-            for _, written, _ in writers.finished():
+            for _, chunk_sizes, _ in writers.finished():
                 under_way -= 1
-                files |= written or {}
+                files |= chunk_sizes or {}
     except Stopped:
         while under_way:  # so that nothing is written after the roll-back
             under_way -= len(writers.finished())
@@ -267,7 +274,7 @@ def _write_remotely(
 def write_chunks(
     objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
 ) -> dict[str, int | None]:
-    """Write chunks that the manifest announces; return their sizes by name, None of empty ones."""
+    """Write chunks that the manifest announces; return their sizes by name, None for empty ones."""
     files: dict[str, int | None] = {}
     with world_readable():
         for name, array, region in chunks:
@@ -289,7 +296,7 @@ def _make_nodes(
     attributes: Mapping[str, Any],
     shared: tuple[str, ...],
 ) -> Nodes:
-    """Return the metadata of the root, groups and arrays by path, the root's being empty."""
+    """Return the metadata of the root, groups and arrays by path; the root's path is empty."""
     repeated = encode_attrs({name: attributes[name] for name in shared})
     nodes = {"": _group_node(encode_attrs(attributes))}
     for name, group in groups.items():
@@ -303,14 +310,16 @@ def _make_nodes(
     return nodes
 
 
-def _group_node(attributes: Mapping[str, Any], below: Mapping[str, Any] = {}) -> dict[str, Any]:
+def _group_node(
+    attributes: Mapping[str, Any], descendants: Mapping[str, Any] = {}
+) -> dict[str, Any]:
     return {
         "attributes": dict(attributes),
         "zarr_format": 3,
         "consolidated_metadata": {
             "kind": "inline",
             "must_understand": False,
-            "metadata": dict(below),
+            "metadata": dict(descendants),
         },
         "node_type": "group",
     }
@@ -324,8 +333,8 @@ def _metadata_objects(nodes: Nodes) -> dict[str, bytes]:
     for name, node in nodes.items():
         prefix = f"{name}/" if name else ""
         if node["node_type"] == "group":
-            below = [one for one in ordered if one.startswith(prefix) and one]
-            inside = {one.removeprefix(prefix): nodes[one] for one in below}
-            node = _group_node(node["attributes"], inside)
+            descendants = [path for path in ordered if path.startswith(prefix) and path]
+            relative = {path.removeprefix(prefix): nodes[path] for path in descendants}
+            node = _group_node(node["attributes"], relative)
         documents[f"{prefix}{METADATA}"] = json.dumps(node, separators=(",", ":")).encode()
     return documents
