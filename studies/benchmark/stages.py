@@ -209,7 +209,7 @@ def tested_rows(
         parts.append(rows_of(split, UNKNOWN, seed=seed, ships=names, count=half))
     views_before = int(parts[0].view.max()) + 1
     number = {name: k for k, name in enumerate(names)}
-    several = [
+    blocks = [
         {
             "true_ship": np.array([number.get(name, UNSEEN) for name in rows.ship.values.tolist()]),
             "true_aspect": rows.aspect.values,
@@ -219,7 +219,7 @@ def tested_rows(
         }
         for k, rows in enumerate(parts)
     ]
-    return {name: np.concatenate([part[name] for part in several]) for name in several[0]}
+    return {name: np.concatenate([part[name] for part in blocks]) for name in blocks[0]}
 
 
 # Answers

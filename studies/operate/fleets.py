@@ -68,8 +68,8 @@ def fleet_shares(
     for fleet in fleets:
         require("fleets", fleet, minimum=LEAST, maximum=values.shape[1], whole=True)
         count = rows[fleet - 1]
-        which = (start[:fleet, None] + np.arange(count)).ravel()
-        predicted = values[which, :fleet].argmax(axis=1).reshape(fleet, count)
+        indices = (start[:fleet, None] + np.arange(count)).ravel()
+        predicted = values[indices, :fleet].argmax(axis=1).reshape(fleet, count)
         right = predicted == np.arange(fleet)[:, None]
         drawn = (uniforms[:fleet, :, :count] * count).astype(np.intp)
         redrawn = np.take_along_axis(right[:, None, :], drawn, axis=2)

@@ -132,7 +132,7 @@ class Agreement:
         for prior, column in zip(PRIORS.values(), self.value.T, strict=True):
             classes = prior.classes(column)
             share, drawn = np.bincount(classes, posterior.weight), np.bincount(classes)
-            some = share > 0
-            odds = share[some] / drawn[some] * len(classes)
-            bits.append(float(share[some] @ np.log2(odds)))
+            probable = share > 0
+            odds = share[probable] / drawn[probable] * len(classes)
+            bits.append(float(share[probable] @ np.log2(odds)))
         return np.array(bits)

@@ -57,7 +57,7 @@ def silhouette_table(
     learned, tested = places
     # Views are the same ones where depressions are, and targets where views, pixels and places are.
     patches = {
-        id(several): [Hits.of(image).patches() for image in several] for several in images.values()
+        id(views): [Hits.of(image).patches() for image in views] for views in images.values()
     }
     drawn: dict[Any, Masks] = {}
 

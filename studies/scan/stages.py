@@ -148,10 +148,10 @@ def scan_decoy(
 def targets(survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Target]:
     """Return the ships of the field, and the decoy behind them if there is one."""
     ships = len(scan_target["fraction"])
-    several = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
+    target_arrays = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
     if scan_decoy["fraction"].any():
-        several.append(scan_decoy)
-    return [survey.restored(arrays) for arrays in several]
+        target_arrays.append(scan_decoy)
+    return [survey.restored(arrays) for arrays in target_arrays]
 
 
 # Detections of the imager

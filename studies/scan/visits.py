@@ -260,7 +260,7 @@ def outcomes(
         "false": sea,
         "false_rejected": sea & ~accepted,
     }
-    return {name: np.array(np.count_nonzero(which)) for name, which in flags.items()}
+    return {name: np.array(np.count_nonzero(mask)) for name, mask in flags.items()}
 
 
 def search_outcome(

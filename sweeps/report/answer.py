@@ -142,9 +142,11 @@ def _narrowed(table: Table, width: int) -> tuple[Table, str]:
     count = fitting(without_intervals, width)
     lines = [replace(line, cells=line.cells[:count]) for line in lines]
     dropped = len(table.heads) - count
-    what = "Intervals" if any(cell.interval for line in table.lines for cell in line.cells) else ""
-    more = f"{dropped} more column{'s' * (dropped > 1)}" if dropped else ""
-    omitted = " and ".join(filter(None, [what, more]))
+    intervals = (
+        "Intervals" if any(cell.interval for line in table.lines for cell in line.cells) else ""
+    )
+    columns = f"{dropped} more column{'s' * (dropped > 1)}" if dropped else ""
+    omitted = " and ".join(filter(None, [intervals, columns]))
     verb = "is" if omitted.startswith("1 ") else "are"
     return replace(without_intervals, heads=table.heads[:count], lines=tuple(lines)), (
         f"{omitted} {verb} in {table.name}.csv." if omitted else ""

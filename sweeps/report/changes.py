@@ -58,10 +58,10 @@ def sentences(compared: Comparison) -> list[str]:
         sentence = f"{begin} changed most{suffix}: {course}."
     if not compared.number:
         return [sentence, "All answers of tests are equal; only those at learned aspects changed."]
-    counted = f"{compared.significant:,} of {compared.number:,}"
+    significance = f"{compared.significant:,} of {compared.number:,}"
     return [
         sentence,
-        f"Comparisons significant by Holm's correction at {100 * LEVEL:.0f} %: {counted}.",
+        f"Comparisons significant by Holm's correction at {100 * LEVEL:.0f} %: {significance}.",
     ]
 
 
@@ -78,12 +78,12 @@ def answer(compared: Comparison, swept: Sequence[str]) -> Table:
     curve = [name for name in _curve(frame) if name != STORE]
     curve_rows = _same(rows, largest, curve)
     axis = main_axis(frame.where(curve_rows.index), swept)
-    several = [name for name in frame.varying_axes if name not in (STORE, axis)]
+    varying = [name for name in frame.varying_axes if name not in (STORE, axis)]
     if axis:
-        rows = _same(curve_rows, largest, [name for name in several if name not in curve])
+        rows = _same(curve_rows, largest, [name for name in varying if name not in curve])
         down, keys = frame.columns[axis], rows[axis]
     else:
-        rows = _same(rows, largest, [name for name in several if name not in curve])
+        rows = _same(rows, largest, [name for name in varying if name not in curve])
         keys = pd.Series([", ".join(_names(frame, row)) for _, row in rows.iterrows()], rows.index)
         down = Column("", "", ", ".join(frame.columns[n].words for n in curve) or "figure")
     order = rows[figure].abs().groupby(keys).max().sort_values(ascending=False, kind="stable")
@@ -152,7 +152,7 @@ def ships_that_differ(compared: Comparison) -> list[str]:
         transforms = attrs.get("mesh_transforms", {})
         for name, digest in attrs.get("mesh_digests", {}).items():
             meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
-    return [printable(name) for name, several in meshes.items() if len(several) > 1]
+    return [printable(name) for name, digests in meshes.items() if len(digests) > 1]
 
 
 def _few(listed: Sequence[str]) -> str:
@@ -213,8 +213,8 @@ def _curve(frame: Frame) -> list[str]:
 def _names(frame: Frame, row: pd.Series) -> list[str]:
     """Return the words that identify a row, such as its classifier and sensor."""
     names = [n for n in frame.down if n != STORE and frame.rows[n].dtype == object]
-    several = [n for n in names if n in frame.varying_axes or n in ("classifier", "channel")]
-    words = [(name, row[name]) for name in several if not missing(row[name])]
+    varying = [n for n in names if n in frame.varying_axes or n in ("classifier", "channel")]
+    words = [(name, row[name]) for name in varying if not missing(row[name])]
     return [frame.columns[name].text(value) for name, value in words if value != SHIP]
 
 

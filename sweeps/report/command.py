@@ -25,8 +25,8 @@ def main() -> None:
     from sweeps.report.screen import complain
 
     status = _reported(arguments)
-    if why := flush_output():
-        complain(f"tables cannot be printed: {why}")
+    if fault := flush_output():
+        complain(f"tables cannot be printed: {fault}")
         status = status or 1
     if status:
         sys.exit(status)

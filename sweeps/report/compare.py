@@ -100,10 +100,10 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
         subtracted = []
         for shared in (table for table in theirs if table in ours and table != SCORES):
             pair = ours[shared], theirs[shared]
-            less = _subtracted(*pair, labels)
-            partial |= any(len(frame.rows) > len(less.rows) for frame in pair)
+            difference = _subtracted(*pair, labels)
+            partial |= any(len(frame.rows) > len(difference.rows) for frame in pair)
             partial |= {*pair[0].figures} != {*pair[1].figures}
-            subtracted += [less] if len(less.rows) and less.figures else []
+            subtracted += [difference] if len(difference.rows) and difference.figures else []
         if not pairs and not subtracted:
             raise ConfigurationError(_nothing_in_common(names[0], ours, name, theirs))
         comparisons += pairs
@@ -203,8 +203,8 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
     ]
     axes = [name for name in second.of_role("axis") if name in first.of_role("axis")]
     labelled = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
-    several = {*first.varying_axes, *second.varying_axes, *labelled}
-    shared = [name for name in axes if name in several]
+    varying = {*first.varying_axes, *second.varying_axes, *labelled}
+    shared = [name for name in axes if name in varying]
     unshared = [
         (frame, [name for name in frame.of_role("axis") if name not in axes])
         for frame in (first, second)
@@ -253,8 +253,8 @@ def _changed(frame: Frame) -> Frame | None:
     curves = [name for name in (*frame.down, "kind") if name in frame.columns]
     rows = frame.rows
     if curves:
-        by = [frame.rows[name] for name in curves]
-        rows = rows[changed.groupby(by, dropna=False).transform("any").astype(bool)]
+        curve_keys = [frame.rows[name] for name in curves]
+        rows = rows[changed.groupby(curve_keys, dropna=False).transform("any").astype(bool)]
     dropped = {*frame.figures} - {*figures}
     columns = {n: c for n, c in frame.columns.items() if not {n, c.axis} & dropped}
     return replace(frame, rows=rows[[PART, *columns]].reset_index(drop=True), columns=columns)

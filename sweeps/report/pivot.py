@@ -52,11 +52,11 @@ def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
     Among the others, swept axes come first, then declared ones.
     """
     words = in_words(frame)
-    several = [name for name in frame.varying_axes if name not in (frame.across, *words)]
-    leading = [name for name in several if frame.columns[name].axis in swept]
+    varying = [name for name in frame.varying_axes if name not in (frame.across, *words)]
+    leading = [name for name in varying if frame.columns[name].axis in swept]
     leading.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
-    declared = [name for name in frame.down if name in several]
-    return [*dict.fromkeys([*leading, *declared, *several]), *words]
+    declared = [name for name in frame.down if name in varying]
+    return [*dict.fromkeys([*leading, *declared, *varying]), *words]
 
 
 def in_words(frame: Frame) -> list[str]:
@@ -152,11 +152,11 @@ def chance_in_words(frame: Frame) -> str:
         if len(levels) == 1:
             return f"By chance: {text(levels[0])} {unit}."
         for name in frame.down:
-            by = frame.rows.groupby(name)[chance]
-            if (by.nunique() <= 1).all():
+            by_axis = frame.rows.groupby(name)[chance]
+            if (by_axis.nunique() <= 1).all():
                 words = frame.columns[name].text
                 texts = [
-                    f"{words(value)} {text(level)} {unit}" for value, level in by.max().items()
+                    f"{words(value)} {text(level)} {unit}" for value, level in by_axis.max().items()
                 ]
                 return f"By chance: {', '.join(texts)}."
     return ""

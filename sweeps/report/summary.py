@@ -143,8 +143,8 @@ def _refused() -> Iterator[None]:
         yield
     # zarr and xarray raise various errors for damaged groups without a table.
     except Exception as error:
-        why = getattr(error, "strerror", None) or reason(error)
-        raise ConfigurationError(f"the report page is not written: {why}") from error
+        fault = getattr(error, "strerror", None) or reason(error)
+        raise ConfigurationError(f"the report page is not written: {fault}") from error
 
 
 def swept_of(path: PathOrUrl) -> Sequence[str]:

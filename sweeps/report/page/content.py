@@ -122,8 +122,8 @@ def charted(
 
 def swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
     """Return the numeric swept axes that are not down or across, by number of values."""
-    several = [name for name in frame.varying_axes if name not in (*frame.down, frame.across)]
-    names = [n for axis in swept for n in several if frame.columns[n].axis == axis]
+    varying = [name for name in frame.varying_axes if name not in (*frame.down, frame.across)]
+    names = [n for axis in swept for n in varying if frame.columns[n].axis == axis]
     numeric = [name for name in names if frame.rows[name].dtype.kind in "fiu"]
     return sorted(numeric, key=lambda name: -frame.rows[name].nunique())
 
