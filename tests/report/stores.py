@@ -59,8 +59,8 @@ def reported(monkeypatch, *arguments: object) -> int:
     monkeypatch.setattr("sys.argv", ["ncti-report", *map(str, arguments)])
     try:
         main()
-    except SystemExit as left:
-        return left.code
+    except SystemExit as error:
+        return error.code
     return 0
 
 
