@@ -48,9 +48,9 @@ def test_the_first_rows_are_at_one_setting_without_a_script(smoke, smoke_store):
     section = smoke.root.only("section", id="table-scores")
     shown_rows = [row for row in section.all("tr") if "hidden" not in row.attrs and row.all("td")]
     labels = [
-        int(one.all("td")[-1].attrs["data-r"])
-        for one in shown_rows
-        if "data-r" in one.all("td")[-1].attrs
+        int(row.all("td")[-1].attrs["data-r"])
+        for row in shown_rows
+        if "data-r" in row.all("td")[-1].attrs
     ]
     rows = table.rows.loc[labels]
     assert rows.vigilance.dropna().nunique() <= 2 and rows.kind.unique().tolist() == ["test"]

@@ -294,7 +294,7 @@ def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
 def test_a_name_in_the_legend_shows_its_curve_alone(both):
     marks(both, "chart", "text").nth(1).click()
     faint = [line.get_attribute("opacity") for line in marks(both, "chart", "line").all()]
-    assert [float(one or 1) < 0.5 for one in faint] == [True, False, True]
+    assert [float(opacity or 1) < 0.5 for opacity in faint] == [True, False, True]
 
 
 def test_a_figure_that_depends_on_no_axis_is_a_table_without_a_chart(both):
