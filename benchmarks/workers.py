@@ -156,9 +156,9 @@ class _Here:
 async def _work(address: str, count: int) -> None:
     """Run some workers until this process ends."""
     for start in range(0, count, AT_ONCE):
-        some = range(start, min(start + AT_ONCE, count))
+        indices = range(start, min(start + AT_ONCE, count))
         await asyncio.gather(
-            *(Worker(address, nthreads=1, dashboard_address=None, memory_limit=0) for _ in some)
+            *(Worker(address, nthreads=1, dashboard_address=None, memory_limit=0) for _ in indices)
         )
     await asyncio.Event().wait()
 

@@ -57,16 +57,16 @@ def _rows(rows: int, workers: int) -> Iterator[dict[str, Any]]:
         count = rows if not options else max(1, rows // FEW)
         start = _processor()
         ncti.dataset(SHIPS, count, seed=0, workers=workers, **options)
-        used = _processor() - start
+        seconds = _processor() - start
         yield {
             "case": case,
             "rows": count,
-            "cpu_ms": 1e3 * used / count,
-            "a_second": CORES * count / used,
+            "cpu_ms": 1e3 * seconds / count,
+            "a_second": CORES * count / seconds,
         }
 
 
 def _processor() -> float:
     """Return the processor time of this process and of those that have ended [s]."""
-    used = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in used)
+    usages = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)

@@ -64,9 +64,9 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
     for way in ("none", "shifted"):
         for channel in far.channel.values:
             if channel != "range" or way == "none":
-                what = {"range": "profile"}.get(channel, f"{channel}, {way}")
+                channel_words = {"range": "profile"}.get(channel, f"{channel}, {way}")
                 selected = far.sel(channel=channel, super_resolution=way).squeeze(drop=True)
-                add(f"likelihood of {what}, 100 km", selected)
+                add(f"likelihood of {channel_words}, 100 km", selected)
     headings = [
         *(("bins", "0-27° / 30-57° / 60-90° [%]"), ("all", "overall [%]")),
         ("found", "detected [%]"),
@@ -112,8 +112,8 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
     for name, learned, random in zip(groups, regular, drawn, strict=True):
         new = ~np.isin(random.aspect.values, learned.aspect.values)
         for km in np.atleast_1d(learned.range.values):
-            what = name.partition("/")[2].replace("_infrared", " on silhouettes")
-            row = {"what": f"{what}, {km:g} km"}
+            classifier_words = name.partition("/")[2].replace("_infrared", " on silhouettes")
+            row = {"what": f"{classifier_words}, {km:g} km"}
             answers = {
                 "off": learned.correct,
                 "random": random.correct.isel(aspect=new),
@@ -340,5 +340,7 @@ def sensor() -> Said:
     }
     pairs = [f"{contrast[km]:.2f} K, {(contrast[km] / 0.1) ** 2:.1f}" for km in (50, 100)]
     printed = [f"{table[km]['contrast_k']} K, {table[km]['snr']}" for km in (50, 100)]
-    what = "contrast and SNR at 50; 100 km from the contrast at 25 km, the attenuation and 0.1 K"
-    return "Table 1", what, "; ".join(printed), "; ".join(pairs)
+    quantities = (
+        "contrast and SNR at 50; 100 km from the contrast at 25 km, the attenuation and 0.1 K"
+    )
+    return "Table 1", quantities, "; ".join(printed), "; ".join(pairs)

@@ -133,8 +133,8 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
 
     channels = {"": "both images", "intensity_": "intensity alone"}
     columns = {
-        f"{channel}{what}_tilt": f"{what}, {words}"
-        for what in ("mast", "waterline")
+        f"{channel}{mark}_tilt": f"{mark}, {words}"
+        for mark in ("mast", "waterline")
         for channel, words in channels.items()
     }
     rows = [
@@ -143,8 +143,8 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     ]
     rows[0]["what"] = "calm sea"
     still = {"what": "no noise"}
-    for what in ("mast", "waterline"):
-        still[f"{what}_tilt"] = leaning(f"noiseless_{what}_tilt", 0)
+    for mark in ("mast", "waterline"):
+        still[f"{mark}_tilt"] = leaning(f"noiseless_{mark}_tilt", 0)
     title = (
         f"root mean square tilt [°], {heading(draws)}; largest of {len(flights) * draws} flights"
     )

@@ -81,23 +81,23 @@ class SilhouetteMatch:
             "left_out", left_out, (len(templates), *left_out.shape[1:2], *tests.shape[1:])
         )
         # Only pixels that some template or test covers distinguish ships.
-        used = templates.any(axis=(0, 1)) | tests.any(axis=0)
-        learned = templates[..., used].astype(np.float32)
-        tested = tests[:, used].astype(np.float32)
+        occupied = templates.any(axis=(0, 1)) | tests.any(axis=0)
+        template_pixels = templates[..., occupied].astype(np.float32)
+        test_pixels = tests[:, occupied].astype(np.float32)
         # Neighbours have the ship at other places on the pixels.
-        change = np.abs(np.diff(learned, axis=1)).sum(axis=2, dtype=np.float64)
-        of_all = learned.reshape(-1, learned.shape[-1])
+        change = np.abs(np.diff(template_pixels, axis=1)).sum(axis=2, dtype=np.float64)
+        of_all = template_pixels.reshape(-1, template_pixels.shape[-1])
         self.size = of_all.sum(axis=1, dtype=np.float64)
         nearest = np.minimum(change[:, 1:], change[:, :-1]) if change.shape[1] > 1 else change
         mean_difference = float(nearest.mean()) if nearest.size else 0.0
         self.between = mean_difference / max(float(self.size.mean()), 1.0)
         self._ships, views = left_out.shape[:2]
         self._truth = np.repeat(np.arange(self._ships), views)
-        calibration = left_out[..., used].reshape(-1, of_all.shape[1]).astype(np.float32)
+        calibration = left_out[..., occupied].reshape(-1, of_all.shape[1]).astype(np.float32)
         # Products with the silhouettes, the scene noise and the detector noise.
         self._tests, self._left_out = (
             [rows @ of_all.T for rows in (masks, *_normals(rng, masks))]
-            for masks in (tested, calibration)
+            for masks in (test_pixels, calibration)
         )
         self._fitted: dict[tuple[float, Imager, float, float], float] = {}
 

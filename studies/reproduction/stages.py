@@ -134,12 +134,12 @@ def tabulate_figures(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the article's figures beside those of settings, by the tables these are fitted to."""
     _, settings = compared(reproduction, choices)
     fits, reach = settings.fits.values(), settings.reach
-    by, dims = ("fitted", "figure"), ("figure",)
+    fit_dims, dims = ("fitted", "figure"), ("figure",)
     low, high = np.stack([fit.quantiles(settings.mean, ENDS) for fit in fits], axis=1)
     columns = {
-        "percent": ((by, [fit.mean(settings.mean) for fit in fits]), "mean of the posterior"),
-        "percent_low": ((by, low), "2.5 % quantile of the posterior"),
-        "percent_high": ((by, high), "97.5 % quantile of the posterior"),
+        "percent": ((fit_dims, [fit.mean(settings.mean) for fit in fits]), "mean of the posterior"),
+        "percent_low": ((fit_dims, low), "2.5 % quantile of the posterior"),
+        "percent_high": ((fit_dims, high), "97.5 % quantile of the posterior"),
         "article": ((dims, settings.article), "the article's figure"),
         "least": ((dims, reach.low), "least of all settings"),
         "largest": ((dims, reach.high), "largest of all settings"),
@@ -153,16 +153,16 @@ def tabulate_parameters(reproduction: xr.Dataset, choices: Choices) -> xr.Datase
     """Return quantiles of the posterior of each parameter, and its information on the prior."""
     _, settings = compared(reproduction, choices)
     fits = settings.fits.values()
-    by = ("fitted", "parameter")
+    fit_dims = ("fitted", "parameter")
     low, median, high = np.stack(
         [fit.quantiles(settings.value, (ENDS[0], 0.5, ENDS[1])) for fit in fits], axis=1
     )
     columns = {
-        "median": ((by, median), "median of the posterior; of words, their number"),
-        "median_low": ((by, low), "2.5 % quantile of the posterior"),
-        "median_high": ((by, high), "97.5 % quantile of the posterior"),
+        "median": ((fit_dims, median), "median of the posterior; of words, their number"),
+        "median_low": ((fit_dims, low), "2.5 % quantile of the posterior"),
+        "median_high": ((fit_dims, high), "97.5 % quantile of the posterior"),
         "information": (
-            (by, [settings.information(fit) for fit in fits]),
+            (fit_dims, [settings.information(fit) for fit in fits]),
             "information of the posterior on the prior",
             "bit",
         ),
@@ -177,11 +177,14 @@ def tabulate_fits(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
     distances = np.transpose(
         [settings.distance((table,)) / settings.of((table,)).sum() for table in JUDGED]
     )
-    by, dims = ("fitted", "table"), ("fitted",)
+    fit_dims, dims = ("fitted", "table"), ("fitted",)
     best = [distances[fit.weight.argmax()] for fit in fits]
     columns = {
-        "distance": ((by, [fit.mean(distances) for fit in fits]), "chi-square per figure, mean"),
-        "best": ((by, best), "chi-square per figure of the setting of the largest weight"),
+        "distance": (
+            (fit_dims, [fit.mean(distances) for fit in fits]),
+            "chi-square per figure, mean",
+        ),
+        "best": ((fit_dims, best), "chi-square per figure of the setting of the largest weight"),
         "least": (
             (("table",), distances.min(axis=0)),
             "least chi-square per figure of all settings",

@@ -110,8 +110,8 @@ def _with_second(frame: Frame, axis: str) -> Frame:
     if not axis or frame.across or len(frame.figures) > 1:
         return frame
     candidates = [name for name in frame.varying_axes if name not in (axis, *frame.down)]
-    few = [name for name in candidates if frame.rows[name].nunique() <= MOST_ACROSS]
-    return replace(frame, across=next(iter(few), ""))
+    short_axes = [name for name in candidates if frame.rows[name].nunique() <= MOST_ACROSS]
+    return replace(frame, across=next(iter(short_axes), ""))
 
 
 def _at_overall(frame: Frame) -> Frame:

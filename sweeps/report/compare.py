@@ -89,23 +89,27 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
         If a store is given twice, has no tables, or has nothing in common with the first.
     """
     paths = first, *others
-    names, ours = names_of(paths), read_frames(first)
+    names, first_frames = names_of(paths), read_frames(first)
     comparisons: list[tuple[Display, Pairs]] = []
     tables: dict[str, list[Frame]] = {NAME: []}
     partial = False
     for path, name in zip(others, names[1:], strict=True):
-        theirs, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
-        pairs, incomplete = _paired(first, ours, path, theirs, labels)
-        partial |= incomplete or {*ours} != {*theirs}
+        second_frames, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
+        pairs, incomplete = _paired(first, first_frames, path, second_frames, labels)
+        partial |= incomplete or {*first_frames} != {*second_frames}
         subtracted = []
-        for shared in (table for table in theirs if table in ours and table != SCORES):
-            pair = ours[shared], theirs[shared]
+        for shared in (
+            table for table in second_frames if table in first_frames and table != SCORES
+        ):
+            pair = first_frames[shared], second_frames[shared]
             difference = _subtracted(*pair, labels)
             partial |= any(len(frame.rows) > len(difference.rows) for frame in pair)
             partial |= {*pair[0].figures} != {*pair[1].figures}
             subtracted += [difference] if len(difference.rows) and difference.figures else []
         if not pairs and not subtracted:
-            raise ConfigurationError(_nothing_in_common(names[0], ours, name, theirs))
+            raise ConfigurationError(
+                _nothing_in_common(names[0], first_frames, name, second_frames)
+            )
         comparisons += pairs
         for table in subtracted:
             tables.setdefault(table.name, []).append(table)
@@ -127,15 +131,15 @@ def _of_tests(display: Display) -> bool:
 
 def _paired(
     first: PathOrUrl,
-    ours: Mapping[str, Frame],
+    first_frames: Mapping[str, Frame],
     second: PathOrUrl,
-    theirs: Mapping[str, Frame],
+    second_frames: Mapping[str, Frame],
     labels: Mapping[str, str],
 ) -> tuple[list[tuple[Display, Pairs]], bool]:
     """Return the common answers of each part of two stores' scores, and whether any are missing."""
     first_parts, second_parts = (
         {_key(part): part for part in _scored(path, frames)}
-        for path, frames in ((first, ours), (second, theirs))
+        for path, frames in ((first, first_frames), (second, second_frames))
     )
     common, partial = [], first_parts.keys() != second_parts.keys()
     for key in (key for key in second_parts if key in first_parts):
@@ -164,18 +168,18 @@ def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
 
 
 def _nothing_in_common(
-    first: str, ours: Mapping[str, Frame], second: str, theirs: Mapping[str, Frame]
+    first: str, first_frames: Mapping[str, Frame], second: str, second_frames: Mapping[str, Frame]
 ) -> str:
     """Return why stores cannot be compared: they share no table or no value of an axis."""
-    common = [name for name in theirs if name in ours]
+    common = [name for name in second_frames if name in first_frames]
     for table in common:
-        our_frame, their_frame = ours[table], theirs[table]
+        first_frame, second_frame = first_frames[table], second_frames[table]
         for axis in (
-            name for name in their_frame.of_role("axis") if name in our_frame.of_role("axis")
+            name for name in second_frame.of_role("axis") if name in first_frame.of_role("axis")
         ):
-            values = [values_of(frame.rows, axis) for frame in (our_frame, their_frame)]
+            values = [values_of(frame.rows, axis) for frame in (first_frame, second_frame)]
             if all(values) and not {*values[0]} & {*values[1]}:
-                column = our_frame.columns[axis]
+                column = first_frame.columns[axis]
                 has, have = (", ".join(map(column.text, axis_values[:3])) for axis_values in values)
                 return (
                     f"stores must have a value of {column.words} in common, but {first} has {has} "
@@ -186,8 +190,8 @@ def _nothing_in_common(
             f"stores must have answers to the same views in common, as {first} and {second} do not"
         )
     return (
-        f"stores must have a table in common, but {first} has {', '.join(ours)} "
-        f"and {second} has {', '.join(theirs)}"
+        f"stores must have a table in common, but {first} has {', '.join(first_frames)} "
+        f"and {second} has {', '.join(second_frames)}"
     )
 
 
@@ -209,11 +213,11 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
         (frame, [name for name in frame.of_role("axis") if name not in axes])
         for frame in (first, second)
     ]
-    ours, theirs = (
+    first_rows, second_rows = (
         frame.rows.assign(**{PART: 0})[[PART, *shared, *extra, *figures]]
         for frame, extra in unshared
     )
-    rows = theirs.merge(ours, on=[PART, *shared], suffixes=("", f"_{FIRST}"))
+    rows = second_rows.merge(first_rows, on=[PART, *shared], suffixes=("", f"_{FIRST}"))
     columns = {name: Column(name, name, name) for name in labels}
     for frame, extra in reversed(unshared):
         columns |= {name: frame.columns[name] for name in (*shared, *extra)}

@@ -125,14 +125,14 @@ def is_free(path: Path) -> bool:
 def sentence_of(kept: Sequence[Path]) -> str:
     """Return a sentence on files that are in the way."""
     names = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
-    if (more := len(kept) - NAMED) > 0:
-        names += f" and {more} more"
-    why = (
+    if (unlisted := len(kept) - NAMED) > 0:
+        names += f" and {unlisted} more"
+    reason = (
         "stay as they are, since no report wrote them or they were changed since"
         if len(kept) > 1
         else "stays as it is, since no report wrote it or it was changed since"
     )
-    return f"{names} {why}; everything else is written"
+    return f"{names} {reason}; everything else is written"
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -68,8 +68,8 @@ def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None
     except (OSError, ConfigurationError) as error:
         raise refusal(path, error) from error
     if bad:
-        many = f"{len(bad):,} of its files are" if len(bad) > 1 else "one of its files is"
-        raise refusal(path, f"{many} damaged, missing or of something else: {bad[0]}")
+        files = f"{len(bad):,} of its files are" if len(bad) > 1 else "one of its files is"
+        raise refusal(path, f"{files} damaged, missing or of something else: {bad[0]}")
 
 
 def refusal(path: PathOrUrl, why: str | Exception = "") -> ConfigurationError:

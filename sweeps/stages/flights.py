@@ -283,8 +283,8 @@ def check(choices: Choices) -> Choices:
             flight = flight_of(aspect, values)
             place = f" ({ship} at {aspect:g} deg)"
             plan = plan_scan(hulls[ship], flight) if ship in hulls else None
-        except ValueError as why:
-            raise ConfigurationError(f"{_of_key(why, values['range'])}{place}") from why
+        except ValueError as problem:
+            raise ConfigurationError(f"{_of_key(problem, values['range'])}{place}") from problem
         for error in choices[Irar.errors]:
             _check_estimate(flight, error)
         if plan is not None and not plan.meets(hulls[ship]):
@@ -311,8 +311,8 @@ def _check_estimate(flight: Flight, error: Error) -> None:
     wrong = f"irar.errors.{parameter} has {value:g}, with which"
     try:
         speed = comparison.navigated(flight, error).closing_speed
-    except ValueError as why:
-        raise ConfigurationError(f"{wrong} {why}") from why
+    except ValueError as problem:
+        raise ConfigurationError(f"{wrong} {problem}") from problem
     least, most = (share * flight.closing_speed for share in (SLOWEST, FASTEST))
     if not least <= speed <= most:
         raise ConfigurationError(

@@ -71,17 +71,17 @@ def test_every_cell_of_a_store_is_a_row(smoke_store):
 def test_files_have_what_frames_have(smoke_store, tmp_path):
     for table in read_frames(smoke_store).values():
         (tmp_path / "t.csv").write_bytes(csv_of(table))
-        again = pd.read_csv(tmp_path / "t.csv", dtype={"aspect_bin_deg": str}, na_values=[""])
-        assert list(again) == [name for name in table.rows if name != PART]
-        for name in again:
-            for ours, theirs in zip(table.rows[name], again[name], strict=True):
+        copy = pd.read_csv(tmp_path / "t.csv", dtype={"aspect_bin_deg": str}, na_values=[""])
+        assert list(copy) == [name for name in table.rows if name != PART]
+        for name in copy:
+            for value, read in zip(table.rows[name], copy[name], strict=True):
                 digits = table.columns[name].digits
-                if missing(ours):
-                    assert missing(theirs)
+                if missing(value):
+                    assert missing(read)
                 elif digits is not None:
-                    assert theirs == round(ours, digits)
+                    assert read == round(value, digits)
                 else:
-                    assert ours == theirs or float(ours) == float(theirs), name
+                    assert value == read or float(value) == float(read), name
 
 
 def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
