@@ -322,11 +322,12 @@ def test_markers_say_their_values_and_how_to_reproduce_them(both, two_axes, monk
         assert f"percent correct [%]: {value:.4g}" in both.locator("#tip").inner_text()
 
 
-CUT = """[...document.querySelectorAll("body *")].filter((one) => {
-  const style = getComputedStyle(one);
-  return one.scrollWidth > one.clientWidth + 1 && one.clientWidth && style.overflowX !== "visible"
-    && !style.backgroundImage.includes("gradient") && !one.closest("svg, select");
-}).map((one) => one.outerHTML.slice(0, 99))"""
+CUT = """[...document.querySelectorAll("body *")].filter((node) => {
+  const style = getComputedStyle(node);
+  return node.scrollWidth > node.clientWidth + 1 && node.clientWidth
+    && style.overflowX !== "visible"
+    && !style.backgroundImage.includes("gradient") && !node.closest("svg, select");
+}).map((node) => node.outerHTML.slice(0, 99))"""
 """What is wider than its place without the shadow that says so."""
 
 
@@ -335,7 +336,7 @@ CUT = """[...document.querySelectorAll("body *")].filter((one) => {
 def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
     page = browser.new_page(viewport=size, color_scheme=scheme)
     page.goto(file.as_uri())
-    page.eval_on_selector_all("details", "all => all.forEach(one => { one.open = true; })")
+    page.eval_on_selector_all("details", "all => all.forEach(node => { node.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
     assert page.evaluate(CUT) == []
     light = page.evaluate("getComputedStyle(document.body).backgroundColor")
