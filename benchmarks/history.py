@@ -204,7 +204,7 @@ def _rounded(value: float | np.floating) -> float:
 
 
 def read(file: Path = FILE) -> list[Entry]:
-    """Return the entries of a file, in order; ValueError names what is wrong with it."""
+    """Return the entries of a file, in order; ValueError names its fault."""
     names = [field.name for field in fields(Entry)]
     with file.open(encoding="utf-8", newline="") as lines:
         table = csv.DictReader(lines)

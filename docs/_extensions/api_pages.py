@@ -1,4 +1,4 @@
-"""Reference pages of the packages of `ncti`, one a package, of what its `__all__` names."""
+"""Reference pages of the packages of `ncti`, one per package, listing its `__all__`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 FOLDER = "api"
 MARKUP = (":", ".. ", "- ", "* ", ">>>", "|", "+", "=")  # begin lines that are no prose
-CODE = re.compile(r"(``.*?``|`.*?`)")  # of which nothing is escaped
+CODE = re.compile(r"(``.*?``|`.*?`)")  # nothing in it is escaped
 
 
 def origins(package: ModuleType) -> dict[str, str]:
@@ -120,7 +120,7 @@ def with_bars(line: str) -> str:
 def mend_docstring(
     app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
 ) -> None:
-    """Mend what numpydoc has made of a docstring."""
+    """Repair the equations of a docstring after numpydoc."""
     lines[:] = plain_equations(lines)
 
 

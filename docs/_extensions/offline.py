@@ -74,7 +74,7 @@ def loads_of_site(folder: Path) -> list[str]:
 
 def check(app: Any, error: Exception | None) -> None:
     """Fail a build whose pages need a network."""
-    # Imported here, so that the tests of what is above do without Sphinx.
+    # Imported here, so that tests of the functions above run without Sphinx.
     from sphinx.errors import ExtensionError
 
     if error is not None or app.builder.format != "html":

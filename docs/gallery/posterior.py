@@ -1,4 +1,4 @@
-"""Posterior of what the article leaves open: posterior.py STORE PICTURE."""
+"""Posterior of the parameters that the article leaves open: posterior.py STORE PICTURE."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Figures of the article beside what settings reach of them: reached.py STORE PICTURE."""
+"""Figures of the article beside the values that settings reach: reached.py STORE PICTURE."""
 
 import sys
 

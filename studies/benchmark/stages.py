@@ -1,4 +1,4 @@
-"""The benchmark: classifiers on the splits of `ncti.data`, all of which learn from the same views.
+"""The benchmark: classifiers on the splits of `ncti.data`, all learning from the same views.
 
 `entry` declares a classifier by a function that fits it; docs/benchmark.md shows one's own.
 """
@@ -241,8 +241,8 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     """Return the stages and tables of a benchmark classifier, from the function that fits it.
 
     `learns` names its training data. The classifier has `predict` and, if it can, `predict_proba`,
-    `match` or `decision_function`, the first of which rejects unknown ships; or `posterior`, which
-    takes averages and numbers of frames.
+    `match` or `decision_function`, the first one it has rejecting unknown ships; or `posterior`,
+    which takes averages and numbers of frames.
     """
     name = fitted.name.removeprefix("fit_")
 

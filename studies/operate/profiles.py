@@ -124,7 +124,7 @@ def correlations(*, pulse_width: float, bin_width: float, bins: int) -> tuple[Fl
 
 @lru_cache(maxsize=32)
 def factors(*, pulse_width: float, bin_width: float, bins: int) -> tuple[Floats, Floats]:
-    """Return matrices F of both correlations, F' F, of which F makes noise from white noise."""
+    """Return matrices F of both correlations, F' F; F turns white noise into correlated noise."""
     roots = []
     for correlation in correlations(pulse_width=pulse_width, bin_width=bin_width, bins=bins):
         values, vectors = np.linalg.eigh(correlation)

@@ -28,7 +28,7 @@ def silhouettes(
     """Return (view, row, column) masks of the pixels that show a ship, in a window around it.
 
     The origin lies in the same pixel of every window. `footprint` is the side of a pixel on the
-    target [m], of which a ship must fill the share `coverage_rule`; `length` and `height` of the
+    target [m]; a ship must fill the share `coverage_rule` of a pixel. `length` and `height` of the
     largest ship [m] and `depression` [deg] set the window.
     """
     require("footprint", footprint, positive=True)

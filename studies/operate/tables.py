@@ -24,8 +24,9 @@ ENDS = ("low end of its 95 % interval", "high end of its 95 % interval")
 def frames_needed(operated: xr.Dataset) -> xr.DataArray:
     """Return the fewest frames by which `LEVEL` of the views are identified, interpolated.
 
-    The result keeps the other axes of `share`, and has `resample`, of which the first is all views
-    and the others are `resampled`; it is infinite where the largest frame count does not suffice.
+    The result keeps the other axes of `share`, and has `resample`: the first entry counts all
+    views, the others are `resampled`. It is infinite where the largest frame count does not
+    suffice.
     """
     import xarray as xr
 

@@ -91,7 +91,7 @@ def reference_range_extent(
         added.append(_areas(outline - covered, side))
         covered = covered + outline
 
-    # added[0] lies in front of the first edge: it obscures what is behind but is in no bin.
+    # added[0] lies in front of the first edge: it obscures surfaces behind it but is in no bin.
     cells = sorted({cell for areas in added[1:] for cell, _ in areas})
     row = {cell: k for k, cell in enumerate(cells)}
     area = np.zeros((len(cells), len(bin_edges) - 1))

@@ -123,9 +123,9 @@ def thermal_field(
 ) -> NDArray[np.float64]:
     """Return a (row, column) thermal image of targets on the sea, against the mean sea [K].
 
-    `targets` are (pixel, 2) columns and rows, of which those outside the field are ignored; each
-    has one of the `contrasts` [K], the later one in a shared pixel. Row 0 is the lowest. Noise is
-    that of `ncti.infrared.thermal_images`.
+    `targets` are (pixel, 2) columns and rows; pixels outside the field are ignored. Each target has
+    one of the `contrasts` [K]; in a shared pixel the later target counts. Row 0 is the lowest. The
+    noise model is that of `ncti.infrared.thermal_images`.
     """
     signal, covered = np.zeros(field.shape), np.zeros(field.shape, dtype=bool)
     for pixel, contrast in zip(targets, contrasts, strict=True):

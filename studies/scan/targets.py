@@ -93,7 +93,7 @@ class Survey:
             window=self.window,
             spread=self.spread,
         )
-        # In the precision that it is kept in, so that what is kept is the same.
+        # In the precision of the cache, so that a cached target equals a new one.
         fraction = extent.fraction.astype(np.float32)
         return self.restored(
             {"true_aspect": aspect, "offset": offset, "slant_range": far}

@@ -132,8 +132,8 @@ def visit_templates(
 ) -> VisitTemplates:
     """Return the templates of all valid views at one range.
 
-    `moments` are mean, band and ifovs, each with leading axes (ship, aspect), of which `valid`
-    exist; bands, and that of the noise, are filled up to as many lags. Other arguments are those of
+    `moments` are mean, band and ifovs, each with leading axes (ship, aspect); `valid` marks the
+    views that exist. All bands are padded to the same number of lags. Other arguments are those of
     `VisitTemplates` and `Laser`, the carrier-to-noise ratio as a power ratio.
     """
     mean, noise = banded_frame_moments(

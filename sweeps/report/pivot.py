@@ -15,7 +15,7 @@ FEW = 30  # answers below which a score is said to rest on few
 
 @dataclass(frozen=True)
 class Entry:
-    """A figure as printed: its interval, and what stands beside it."""
+    """A figure as printed, with its interval and the columns beside it."""
 
     text: str
     interval: str = ""

@@ -40,7 +40,7 @@ NAME = "fusion"
 CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
 OF_DRAWS = ("channel", "draw")
-# What silhouettes depend on besides the range; templates on the last two.
+# Settings that silhouettes depend on besides the range; templates depend on the last two.
 LOOKS = (
     *(Infrared.frame_count, Infrared.super_resolution, Infrared.segmentation),
     *(Infrared.inner_radius, Infrared.interpolation),

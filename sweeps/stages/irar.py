@@ -89,7 +89,7 @@ class Errors(Kind):
         return (NO_ERROR, *sorted(pairs))
 
     def as_input(self, values: tuple[Value, ...]) -> dict[str, list[float]]:
-        """Return what a user writes to get some values."""
+        """Return some values in the form in which a user writes them."""
         return {
             parameter: [error for name, error in values if name == parameter]
             for parameter in sorted({name for name, _ in values} - {NO_ERROR[0]})

@@ -1,4 +1,4 @@
-"""Tables made by hand, with what a store says of their axes and how they are shown."""
+"""Tables made by hand, with the attributes that describe their axes and layout."""
 
 import numpy as np
 import xarray as xr

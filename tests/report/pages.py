@@ -1,4 +1,4 @@
-"""A report page as tests read it: its elements, and what its script is given."""
+"""A report page as tests read it: its elements, and the data of its script."""
 
 import json
 from dataclasses import dataclass, field
@@ -80,7 +80,7 @@ class Page:
 
     @property
     def data(self) -> dict:
-        """What the script is given."""
+        """The data of the script."""
         text = self.root.only("script", type="application/json").text
         return json.loads(text, parse_constant=_refused)
 
@@ -99,7 +99,7 @@ def read_page(path: Path) -> Page:
 
 
 def stored(path, attributes=None, **groups):
-    """A store of some groups, of which `__` parts the names."""
+    """A store of some groups, with `__` in their names for a slash."""
     for name, dataset in groups.items():
         dataset.to_zarr(path, group=name.replace("__", "/"), mode="a", consolidated=False)
     zarr.open_group(path, mode="a").attrs.update(attributes or {})

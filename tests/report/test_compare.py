@@ -1,4 +1,4 @@
-"""Two stores compared: pairs of answers on what both have, and nothing else."""
+"""Two stores compared: pairs of answers to the questions that both have, and nothing else."""
 
 import shutil
 
@@ -158,7 +158,7 @@ def test_learned_aspects_and_others_are_apart_and_other_tables_are_subtracted(an
 
 
 def _family(rng, cells, change):
-    """Answers of two classifiers to 40 views in some cells, of which the first one changed."""
+    """Answers of two classifiers to 40 views in some cells, the first cell changed."""
     rate = np.full((cells, 1, 1), 0.5)
     rate[0] += change
     answers = [rng.random((cells, 2, 20)) < share for share in (0.5, rate)]
@@ -172,7 +172,7 @@ def _family(rng, cells, change):
 
 
 def test_of_many_comparisons_without_a_difference_few_families_have_one():
-    """200 families of 25 null comparisons, of which at most 5 % may err: a test at 1e-4."""
+    """At most 5 % of 200 families of 25 null comparisons may err: a test at 1e-4."""
     rng = np.random.default_rng(7)
     erred = sum(bool(holm([_family(rng, 25, 0.0)])[0][0].any()) for _ in range(200))
     assert stats.binom.sf(erred - 1, 200, 0.05) > 1e-4, erred

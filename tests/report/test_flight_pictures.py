@@ -1,4 +1,4 @@
-"""Pictures of flights: drawn when a sweep ends, whole or not at all, of what the store holds."""
+"""Pictures of flights: drawn from the store when a sweep ends, whole or not at all."""
 
 import shutil
 

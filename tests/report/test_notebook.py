@@ -1,4 +1,4 @@
-"""Charts in notebooks: what the page has of the same table, and refused arguments."""
+"""Charts in notebooks: the same as the page's of a table, and refused arguments."""
 
 import html
 import re

@@ -1,4 +1,4 @@
-"""The report page: what it has at the head, that it is safe, and that tables need no script."""
+"""The report page: its head, its safety, and tables that need no script."""
 
 import base64
 import hashlib
@@ -295,7 +295,7 @@ def contrast(first, second):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_and_curves_stand_out(scheme):
-    """WCAG 2.2: 4.5 for text (1.4.3), 3 for what curves are drawn with (1.4.11)."""
+    """WCAG 2.2: 4.5 for text (1.4.3), 3 for the colours of curves (1.4.11)."""
     style = files("sweeps.report.page").joinpath("templates/page.css").read_text(encoding="utf-8")
     blocks = re.findall(r":root \{(.*?)\}", style, re.DOTALL)
     block = blocks[("light", "dark").index(scheme)]

@@ -1,4 +1,4 @@
-"""Figures of the report page, and its file: when it is written, and what if it cannot be."""
+"""Figures of the report page, and its file: when it is written, and errors in writing it."""
 
 import base64
 import errno

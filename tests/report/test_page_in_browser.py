@@ -168,7 +168,7 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
 
 
 def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_store, file):
-    """The script says of a selection what the command says of a store of that alone."""
+    """The script describes a selection as the command describes a store of it alone."""
     frames, attrs = read_frames(smoke_store), attributes(store_of(smoke_store))
     scores = frames["scores"]
     page = browser.new_page(viewport=DESK)
@@ -328,7 +328,7 @@ CUT = """[...document.querySelectorAll("body *")].filter((node) => {
     && style.overflowX !== "visible"
     && !style.backgroundImage.includes("gradient") && !node.closest("svg, select");
 }).map((node) => node.outerHTML.slice(0, 99))"""
-"""What is wider than its place without the shadow that says so."""
+"""Elements wider than their place, without the shadow that says so."""
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -20,7 +20,7 @@ from sweeps.report.summary import finish, print_answer, report, tables_of
 
 
 def page(path, width=80):
-    """What is printed at the end of a sweep."""
+    """Text printed at the end of a sweep."""
     console = Console(file=io.StringIO(), width=width)
     print_answer(path, tables_of(path), console)
     finish(path, tables_of(path), console)

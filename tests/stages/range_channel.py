@@ -34,7 +34,7 @@ def choose(**given):
 
 
 def called(stage, **given):
-    """What a stage returns, with the default in SI of every setting that is not given."""
+    """Result of a stage, with the default in SI of every setting that is not given."""
     settings = {name: setting for group in stage.uses for name, setting in by_key(group).items()}
     defaults = {
         key: settings[key].in_si(settings[key].default)

@@ -92,7 +92,7 @@ def stacked(rows):
 
 
 def trained(kind, views, orders, levels, label, valid=None, training_views=None):
-    """What the stages of training give, and what they share."""
+    """Arguments of the stage of tests that come from the stages of training."""
     valid = np.ones(views.shape[:2], dtype=bool) if valid is None else valid
     training_views = np.ones_like(valid) if training_views is None else training_views
     training_set = {"profiles": acn.profile_training_set, "maps": acn.silhouette_training_set}[
@@ -114,7 +114,7 @@ def answered(
     kind, views, orders=ORDERS, levels=None, frames=(0, 1), rules=RULES[1],
     valid=None, learn=False, training_views=None,
 ):  # fmt: skip
-    """What the stage of tests gives, called as the engine calls it."""
+    """Arrays of the stage of tests, called as the engine calls it."""
     seen, tests = views
     valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
     label, score = rules

@@ -36,7 +36,7 @@ def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     stored = in_window(ours, "intensity", window)
     np.testing.assert_array_equal(stored, image.intensity.astype(np.float32))
     np.testing.assert_array_equal(ours.profile[0], profile(image, estimate).astype(np.float32))
-    # What it leaves behind is what the exact chain is there for.
+    # The exact chain is there for the tilt that it leaves behind.
     leans = [abs(float(at(flights, chain=way).noiseless_mast_tilt)) for way in ("exact", chain)]
     assert leans[0] < 0.5 and leans[1] > 1.0
 

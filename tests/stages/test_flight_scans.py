@@ -24,7 +24,7 @@ OTHERS = {
 
 
 def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
-    """By jitter alone: what is drawn instead of a flight, from the numbers of its attitude."""
+    """By jitter alone: one number instead of a flight, drawn from the stream of its attitude."""
     monkeypatch.setattr(irar, "fly", lambda mesh, flight, *, rng, **surface: rng.random())
     mesh, choices = ncti.ships.load("roberts"), read()
     course = {setting.name: choices[setting][0] for setting in FLOWN} | {"jitter": 50.0}
@@ -60,7 +60,7 @@ def scanned():
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_every_parameter_changes_the_scan(name, scanned, monkeypatch):
-    """With the same noise for all, whatever the values: what differs is their doing."""
+    """With the same noise for all values, so that any difference is their doing."""
     assert set(OTHERS) == {setting.name for setting in (*FLOWN, *RECORDED)}
     if name != "replicate":  # which has other noise, and no other doing
         monkeypatch.setattr(irar, "cell_rng", lambda seed, **_: np.random.default_rng(seed))

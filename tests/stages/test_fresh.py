@@ -55,7 +55,7 @@ def test_they_come_into_the_grid_and_are_not_learned():
     assert list(kinds) == ["learned", "random"]
     aspects = np.array(choices[Grid.aspect])
     np.testing.assert_array_equal(aspects[kinds["random"]], sorted(drawn))
-    # What is drawn does not depend on what is drawn already.
+    # New draws do not depend on aspects already drawn.
     again = classifier.check(choices)
     assert again.values == choices.values
 

@@ -1,4 +1,4 @@
-"""Infrared images: against the library by hand, in what company, and what is refused."""
+"""Infrared images: against the library by hand, beside other values, and refused settings."""
 
 import numpy as np
 import pytest

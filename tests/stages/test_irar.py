@@ -1,4 +1,4 @@
-"""Settings of flights: what each may hold, what it means, and what is refused before any work."""
+"""Settings of flights: their bounds, their meaning, and values refused before any work."""
 
 from dataclasses import fields, replace
 

@@ -38,7 +38,7 @@ def test_signals_are_in_the_units_of_the_library(ifovs):
 
 
 def test_the_floor_is_that_of_every_ifov(ifovs):
-    """Those on the ship included, as its ends are free of the pulse; what is left begins at 0."""
+    """Those on the ship included, as its ends are free of the pulse; the rest begins at 0."""
     profile = expected_profile(ifovs, cnr=1600.0, **SIGNAL)
     profiles = ladar.above_floor(profile)
     level = (len(ifovs.cell) + 100) * noise_floor()
@@ -65,7 +65,7 @@ def test_an_image_of_pixels_states_its_error(ifovs):
 
 
 def place_of(drawn_aspect=300.0, **other):
-    """Place of the ship in an average, by name of what it depends on."""
+    """Place of the ship in an average, by the names of the settings that it depends on."""
     view = {"ship": "duncan", "aspect": 300.0, "range": 100e3, "replicate": 0, "seed": 0}
     return called(
         ladar.seen_shift, **view | {"place": "random", "drawn_aspect": drawn_aspect} | other

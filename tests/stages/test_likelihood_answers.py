@@ -30,7 +30,7 @@ ERRORS = (0.0, 0.2)
 def templates_of(
     cell, covariance, diagonal_loading=1e-3, error=0.0, floor_sigma=1.0, **training_views
 ):
-    """Templates of what is learned; exact ones by default, as densities by hand are."""
+    """Templates of learned views; exact ones by default, as densities by hand are."""
     known = learned(**training_views)[: len(cell.valid)]
     prior = likelihood.Prior(diagonal_loading, floor_sigma, floor_estimated=False)
     alternative = learned(**training_views)[: len(cell.valid)] & False

@@ -40,7 +40,7 @@ def signatures():
 
 
 def training_views(name, **changes):
-    """What a classifier is trained with, of few epochs."""
+    """Arguments that a classifier is trained with, of few epochs."""
     choices = read()
     names = (setting for setting in EXPERIMENT.declared if setting.key.startswith("classifier."))
     values = {setting.name: choices[setting][0] for setting in names}
@@ -63,7 +63,7 @@ class Fixed:
 
 
 def named(signatures, name, valid=ALL, unknown=None, **changes):
-    """What a classifier calls signatures that it learned the synthetic ones of."""
+    """Names that a classifier trained on synthetic signatures gives to measured ones."""
     known = signatures[:, :, LEARNED]
     learned = classifier.training_views(SHIPS, ASPECTS, unknown, None, None, ())
     trained = namer(training_views(name, **changes), known, valid, learned, ASPECTS, Fixed())

@@ -1,4 +1,4 @@
-"""What is learned, and tables of percent correct, counted by hand."""
+"""Learned views, and tables of percent correct, counted by hand."""
 
 import numpy as np
 import pytest

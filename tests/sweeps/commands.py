@@ -21,7 +21,7 @@ from sweeps.experiment import EXPERIMENT
 COMMAND = command()
 
 FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
-"""Coarse images: what a test does not look at need not be exact."""
+"""Coarse images, for tests that need no exact ones."""
 
 
 def prepared(*arguments: str) -> list[tuple[Choices, Path]]:
@@ -84,7 +84,7 @@ def assert_slice(store: Path, reference: Path, **place: object) -> set[str]:
                 [dim for dim in labels if dim in array.sel(labels).dims]
             )
             sliced = sliced.transpose(*expected.dims)
-            # What is as large as its largest cell is padded in company.
+            # A variable as large as its largest cell is padded in company.
             sliced = sliced.isel({dim: slice(size) for dim, size in expected.sizes.items()})
             assert sliced.dtype == expected.dtype, (group, name)
             equal = np.array_equal(sliced, expected, equal_nan=array.dtype.kind == "f")

@@ -1,4 +1,4 @@
-"""What no setting has wrong alone: settings, ships and stores that do not go together."""
+"""Settings, ships and stores that are valid alone but do not go together."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,7 +14,7 @@ from sweeps.stages.views import Grid
 
 
 def sentence(*overrides):
-    """What is said of a wrong command line."""
+    """Error message of a wrong command line."""
     with pytest.raises(ConfigurationError) as caught:
         prepared(*overrides)
     message = str(caught.value)

@@ -1,4 +1,4 @@
-"""What the commands say of themselves: help, version, completion and their first words."""
+"""Help and version of the commands."""
 
 from importlib.metadata import version
 

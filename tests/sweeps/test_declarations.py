@@ -15,7 +15,7 @@ from sweeps.experiment import EXPERIMENT
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DECLARED = EXPERIMENT.declared
-# What no result depends on, and what chooses stages and tables instead of entering them.
+# Settings without effect on results, and those that choose stages and tables instead.
 NOT_READ = {
     *("benchmark.classifier", "sensor", "dataset.sensor", "classifier.test_vigilance"),
     "classifier.generated",  # its ships come into three other settings
@@ -88,7 +88,7 @@ def test_every_setting_is_read_by_a_stage_or_says_where_to_run():
     assert unread == NOT_READ
 
 
-# What is said of it -------------------------------------------------------------------------
+# Its documentation --------------------------------------------------------------------------
 
 
 def test_the_table_in_the_docs_is_current(monkeypatch):

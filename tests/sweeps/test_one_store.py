@@ -42,7 +42,7 @@ def test_a_store_grows_by_what_is_new(whole_store, folder):
 
 
 def test_one_more_number_of_frames_answers_alone(whole_store, folder):
-    """What does not look at the number of frames is not trained again."""
+    """Classifiers that do not depend on the number of frames are not trained again."""
     store, cache = folder / "s.zarr", folder / "cache"
     swept(store, cache, *ALL, *WHOLE, "grid.frame_count=2")
     grown = swept(store, cache, *ALL, *WHOLE)

@@ -1,4 +1,4 @@
-"""Views at their own slant range: what sweeps state of their error holds near and far."""
+"""Views at their own slant range: the error bound of sweeps holds near and far."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def plan_of(*overrides):
 
 
 def to_make(*overrides):
-    """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
+    """Range extents of learned and tested views that a sweep with an empty cache makes."""
     schedule = Schedule(plan_of(*overrides))
     schedule.look_up(CellIndex(Objects(Path("none")), print))
     extents = {"extent", "seen_extent", "placed_extent"}
@@ -49,7 +49,7 @@ def keys(stage, *overrides):
 
 
 def test_the_corner_beside_random_places_is_what_a_sweep_of_the_corner_has(folder, results):
-    """Bit for bit; what is learned has no place of tests."""
+    """Bit for bit; learned arrays have no place of tests."""
     swept(folder / "all.zarr", results, *GIVEN, PLACES)
     swept(folder / "one.zarr", folder / "own", *GIVEN, "ladar.place=corner")
     groups, corner_groups = groups_of(folder / "all.zarr"), groups_of(folder / "one.zarr")
@@ -65,7 +65,7 @@ def test_the_corner_beside_random_places_is_what_a_sweep_of_the_corner_has(folde
 
 
 def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
-    """Templates have eight places, of which the corner is one; a draw has one of its own."""
+    """Templates have eight places, the corner among them; a draw has one of its own."""
     views, corner = 4, "ladar.place=corner"
     assert to_make(corner, "classifier.template_places=1") == views
     assert to_make(corner) == 8 * views

@@ -1,4 +1,4 @@
-"""The smoke sweep: what its users find in the store and in the CSV files, number by number."""
+"""The smoke sweep: numbers in the store and in the CSV files."""
 
 import re
 
@@ -71,8 +71,8 @@ def test_profiles_are_what_a_physicist_expects(groups):
     # the few (at most 60) IFOVs on the ship.
     edge = profiles.expected.isel(down_range=0)
     assert ((edge >= floor) & (edge <= floor + 60 * noise_floor())).all()
-    # From the bow the return is as long as the ship, 135.6 and 171.7 m, less what the houses
-    # hide and plus the tails of the pulse; from the beam it is a house and its masts deep.
+    # From the bow the return is as long as the ship, 135.6 and 171.7 m, less the length behind
+    # houses, plus the tails of the pulse; from the beam it is a house and its masts deep.
     vectors = profile_vector(profiles.expected.sel(pulse_width=30, range=100))
     for row, length in zip(vectors, (135.6, 171.7), strict=True):
         bow_on, beam_on = (np.ptp(np.flatnonzero(row[i] > 0.01)) for i in (0, -1))

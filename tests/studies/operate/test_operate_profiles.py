@@ -61,7 +61,7 @@ def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
         noise = frame_noise(*views, normals, Radar(cnr=cnr, **PULSE))
         _, exact = frame_moments(extent, pulse_width=30e-9, cnr=cnr, target_free_ifovs=free)
         # The closed form of its covariance has the exact diagonal, and off it correlations of
-        # target and noise in place of those of each IFOV.
+        # target and noise instead of one for each IFOV.
         target, noise_alone = correlations(bins=BINS, **PULSE)
         amplitude = np.sqrt(RAYLEIGH * cnr * row.astype(float))
         still = RAYLEIGH * math.sqrt(math.pi / 8)

@@ -1,4 +1,4 @@
-"""Where shares reach a level, and at what least cost."""
+"""Frame counts at which shares reach a level, and the least cost of that."""
 
 import numpy as np
 import pytest

@@ -90,7 +90,7 @@ def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chose
 
 
 def test_only_parameters_that_decide_are_informed():
-    """Figures that follow one number and one word: all others have what chance leaves."""
+    """Figures that follow one number and one word: all others have the bits of chance."""
     draws = [assumed(number) for number in range(512)]
     value = np.array([[PRIORS[n].number(draw[n]) for n in PRIORS] for draw in draws])
     names = list(PRIORS)

@@ -1,4 +1,4 @@
-"""The values that are drawn of what the article leaves open."""
+"""Values drawn for the parameters that the article leaves open."""
 
 import numpy as np
 import pytest

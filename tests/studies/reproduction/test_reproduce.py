@@ -1,4 +1,4 @@
-"""Settings of what the article leaves open: resumed, extended, and compared with the article."""
+"""Settings that the article leaves open: resumed, extended, and compared with the article."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_more_settings_continue_fewer_and_are_compared_with_the_article(tmp_path
     assert not finished_at_once.failures
     settings = opened(tmp_path / "once.zarr", GROUP)
     assert settings.identical(opened(tmp_path / "grown.zarr", GROUP))
-    # What was drawn is what is recorded.
+    # The recorded values are those drawn.
     values = assumed(2)
     expected = [prior.number(values[name]) for name, prior in PRIORS.items()]
     np.testing.assert_array_equal(settings.value.sel(setting=2), expected)

@@ -1,4 +1,4 @@
-"""Run time against error: errors beside the plain computation, times as what they are."""
+"""Run time against error: errors beside the plain computation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scan of the field of regard: what is found adds up, and takes the time that it should."""
+"""A scan of the field of regard: detections add up, and take the time that they should."""
 
 from __future__ import annotations
 

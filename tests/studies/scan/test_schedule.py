@@ -1,4 +1,4 @@
-"""The time of a search: closed forms, and what visits save."""
+"""The time of a search: closed forms, and the time that visits save."""
 
 import math
 
