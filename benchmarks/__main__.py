@@ -18,38 +18,38 @@ from sweeps.stages.views import cache_folder
 REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Report]]] = {
     "views": (
         "time and error of a view by engine, and by other libraries",
-        lambda asked: views.measure(asked.ship, repeats=asked.repeats),
+        lambda options: views.measure(options.ship, repeats=options.repeats),
     ),
     "skips": (
         "time saved by skipped work",
-        lambda asked: skips.measure(asked.ship, repeats=asked.repeats),
+        lambda options: skips.measure(options.ship, repeats=options.repeats),
     ),
     "steps": (
         "time of each step, from a ship's mesh to a classifier's answer",
-        lambda asked: steps.measure(asked.ship, repeats=asked.repeats),
+        lambda options: steps.measure(options.ship, repeats=options.repeats),
     ),
     "paper": (
         "time and memory of +experiment=paper: cold, again, and with one more value",
-        lambda asked: paper.measure(repeats=asked.repeats),
+        lambda options: paper.measure(repeats=options.repeats),
     ),
     "waiting": (
         "what a user waits for, step by step, beside another checkout if --against",
-        lambda asked: waiting.measure(repeats=asked.repeats, against=asked.against),
+        lambda options: waiting.measure(repeats=options.repeats, against=options.against),
     ),
     "cells": (
         "time and memory of sweeps of up to ten million cells on two processes",
-        lambda asked: engine.measure(),
+        lambda options: engine.measure(),
     ),
     "workers": (
         "tasks a second, time and memory of the command with up to 1,000 dask workers",
-        lambda asked: workers.measure(),
+        lambda options: workers.measure(),
     ),
     "history": (
         "error and time of fixed views, appended to benchmarks/history.csv and drawn",
-        lambda asked: history.record(repeats=asked.repeats),
+        lambda options: history.record(repeats=options.repeats),
     ),
 }
-"""What each report measures, and the function that makes it."""
+"""Description of each report, and the function that makes it."""
 
 ALL = tuple(name for name in REPORTS if name != "history")
 
@@ -57,28 +57,30 @@ ALL = tuple(name for name in REPORTS if name != "history")
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with 2 when something requested is missing."""
     parser = _parser()
-    asked = parser.parse_args(arguments)
-    if asked.repeats < 1:
-        parser.error(f"--repeats is {asked.repeats}, but must be at least 1")
+    options = parser.parse_args(arguments)
+    if options.repeats < 1:
+        parser.error(f"--repeats is {options.repeats}, but must be at least 1")
     try:
-        for ship in (asked.ship, *ncti.ships.names()):
+        for ship in (options.ship, *ncti.ships.names()):
             # built here, so that no report includes the build
             ncti.ships.load(ship, cache=cache_folder() / "meshes")
     except ncti.ships.ShipError as error:
         parser.error(f"--ship: {error}")
 
-    console, here, reports = Console(), machine(), {}
-    console.print(", ".join(f"{key} {value}" for key, value in here.items()), highlight=False)
-    for name in ALL if asked.report == "all" else (asked.report,):
+    console, description, reports = Console(), machine(), {}
+    console.print(
+        ", ".join(f"{key} {value}" for key, value in description.items()), highlight=False
+    )
+    for name in ALL if options.report == "all" else (options.report,):
         _, measure = REPORTS[name]
         try:
-            reports[name] = measure(asked)
+            reports[name] = measure(options)
         except (RuntimeError, ConfigurationError) as error:
             print(f"benchmark: {name} failed: {error}", file=sys.stderr)
             sys.exit(1)
         show(reports[name], console)
-    if asked.json:
-        write_json(asked.json, here, reports)
+    if options.json:
+        write_json(options.json, description, reports)
 
 
 def _parser() -> argparse.ArgumentParser:

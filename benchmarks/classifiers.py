@@ -71,17 +71,17 @@ class Task:
 
     @property
     def label(self) -> Array:
-        """(view,): ship and aspect group, which the multilayered networks learn."""
+        """Ship and aspect group of each view, (view,), which the multilayered networks learn."""
         return self.ship * self.groups + self.group
 
     @property
     def true_ship(self) -> Array:
-        """(test,): ship of each test."""
+        """Ship of each test, (test,)."""
         return np.tile(self.ship, len(self.tests) // len(self.ship))
 
     @property
     def floor(self) -> Array:
-        """(view, 1): noise within each expected profile, what its window's edge holds."""
+        """Noise floor of each expected profile at its window's edge, (view, 1)."""
         return self.expected[:, :1]
 
 
@@ -101,8 +101,8 @@ def source_task(
             extent = range_extent(image, slant_range=SLANT_RANGE)
             rng = np.random.default_rng([i, j])
             frames = sample_frames(extent, frame_count=FRAMES * replicates, rng=rng, **SIGNAL)
-            whole = frames.reshape(replicates, FRAMES, -1)
-            averaged.append([cumulative_average(some, [FRAMES])[0] for some in whole])
+            runs = frames.reshape(replicates, FRAMES, -1)
+            averaged.append([cumulative_average(run, [FRAMES])[0] for run in runs])
             expected.append(expected_profile(extent, **SIGNAL))
             bands.append(banded_frame_moments(extent, **SIGNAL)[1])
     lags = max(map(len, bands))
@@ -157,4 +157,4 @@ CONTENDERS = {
     "GaussianTemplates": _likelihood(1.0),
     "GaussianTemplates, known": _likelihood(0.0),
 }
-"""Classifiers by name; those of templates know nothing of gain and floor, or both."""
+"""Classifiers by name; templates take gain and floor as unknown or as known."""

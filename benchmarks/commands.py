@@ -73,18 +73,18 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
     Raises
     ------
     RuntimeError
-        If it fails, or does not say what it did.
+        If it fails, or prints no summary.
     """
     arguments = [*overrides, f"cache={folder / 'cache'}", f"store={folder / 'sweep.zarr'}"]
     run = watch([sys.executable, *PROGRAM, *arguments], cores=CORES)
-    found = SUMMARY.search(run.output)
-    if found is None:
+    match = SUMMARY.search(run.output)
+    if match is None:
         raise RuntimeError(f"`{' '.join([*PROGRAM, *arguments])}` printed no summary of a sweep")
-    return Swept(run, int(found["done"].replace(",", "")), float(found["work"]))
+    return Swept(run, int(match["done"].replace(",", "")), float(match["work"]))
 
 
 def completed(plan: Plan, options: RunOptions) -> None:
-    """Sweep a plan from this process, without a word.
+    """Sweep a plan in this process silently.
 
     Raises
     ------

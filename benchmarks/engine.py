@@ -72,11 +72,11 @@ def many(cells: int, step: str, folder: str) -> tuple[float, float]:
     # Four ships, and five values of each other axis but the aspects.
     vigilances = VIGILANCES + (step == "more")
     chosen = toy.choices(toy.NOTHING, (4, cells // 2500, 5, 5, 5, vigilances))
-    place = RunOptions(Path(folder, "s.zarr"), Path(folder, "cache"), ClusterChoice("local", 2))
+    options = RunOptions(Path(folder, "s.zarr"), Path(folder, "cache"), ClusterChoice("local", 2))
     start = time.perf_counter()
     plan = Plan(toy.NOTHING, chosen)
     if step == "dry":
-        preview(plan, place)
+        preview(plan, options)
     else:
-        completed(plan, place)
+        completed(plan, options)
     return time.perf_counter() - start, peak_memory()

@@ -86,10 +86,10 @@ class Entry:
 
 
 def _sweep(engine: str, fineness: tuple[float, ...] = ()) -> Make:
-    """Return what makes an extent as a sweep does by default."""
+    """Return a function that makes an extent as a sweep does by default."""
 
     def make(mesh: trimesh.Trimesh, aspect: float) -> RangeExtent:
-        seen = image.function(
+        view = image.function(
             mesh,
             drawn_aspect=aspect,
             depression=DEPRESSION,
@@ -97,7 +97,7 @@ def _sweep(engine: str, fineness: tuple[float, ...] = ()) -> Make:
             sampling=Sampling(engine, Render.pixel.default, Render.samples.default, ROLL),
             fineness=fineness,
         )
-        return range_extent(seen, slant_range=SLANT_RANGE)
+        return range_extent(view, slant_range=SLANT_RANGE)
 
     return make
 
@@ -117,7 +117,7 @@ WAYS: dict[str, tuple[str, Make]] = {
     ),
     "profile": (f"simulate.range_profile, {FRAMES} frames", _profile),
 }
-"""What is measured: its description, and what makes it."""
+"""Measured ways: their description, and the function of each."""
 
 
 def measure(
@@ -168,8 +168,8 @@ def measure(
 
 def _exact(mesh: trimesh.Trimesh, aspect: float) -> Floats:
     """Return the sampling-free extent of the whole ship [m^2]."""
-    at = {"aspect": aspect, "depression": DEPRESSION, "slant_range": SLANT_RANGE}
-    return reference_range_extent(mesh, bin_edges=EDGES, **at).area.sum(axis=0)
+    geometry = {"aspect": aspect, "depression": DEPRESSION, "slant_range": SLANT_RANGE}
+    return reference_range_extent(mesh, bin_edges=EDGES, **geometry).area.sum(axis=0)
 
 
 def _error(extent: RangeExtent, exact: Floats) -> float:
@@ -184,13 +184,13 @@ def _turn(mesh: trimesh.Trimesh, aspect: float, cast: Callable[[View], Any]) -> 
     """Return the processor time of each way, over the mean of a cast before and after it."""
     view = View(aspect, DEPRESSION)
     before = _seconds(cast, view)
-    found = {}
+    ratios = {}
     for way, (_, make) in WAYS.items():
-        taken = _seconds(make, mesh, aspect)
+        seconds = _seconds(make, mesh, aspect)
         after = _seconds(cast, view)
-        found[way] = taken / ((before + after) / 2)
+        ratios[way] = seconds / ((before + after) / 2)
         before = after
-    return found
+    return ratios
 
 
 def _seconds(call: Callable[..., Any], *arguments: Any) -> float:
@@ -204,7 +204,7 @@ def _rounded(value: float | np.floating) -> float:
 
 
 def read(file: Path = FILE) -> list[Entry]:
-    """Return the entries of a file, in order; ValueError names what is wrong with it."""
+    """Return the entries of a file, in order; ValueError names its fault."""
     names = [field.name for field in fields(Entry)]
     with file.open(encoding="utf-8", newline="") as lines:
         table = csv.DictReader(lines)
@@ -224,7 +224,7 @@ def _number(text: str) -> float | None:
 
 
 def append(entries: Sequence[Entry], file: Path = FILE) -> None:
-    """Append entries to a file, which is checked first, or begun."""
+    """Append entries to a file, after checking it, or create it."""
     new = not file.exists()
     if not new:
         read(file)
@@ -266,9 +266,9 @@ def draw(entries: Sequence[Entry]) -> Figure:
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     panels = figure.subplots(1, 2)
     for way, (label, _) in WAYS.items():
-        own = {(entry.date, entry.version): entry for entry in entries if entry.way == way}
+        by_day = {(entry.date, entry.version): entry for entry in entries if entry.way == way}
         for panel, name in zip(panels, ("error", "time"), strict=True):
-            values = [getattr(own.get(day), name, None) for day in days]
+            values = [getattr(by_day.get(day), name, None) for day in days]
             if any(value is not None for value in values):
                 panel.plot([np.nan if v is None else v for v in values], "o-", label=label)
     for panel, title in zip(panels, ("error, median [%]", "time, relative to embree"), strict=True):

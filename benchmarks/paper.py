@@ -47,7 +47,7 @@ def measure(
     experiment : sequence of str
         Arguments of the command.
     more : mapping of str to str
-        Further argument by name of the step. Each is added to the finished store of its own.
+        Further argument by name of the step. Each is added to its own copy of the finished store.
 
     Returns
     -------
@@ -67,19 +67,19 @@ def measure(
                 steps[step].append(sweep([*experiment, override], copy))
                 shutil.rmtree(copy)
     rows = []
-    for step, found in steps.items():
-        cold = zip(found, steps[COLD], strict=True)
+    for step, runs in steps.items():
+        cold = zip(runs, steps[COLD], strict=True)
         rows.append(
             {
                 "step": step,
-                "cells": found[0].made,
-                "wall_s": Sample.of(one.run.seconds for one in found),
-                "ratio": Sample.of(one.run.seconds / first.run.seconds for one, first in cold),
-                "work_s": Sample.of(one.work for one in found).median,
-                "efficiency": Sample.of(one.efficiency for one in found).median,
-                "cpu_s": Sample.of(one.run.cpu for one in found).median,
-                "together_mib": Sample.of(one.run.together for one in found).median,
-                "largest_mib": Sample.of(one.run.largest for one in found).median,
+                "cells": runs[0].made,
+                "wall_s": Sample.of(swept.run.seconds for swept in runs),
+                "ratio": Sample.of(swept.run.seconds / first.run.seconds for swept, first in cold),
+                "work_s": Sample.of(swept.work for swept in runs).median,
+                "efficiency": Sample.of(swept.efficiency for swept in runs).median,
+                "cpu_s": Sample.of(swept.run.cpu for swept in runs).median,
+                "together_mib": Sample.of(swept.run.together for swept in runs).median,
+                "largest_mib": Sample.of(swept.run.largest for swept in runs).median,
             }
         )
     return Report(

@@ -1,4 +1,4 @@
-"""A command and all the processes it starts: how long it takes, how much memory they hold."""
+"""Time and memory of a command and all the processes it starts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Run:
         Most memory that the command's own process held, and the largest of those that it started,
         shared pages included [MiB].
     output : str
-        What they printed.
+        Their output.
     """
 
     seconds: float
@@ -57,12 +57,12 @@ def watch(command: Sequence[str], *, cores: int) -> Run:
     command : sequence of str
         Program and arguments.
     cores : int
-        How many cores it may use, at most, where the system lets one choose.
+        Largest number of cores that it may use, where the system allows a choice.
 
     Returns
     -------
     Run
-        What it took.
+        Its time and memory.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def watch(command: Sequence[str], *, cores: int) -> Run:
     """
     highest = together = 0.0
     peaks: defaultdict[int, float] = defaultdict(float)
-    # Not of ended children alone: nobody waits for a process whose parent has ended.
+    # Count while they run: nobody waits for a process whose parent has ended.
     computed: dict[int, float] = {}
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as output:
         cpu, start = _children_cpu(), time.perf_counter()
@@ -85,7 +85,7 @@ def watch(command: Sequence[str], *, cores: int) -> Run:
                     times = member.cpu_times()
                     computed[member.pid] = times.user + times.system
                 peaks[member.pid] = max(peaks[member.pid], peak_memory(member.pid))
-            # Counting what is shared takes milliseconds a process: only at a new high.
+            # Counting shared pages takes milliseconds a process: only at a new high.
             if sum(resident.values()) > highest:
                 highest = sum(resident.values())
                 together = max(together, sum(map(_own_share, resident)))
@@ -108,9 +108,9 @@ def watch(command: Sequence[str], *, cores: int) -> Run:
 
 
 def peak_memory(pid: int | None = None) -> float:
-    """Most memory that a process, by default this one, has ever had resident [MiB].
+    """Return the peak resident memory of a process, by default this one [MiB].
 
-    What it has now, where the system keeps no such count; 0 when it has ended.
+    Its present memory where the system keeps no peak; 0 when it has ended.
     """
     process = os.getpid() if pid is None else pid
     # Not `ru_maxrss`, in which a process begins with that of its parent.
@@ -128,22 +128,22 @@ def peak_memory(pid: int | None = None) -> float:
 
 
 def _resident(pid: int) -> dict[psutil.Process, float]:
-    """A process and its descendants, with the memory that each has resident [MiB]."""
-    held = {}
+    """Return the resident memory of a process and of each descendant [MiB]."""
+    memory = {}
     try:
         root = psutil.Process(pid)
         for member in (root, *root.children(recursive=True)):
             with suppress(psutil.Error):
-                held[member] = member.memory_info().rss / 2**20
+                memory[member] = member.memory_info().rss / 2**20
     except psutil.NoSuchProcess:
         pass
-    return held
+    return memory
 
 
 def _own_share(process: psutil.Process) -> float:
-    """Memory of a process [MiB], a page that n processes share counting 1/n in each.
+    """Return the memory of a process [MiB], with 1/n of each page that n processes share.
 
-    All that it has resident, where the system keeps no such count; 0 when it has ended.
+    Its resident memory where the system keeps no such count; 0 when it has ended.
     """
     try:
         memory = process.memory_full_info()

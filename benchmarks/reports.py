@@ -30,14 +30,14 @@ class Sample:
 
     @classmethod
     def of(cls, values: Iterable[float]) -> Sample:
-        """Median, lowest and highest of at least one value."""
+        """Return median, lowest and highest of at least one value."""
         values = list(values)
         return cls(statistics.median(values), min(values), max(values), len(values))
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a report: its key in rows and JSON, its heading, and how numbers are shown."""
+    """A column of a report: its key in rows and JSON, its heading, and the format of numbers."""
 
     key: str
     heading: str
@@ -51,13 +51,13 @@ class Report:
     Attributes
     ----------
     title : str
-        What was measured, and on what.
+        Subject and conditions of the measurement.
     columns : tuple of Column
         In the order shown.
     rows : list of dict
         A text, a number, a Sample, or nothing for each column.
     notes : list of str
-        What a reader must know.
+        Remarks below the table.
     """
 
     title: str
@@ -81,12 +81,12 @@ def machine() -> dict[str, str]:
 def cache_size() -> str:
     """Return the size of the largest cache of the processor, as Linux states it."""
     sizes = Path("/sys/devices/system/cpu/cpu0/cache").glob("index*/size")
-    kilobytes = [int(one.read_text().strip().removesuffix("K")) for one in sizes]
+    kilobytes = [int(path.read_text().strip().removesuffix("K")) for path in sizes]
     return f"{max(kilobytes) / 1024:g} MiB" if kilobytes else "an unknown size"
 
 
 def copy_rate() -> float:
-    """Return the rate at which one core reads and writes memory that no cache holds [GB/s]."""
+    """Return the rate at which one core reads and writes uncached memory [GB/s]."""
     source = np.ones(2**25)
     copy = np.empty_like(source)
     seconds = min(timeit.repeat(lambda: np.copyto(copy, source), number=1, repeat=5))
@@ -110,7 +110,7 @@ def show(report: Report, console: Console) -> None:
 
 
 def write_json(path: Path, where: Mapping[str, str], reports: Mapping[str, Report]) -> None:
-    """Write reports with the machine that they are from."""
+    """Write reports with the description of their machine."""
     content = {"machine": dict(where)} | {name: asdict(report) for name, report in reports.items()}
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 

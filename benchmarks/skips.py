@@ -38,7 +38,7 @@ VIEW: dict[str, Any] = {"aspect": ASPECT, "depression": DEPRESSION}
 LOOKS = 7  # the laser radar and the imager at three ranges, and the training silhouettes
 DRAWN = 3  # of them, one at each range
 SEEN_FROM = tuple(product(range(0, 360, 15), (0, 2, 5, 10, 20, 35, 50, 70, 90)))
-EVERY_LINE = np.int64(0), np.int64(0)  # none is left out
+EVERY_LINE = np.int64(0), np.int64(0)  # keep all lines
 FINE = 0.0625  # m; between lines that look for facets that are never seen
 
 Array = NDArray[Any]
@@ -64,7 +64,7 @@ class Skip:
     exact: bool = True
 
     def difference(self) -> float:
-        """Largest difference of the two results over the largest number in them."""
+        """Return the largest difference of the two results over the largest number in them."""
         a, b = self.skipping(), self.plain()
         return float(np.abs(a - b).max() / np.abs(b).max())
 
@@ -120,8 +120,8 @@ def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
     """Yield every skip of rendering a ship and of classification."""
     yield from of_facets(mesh)
     yield from of_views(mesh)
-    seen = range_extent(line_image(mesh, **VIEW), slant_range=SLANT_RANGE)
-    yield from of_frames(seen)
+    extent = range_extent(line_image(mesh, **VIEW), slant_range=SLANT_RANGE)
+    yield from of_frames(extent)
     yield sea_window(line_image(mesh, **VIEW))
     yield Skip(
         f"similarity shared by {len(VIGILANCES)} vigilances",
@@ -131,7 +131,7 @@ def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
 
 
 def name_one_by_one(task: Task) -> Array:
-    """(vigilance, test): ships that a network for each vigilance names."""
+    """Return the ships named by one network per vigilance, (vigilance, test)."""
     return np.array(
         [
             AdaptiveClusteringNetwork(vigilance=vigilance, max_passes=PASSES)
@@ -143,13 +143,13 @@ def name_one_by_one(task: Task) -> Array:
 
 
 def name_together(task: Task) -> Array:
-    """(vigilance, test): the same from shared cosines."""
+    """Return the same from shared cosines, (vigilance, test)."""
     similarities = Similarities.of(task.training, task.tests)
-    named = []
+    answers = []
     for vigilance in VIGILANCES:
-        found = cluster(similarities, vigilance=vigilance, max_passes=PASSES)
-        named.append(found.names(task.ship)[found.match(similarities)[0]])
-    return np.array(named)
+        clustering = cluster(similarities, vigilance=vigilance, max_passes=PASSES)
+        answers.append(clustering.names(task.ship)[clustering.match(similarities)[0]])
+    return np.array(answers)
 
 
 def of_facets(mesh: trimesh.Trimesh) -> Iterator[Skip]:
@@ -157,62 +157,64 @@ def of_facets(mesh: trimesh.Trimesh) -> Iterator[Skip]:
     below = mesh.copy()
     below.vertices[:, 2] *= -1
     below.invert()
-    whole: Any = trimesh.util.concatenate([mesh, below])
-    flat, deep = (prepared(one, merged=True) for one in (mesh, whole))
+    doubled: Any = trimesh.util.concatenate([mesh, below])
+    flat, deep = (prepared(solid, merged=True) for solid in (mesh, doubled))
     yield Skip(
         "facets under water, as many as above",
         lambda: traced(flat, facing(flat)),
         lambda: traced(deep, facing(deep)),
-        exact=False,  # what the sea hides is in the plain one
+        exact=False,  # only the plain way has the parts below the sea
     )
-    single = prepared(mesh, merged=False)  # a facet is convex, so that it ends but once on a line
+    single = prepared(mesh, merged=False)  # a facet is convex: it ends only once on a line
     everything = np.ones(len(single.area), dtype=bool)
     yield Skip(
         "facets facing away",
         lambda: traced(single, facing(single)),
         lambda: traced(single, everything),
     )
-    shown = ever_seen(mesh)
+    visible = ever_seen(mesh)
     yield Skip(
-        f"facets never seen ({1 - shown.mean():.1%}; not taken)",
-        lambda: traced(flat, facing(flat) & shown),
+        f"facets never seen ({1 - visible.mean():.1%}; not taken)",
+        lambda: traced(flat, facing(flat) & visible),
         lambda: traced(flat, facing(flat)),
     )
 
 
 def prepared(mesh: trimesh.Trimesh, *, merged: bool) -> Surfaces:
-    """Surfaces of a mesh, coplanar facets being one or not."""
+    """Return the surfaces of a mesh, with coplanar facets merged or not."""
     with patched(surfaces, "ANGLE", surfaces.ANGLE if merged else -1.0):
         return Surfaces._prepare(Solid.of(mesh))
 
 
 def facing(hull: Surfaces) -> NDArray[np.bool_]:
-    """Surfaces that face the sensor."""
+    """Return the mask of surfaces that face the sensor."""
     towards: NDArray[np.bool_] = hull.area @ -View(**VIEW).axes[2] > 0
     return towards
 
 
 def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
-    """(line, 2): area [m] and mean range of what lines see of some surfaces."""
-    seen = np.full(len(used) + 1, len(used), dtype=np.uint32)
-    seen[:-1][used] = np.flatnonzero(used)
+    """Return area [m] and mean range of the pieces of some surfaces on each line, (line, 2)."""
+    indices = np.full(len(used) + 1, len(used), dtype=np.uint32)
+    indices[:-1][used] = np.flatnonzero(used)
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
-    crossings = cross(point, bounds, hull.edge, seen, 0.25, draw_lines.PHASE, *EVERY_LINE)
+    crossings = cross(point, bounds, hull.edge, indices, 0.25, draw_lines.PHASE, *EVERY_LINE)
     line, piece, _ = threads.swept(crossings, surfaces=len(used))
     line -= crossings[0]
     length = piece[:, 1] - piece[:, 0]
-    sums = [np.bincount(line, part) for part in (length, length * piece[:, 2:].sum(axis=1) / 2)]
+    sums = [
+        np.bincount(line, weights) for weights in (length, length * piece[:, 2:].sum(axis=1) / 2)
+    ]
     return np.stack(sums, axis=1)
 
 
 def ever_seen(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
-    """Surfaces that lines see from anywhere around and above."""
-    found = np.zeros(len(Surfaces.of(mesh).area), dtype=bool)
+    """Return the mask of surfaces that lines see from some view around and above."""
+    visible = np.zeros(len(Surfaces.of(mesh).area), dtype=bool)
     for aspect, depression in SEEN_FROM:
         image = line_image(mesh, aspect=aspect, depression=depression, spacing=FINE)
-        found[image.surface] = True
-    return found
+        visible[image.surface] = True
+    return visible
 
 
 def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
@@ -233,15 +235,15 @@ def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
         lambda: range_image(mesh, **near, engine="osmesa").hit.astype(float),
     )
 
-    alike = symmetric(mesh)
+    twin = symmetric(mesh)
 
     def extents(sides: int, engine: str) -> Array:
-        found = [
-            range_extent(_image(alike, engine, aspect=aspect, roll=roll), slant_range=SLANT_RANGE)
+        by_side = [
+            range_extent(_image(twin, engine, aspect=aspect, roll=roll), slant_range=SLANT_RANGE)
             for aspect, roll in ((ASPECT, ROLL), (360 - ASPECT, -ROLL))[:sides]
         ]
         return np.stack(
-            [found[0].fraction, (found[0].mirrored() if sides == 1 else found[1]).fraction]
+            [by_side[0].fraction, (by_side[0].mirrored() if sides == 1 else by_side[1]).fraction]
         )
 
     for engine in ("lines", "auto"):
@@ -256,8 +258,10 @@ def symmetric(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return the port half of a ship and its mirror image."""
     solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
     port, _ = solid.split_by_plane((0.0, 1.0, 0.0), 0.0)
-    whole = (port + port.mirror((0.0, 1.0, 0.0))).to_mesh64()
-    return trimesh.Trimesh(whole.vert_properties[:, :3], whole.tri_verts.astype(int), process=False)
+    joined = (port + port.mirror((0.0, 1.0, 0.0))).to_mesh64()
+    return trimesh.Trimesh(
+        joined.vert_properties[:, :3], joined.tri_verts.astype(int), process=False
+    )
 
 
 def of_frames(seen: RangeExtent) -> Iterator[Skip]:
@@ -273,7 +277,7 @@ def of_frames(seen: RangeExtent) -> Iterator[Skip]:
             return sampled(4000)
 
     yield Skip("IFOVs without target, 4000", lambda: sampled(4000), one_by_one, exact=False)
-    # so little in every bin that it changes no number
+    # Fill every bin with too little to change any number.
     occupied = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
     yield Skip(
         "bins outside the target", lambda: sampled(0), lambda: sampled(0, occupied), exact=False
@@ -293,20 +297,20 @@ def of_frames(seen: RangeExtent) -> Iterator[Skip]:
 
 
 def sea_window(image: LineImage) -> Skip:
-    """Return images of the ship and a margin, against those of the default window; on the ship."""
+    """Return the skip of images around the ship, compared on it with the default window."""
 
-    # Of half pixels at 25 km: what the ship touches, and 200 m by 50 m.
+    # Half pixels at 25 km: the ship's own extent, and 200 m by 50 m.
     windows = (None, (-100.0, 100.0, -7.0, 43.0))
-    ours, whole = (
+    cropped, full = (
         silhouette(image, footprint=1.875, extent=window).target(0.25) for window in windows
     )
 
     def drawn(target: NDArray[np.bool_]) -> Array:
         rng = np.random.default_rng(0)
-        found = thermal_images(target, contrast=contrast(25e3), frame_counts=PREFIXES, rng=rng)
-        return found[:, target]
+        images = thermal_images(target, contrast=contrast(25e3), frame_counts=PREFIXES, rng=rng)
+        return images[:, target]
 
-    return Skip("sea outside the ship's window", lambda: drawn(ours), lambda: drawn(whole))
+    return Skip("sea outside the ship's window", lambda: drawn(cropped), lambda: drawn(full))
 
 
 def _image(mesh: trimesh.Trimesh, engine: str, **view: float) -> Any:

@@ -49,8 +49,8 @@ def measure(ship: str, *, repeats: int) -> Report:
     mesh = ncti.ships.load(ship)
     rows = []
     with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
-        for of in (profiles, silhouettes, flights, classifiers):
-            for part, step, calls in of(mesh):
+        for steps_of in (profiles, silhouettes, flights, classifiers):
+            for part, step, calls in steps_of(mesh):
                 ms = Sample.of((1e3 * in_turn(calls, repeats=repeats)).ravel().tolist())
                 rows.append({"part": part, "step": step, "ms": ms})
     return Report(
@@ -71,11 +71,23 @@ def profiles(mesh: trimesh.Trimesh) -> Iterator[Step]:
     yield "profile", "line image", [*views]
     extents = [partial(range_extent, view(), slant_range=SLANT_RANGE) for view in views]
     yield "profile", "range extent", [*extents]
-    seen = [extent() for extent in extents]
-    yield "profile", "expected profile", [partial(expected_profile, one, **SIGNAL) for one in seen]
-    yield "profile", "covariance", [partial(banded_frame_moments, one, **SIGNAL) for one in seen]
+    drawn_extents = [extent() for extent in extents]
+    yield (
+        "profile",
+        "expected profile",
+        [partial(expected_profile, extent, **SIGNAL) for extent in drawn_extents],
+    )
+    yield (
+        "profile",
+        "covariance",
+        [partial(banded_frame_moments, extent, **SIGNAL) for extent in drawn_extents],
+    )
     drawn = {"frame_count": FRAMES, "rng": np.random.default_rng(0), **SIGNAL}
-    yield "profile", f"{FRAMES} frames", [partial(sample_frames, one, **drawn) for one in seen]
+    yield (
+        "profile",
+        f"{FRAMES} frames",
+        [partial(sample_frames, extent, **drawn) for extent in drawn_extents],
+    )
 
 
 def silhouettes(mesh: trimesh.Trimesh) -> Iterator[Step]:
@@ -115,6 +127,6 @@ def flights(mesh: trimesh.Trimesh) -> Iterator[Step]:
 def classifiers(mesh: trimesh.Trimesh) -> Iterator[Step]:
     """Yield training and answers of each classifier on the article's profiles."""
     task = source_task()
-    for name, one in CONTENDERS.items():
-        yield name, "fit", [partial(one.fit, task)]
-        yield name, "predict", [partial(one.name_ships, one.fit(task), task)]
+    for name, contender in CONTENDERS.items():
+        yield name, "fit", [partial(contender.fit, task)]
+        yield name, "predict", [partial(contender.name_ships, contender.fit(task), task)]

@@ -1,4 +1,4 @@
-"""Timing of functions in turn, so that all of them suffer alike from other load."""
+"""Timing of functions in turn, so that other load affects all of them alike."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEAST = 3
-"""Rounds that a limit leaves."""
+"""Least number of rounds, whatever the limit."""
 
 
 def in_turn(
     calls: Sequence[Callable[[], object]], *, repeats: int, limit: float = np.inf
 ) -> NDArray[np.float64]:
-    """Return processor times of calls, forwards and backwards, after a round that is not counted.
+    """Return processor times of calls, forwards and backwards, after an uncounted round.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def in_turn(
     repeats : int
         Number of rounds.
     limit : float
-        Time after which no further round begins, but for the first three [s].
+        Time after which no further round begins, except the first three [s].
 
     Returns
     -------
@@ -47,9 +47,9 @@ def in_turn(
 @contextmanager
 def patched(module: Any, name: str, value: Any) -> Iterator[None]:
     """Set a module's constant within this context."""
-    kept = getattr(module, name)
+    original = getattr(module, name)
     setattr(module, name, value)
     try:
         yield
     finally:
-        setattr(module, name, kept)
+        setattr(module, name, original)

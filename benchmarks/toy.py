@@ -49,23 +49,23 @@ NAPS = Experiment("toy", "Naps", (Grid, nap), code=("benchmarks",))
 
 
 def choices(experiment: Experiment, lengths: Sequence[int]) -> Choices:
-    """Return choices with so many values of each axis: ship, aspect, pulse width and so on.
+    """Return choices with the given number of values on each axis: ship, aspect and so on.
 
     Parameters
     ----------
     experiment : Experiment
         One of the toys.
     lengths : sequence of int
-        For the first axes, as `Grid` has them; the others keep their one value.
+        For the first axes, in the order of `Grid`; the others keep their one value.
     """
     ships = Grid.ship.kind.values(Grid.ship.key, ["duncan", "horne", "spruance", "texas"])
-    given = {
+    values = {
         setting.key: list(ships[:length] if setting is Grid.ship else range(1, length + 1))
         for setting, length in zip(Grid.declared, lengths, strict=False)
     }
-    return experiment.check(read_choices(experiment.declared, given))
+    return experiment.check(read_choices(experiment.declared, values))
 
 
 def main(experiment: Experiment = NOTHING) -> None:
-    """Run the command line of a toy, by default of that which does nothing."""
+    """Run the command line of a toy, by default `NOTHING`."""
     sys.exit(Command(experiment).main())

@@ -50,7 +50,7 @@ METHODS: dict[str, tuple[str, Method]] = {
     "pyrender on OSMesa, anew": ("osmesa", pyrender_anew("osmesa")),
     "pyrender on EGL, anew": ("egl", pyrender_anew("egl")),
 }
-"""By name: the engine whose libraries it needs, and how to prepare it."""
+"""By name: the engine whose libraries it needs, and the function that prepares it."""
 
 OPTIONAL = ("Open3D RaycastingScene", "Mitsuba 3, llvm")
 """Packages of the dependency group `benchmark`."""
@@ -123,11 +123,11 @@ def measure(
         pools, absent = _processes(running, ship, pixel, aspects[0])
         timed: dict[str, list[Timed]] = {name: [] for name in pools}
         for turn in range(repeats):
-            for place, aspect in enumerate(aspects):
+            for index, aspect in enumerate(aspects):
                 for name, pool in pools.items():
-                    first = (turn + place) % 2 == 0
+                    yardstick_first = (turn + index) % 2 == 0
                     timed[name].append(
-                        pool.submit(_time, aspect, pixel, yardstick_first=first).result()
+                        pool.submit(_time, aspect, pixel, yardstick_first=yardstick_first).result()
                     )
     mesh = ncti.ships.load(ship)
     exact = [
@@ -206,7 +206,7 @@ def _row(
 
 
 def profile_of(seen: Seen, pixel: float) -> NDArray[np.float64]:
-    """(bin,) area [m^2] in each range bin, of pixels in the bin of their centre."""
+    """Return the area [m^2] in each range bin, (bin,), of pixels in the bin of their centre."""
     if not isinstance(seen, LineImage):
         binned, _ = np.histogram(seen, EDGES)
         return binned * pixel**2
@@ -234,9 +234,9 @@ def _time(aspect: float, pixel: float, *, yardstick_first: bool) -> Timed:
     """Time one view in this process."""
     view = View(aspect, DEPRESSION)
     before = _stopwatch(lambda: _draws["yardstick"](view)) if yardstick_first else None
-    wall, cpu, seen = _stopwatch(lambda: _draws["method"](view))
+    wall, cpu, drawing = _stopwatch(lambda: _draws["method"](view))
     yardstick = before or _stopwatch(lambda: _draws["yardstick"](view))
-    return Timed(wall, cpu, yardstick[0], profile_of(seen, pixel))
+    return Timed(wall, cpu, yardstick[0], profile_of(drawing, pixel))
 
 
 def _stopwatch(work: Callable[[], Seen]) -> tuple[float, float, Seen]:

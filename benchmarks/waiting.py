@@ -1,4 +1,4 @@
-"""Where the time of a command goes, by a clock outside of it: seconds from its first line."""
+"""Times of a command's steps, by a clock outside of it [s]."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True)
 class Waited:
-    """Times of a command, from its start [s]; those of a step that it does not have are NaN.
+    """Times of a command from its start [s]; NaN for steps that it lacks.
 
-    `planned` and `done` are when it said so, and `work` is the time of all calls of stages.
+    `planned` and `done` are the times of these messages; `work` is the time of all calls of stages.
     """
 
     end: float
@@ -50,7 +50,7 @@ COLUMNS = (
 
 
 def measure(*, repeats: int, against: Path | None = None) -> Report:
-    """Time what a user waits for, of this checkout or of it and another in turn.
+    """Time the waits of a user in this checkout, or in it and another in turn.
 
     Parameters
     ----------
@@ -65,27 +65,28 @@ def measure(*, repeats: int, against: Path | None = None) -> Report:
         One row per step.
     """
     checkouts = [ROOT] if against is None else [ROOT, against]
-    found: list[defaultdict[str, list[Waited]]] = [defaultdict(list) for _ in checkouts]
+    times: list[defaultdict[str, list[Waited]]] = [defaultdict(list) for _ in checkouts]
     for _ in range(repeats):
-        for checkout, several in zip(checkouts, found, strict=True):
+        for checkout, by_step in zip(checkouts, times, strict=True):
             for step, waited in steps(checkout):
-                several[step].append(waited)
+                by_step[step].append(waited)
     rows = []
-    for step, ours in found[0].items():
+    for step, ours in times[0].items():
         sample = {
-            field.name: Sample.of(getattr(one, field.name) for one in ours).median
+            field.name: Sample.of(getattr(waited, field.name) for waited in ours).median
             for field in fields(Waited)
         }
         row = {
             "step": step,
             "ideal": sample["work"] / CORES,
             "report": sample["end"] - sample["done"],
-            "end": Sample.of(one.end for one in ours),
+            "end": Sample.of(waited.end for waited in ours),
         }
         if against is not None:
-            pairs = zip(ours, found[1][step], strict=True)
-            row["ratio"] = Sample.of(one.end / other.end for one, other in pairs)
-        rows.append({name: one for name, one in (sample | row).items() if one == one})  # no NaN
+            pairs = zip(ours, times[1][step], strict=True)
+            row["ratio"] = Sample.of(waited.end / other.end for waited, other in pairs)
+        # Leave out NaN, which differs from itself.
+        rows.append({name: value for name, value in (sample | row).items() if value == value})
     return Report(
         f"What a user waits for, on {CORES} cores, {repeats} times",
         COLUMNS,
@@ -139,7 +140,7 @@ def steps(checkout: Path) -> list[tuple[str, Waited]]:
 def timed(
     arguments: Sequence[str], folder: Path, environment: Mapping[str, str], status: int
 ) -> Waited:
-    """Return the times of a command in a folder; RuntimeError if it ends with another status."""
+    """Return the times of a command in a folder; RuntimeError if its exit status differs."""
     start = time.perf_counter()
     seconds: dict[str, float] = {}
     work = math.nan
@@ -155,11 +156,11 @@ def timed(
         assert process.stderr is not None
         for line in process.stderr:
             now = time.perf_counter() - start
-            for said in (PLANNED, DONE):
-                if said in line:
-                    seconds[said] = now
-            if found := re.search(r"work ([\d.]+) s", line):
-                work = float(found[1])
+            for phrase in (PLANNED, DONE):
+                if phrase in line:
+                    seconds[phrase] = now
+            if match := re.search(r"work ([\d.]+) s", line):
+                work = float(match[1])
     if process.returncode != status:
         raise RuntimeError(f"`{' '.join(command)}` exited with {process.returncode}")
     end = time.perf_counter() - start

@@ -1,6 +1,6 @@
-"""A thousand workers of one dask scheduler, whose tasks sleep: what the command spends on each.
+"""Scheduler overhead with 1,000 dask workers running sleep tasks.
 
-Run as a script with the address of a scheduler and a number, it is so many workers.
+As a script, with the address of a scheduler and a number, it runs that many workers.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ COUNTS = (10, 100, 1000)
 HOSTS = 4  # processes that the workers share
 AT_ONCE = 25  # workers of a process that connect at the same time
 CALLS = 60  # of each worker
-# Of the many workers of a process: what each of them measures of itself would take all of its time,
-# and so would looking for folders that others have left.
+# For many workers in one process: their self-monitoring, and the search for abandoned folders,
+# would take all of its time.
 LIGHT = engine.DASK_SETTINGS | {
     "distributed.admin.system-monitor.interval": "60s",
     "distributed.admin.tick.cycle": "60s",
@@ -86,16 +86,16 @@ def measure(*, counts: tuple[int, ...] = COUNTS, calls: int = CALLS) -> Report:
 
 def _row(count: int, cells: int) -> dict[str, object]:
     """Return the figures of one sweep."""
-    with tempfile.TemporaryDirectory() as folder, _cluster(count, Path(folder)) as found:
-        address, scheduler = found
-        given = [f"grid.aspect={{start: 1, stop: {cells}, step: 1}}", "cluster=address"]
-        given += [f"cluster.address={address}", f"store={folder}/s.zarr", f"cache={folder}/cache"]
-        command = [sys.executable, "-c", COMMAND, *given]
+    with tempfile.TemporaryDirectory() as folder, _cluster(count, Path(folder)) as cluster:
+        address, scheduler = cluster
+        options = [f"grid.aspect={{start: 1, stop: {cells}, step: 1}}", "cluster=address"]
+        options += [f"cluster.address={address}", f"store={folder}/s.zarr", f"cache={folder}/cache"]
+        command = [sys.executable, "-c", COMMAND, *options]
         before = scheduler.cpu_times()
         run = watch(command, cores=psutil.cpu_count() or 1)
         after = scheduler.cpu_times()
         tasks = len(list(Path(folder, "cache").rglob("*.pack")))
-        again = watch(command, cores=psutil.cpu_count() or 1)
+        reused = watch(command, cores=psutil.cpu_count() or 1)
         (took,) = re.findall(r"failed in ([\d.]+) s", run.output)
         seconds = float(took)
         spent = after.user + after.system - before.user - before.system
@@ -106,7 +106,7 @@ def _row(count: int, cells: int) -> dict[str, object]:
             "seconds": seconds,
             "rate": tasks / seconds,
             "busy": 100 * cells * toy.NAP / count / seconds,
-            "command_ms": 1e3 * (run.cpu - again.cpu) / tasks,
+            "command_ms": 1e3 * (run.cpu - reused.cpu) / tasks,
             "scheduler_ms": 1e3 * spent / tasks,
             "command_mib": run.driver,
             "scheduler_mib": peak_memory(scheduler.pid),
@@ -141,7 +141,7 @@ def _cluster(count: int, folder: Path) -> Iterator[tuple[str, psutil.Process]]:
 
 
 class _Here:
-    """What runs tasks of a worker in its own thread, instead of one thread for a whole process."""
+    """Executor that runs a worker's tasks in its own thread, not in one thread per process."""
 
     def __init__(self, result: Any = None) -> None:
         self._result = result
@@ -154,11 +154,11 @@ class _Here:
 
 
 async def _work(address: str, count: int) -> None:
-    """Be some workers until this process is ended."""
+    """Run some workers until this process ends."""
     for start in range(0, count, AT_ONCE):
-        some = range(start, min(start + AT_ONCE, count))
+        indices = range(start, min(start + AT_ONCE, count))
         await asyncio.gather(
-            *(Worker(address, nthreads=1, dashboard_address=None, memory_limit=0) for _ in some)
+            *(Worker(address, nthreads=1, dashboard_address=None, memory_limit=0) for _ in indices)
         )
     await asyncio.Event().wait()
 

@@ -1,4 +1,4 @@
-"""Reference pages of the packages of `ncti`, one a package, of what its `__all__` names."""
+"""Reference pages of the packages of `ncti`, one per package, listing its `__all__`."""
 
 from __future__ import annotations
 
@@ -13,28 +13,30 @@ from typing import Any
 
 FOLDER = "api"
 MARKUP = (":", ".. ", "- ", "* ", ">>>", "|", "+", "=")  # begin lines that are no prose
-CODE = re.compile(r"(``.*?``|`.*?`)")  # of which nothing is escaped
+CODE = re.compile(r"(``.*?``|`.*?`)")  # nothing in it is escaped
 
 
 def origins(package: ModuleType) -> dict[str, str]:
     """Return where each name of a package is imported from, such as `ncti.ladar.pulse.kernel`."""
     return {
-        one.asname or one.name: f"{node.module}.{one.name}"
+        alias.asname or alias.name: f"{node.module}.{alias.name}"
         for node in ast.walk(ast.parse(inspect.getsource(package)))
         if isinstance(node, ast.ImportFrom) and node.module
-        for one in node.names
+        for alias in node.names
     }
 
 
 def page_of(name: str) -> str:
     """Return the page of a package as reStructuredText: summaries, then every member."""
     package = import_module(name)
-    members = {one: getattr(package, one) for one in sorted(package.__all__, key=str.lower)}
-    functions = [one for one, member in members.items() if inspect.isroutine(member)]
-    classes = [one for one, member in members.items() if inspect.isclass(member)]
-    constants = [one for one in members if one not in {*functions, *classes}]
+    members = {
+        member: getattr(package, member) for member in sorted(package.__all__, key=str.lower)
+    }
+    functions = [name for name, member in members.items() if inspect.isroutine(member)]
+    classes = [name for name, member in members.items() if inspect.isclass(member)]
+    constants = [name for name in members if name not in {*functions, *classes}]
     parts = [name, "=" * len(name), "", f".. automodule:: {name}", "", f".. currentmodule:: {name}"]
-    listed = "".join(f"   {one}\n" for one in functions + classes)
+    listed = "".join(f"   {name}\n" for name in functions + classes)
     if listed:
         parts += ["", ".. autosummary::", "   :nosignatures:", "", listed]
     for title, names, directive in (
@@ -42,14 +44,16 @@ def page_of(name: str) -> str:
         ("Classes", classes, "autoclass"),
     ):
         parts += ["", title, "-" * len(title), ""] if names else []
-        for one in names:
-            parts += [f".. {directive}:: {one}"]
+        for member in names:
+            parts += [f".. {directive}:: {member}"]
             parts += ["   :members:", ""] if directive == "autoclass" else [""]
     if constants:
         parts += ["", "Constants", "---------", ""]
         # A constant has its docstring where it is assigned.
         origin = origins(package)
-        parts += [f".. autodata:: {origin.get(one, f'{name}.{one}')}" for one in constants]
+        parts += [
+            f".. autodata:: {origin.get(constant, f'{name}.{constant}')}" for constant in constants
+        ]
     return "\n".join(parts) + "\n"
 
 
@@ -57,10 +61,13 @@ def write_pages(app: Any) -> None:
     """Write the pages that have changed."""
     folder = Path(app.srcdir) / FOLDER
     folder.mkdir(exist_ok=True)
-    wanted = {folder / f"ncti.{one}.rst": f"ncti.{one}" for one in import_module("ncti").__all__}
-    for path in {*folder.glob("*.rst")} - {*wanted}:
+    pages = {
+        folder / f"ncti.{package}.rst": f"ncti.{package}"
+        for package in import_module("ncti").__all__
+    }
+    for path in {*folder.glob("*.rst")} - {*pages}:
         path.unlink()
-    for path, name in wanted.items():
+    for path, name in pages.items():
         text = page_of(name)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
@@ -96,7 +103,7 @@ def introduces_block(lines: list[str], number: int) -> bool:
     line, after = lines[number], lines[number + 1 :]
     if not line.strip() or line.lstrip().startswith(MARKUP):
         return False
-    following = next((one for one in after if one.strip()), "")
+    following = next((following_line for following_line in after if following_line.strip()), "")
     return bool(after) and not after[0].strip() and indent(following) > indent(line)
 
 
@@ -106,14 +113,14 @@ def with_bars(line: str) -> str:
         return line
     pieces = CODE.split(line)
     return "".join(
-        one if CODE.fullmatch(one) else re.sub(r"(?<!\\)\|", r"\\|", one) for one in pieces
+        piece if CODE.fullmatch(piece) else re.sub(r"(?<!\\)\|", r"\\|", piece) for piece in pieces
     )
 
 
 def mend_docstring(
     app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
 ) -> None:
-    """Mend what numpydoc has made of a docstring."""
+    """Repair the equations of a docstring after numpydoc."""
     lines[:] = plain_equations(lines)
 
 

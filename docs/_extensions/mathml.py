@@ -26,12 +26,12 @@ def mathml(latex: str, *, display: str) -> str:
         raise ValueError(f"equation {latex!r} cannot be converted: {error}") from error
     # The converter passes on, as an identifier, a command that it does not know.
     for row in root.iter():
-        for place in range(len(row) - 1, 0, -1):
-            pair = row[place - 1], row[place]
-            named = any(one.text in FUNCTIONS for one in pair)
-            if named and all(one.tag != OPERATOR for one in pair):
-                row.insert(place, ElementTree.Element(SPACE, width="0.167em"))
-    unknown = [one.text for one in root.iter() if (one.text or "").startswith("\\")]
+        for index in range(len(row) - 1, 0, -1):
+            pair = row[index - 1], row[index]
+            has_function = any(element.text in FUNCTIONS for element in pair)
+            if has_function and all(element.tag != OPERATOR for element in pair):
+                row.insert(index, ElementTree.Element(SPACE, width="0.167em"))
+    unknown = [element.text for element in root.iter() if (element.text or "").startswith("\\")]
     if unknown:
         raise ValueError(f"equation {latex!r} has {', '.join(map(str, unknown))}, which is unknown")
     return ElementTree.tostring(root, encoding="unicode")

@@ -35,13 +35,13 @@ class _Loads(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self._in_style = tag == "style"
-        given = {name: value or "" for name, value in attrs}
-        if tag == "link" and given.get("rel") in ("canonical", "alternate"):
+        values = {name: value or "" for name, value in attrs}
+        if tag == "link" and values.get("rel") in ("canonical", "alternate"):
             return
         for name in LOADED.get(tag, ()):
-            if ELSEWHERE.match(given.get(name, "")):
-                self.found.append(given[name])
-        self.found += IN_STYLE.findall(given.get("style", ""))
+            if ELSEWHERE.match(values.get(name, "")):
+                self.found.append(values[name])
+        self.found += IN_STYLE.findall(values.get("style", ""))
 
     def handle_endtag(self, tag: str) -> None:
         self._in_style = False
@@ -60,7 +60,7 @@ def loads_of_page(html: str) -> list[str]:
 
 def loads_of_site(folder: Path) -> list[str]:
     """Return a line for each such address in the pages and style sheets of a folder."""
-    found = []
+    loads = []
     for path in sorted(folder.rglob("*")):
         if path.suffix == ".html":
             addresses = loads_of_page(path.read_text(encoding="utf-8"))
@@ -68,19 +68,19 @@ def loads_of_site(folder: Path) -> list[str]:
             addresses = IN_STYLE.findall(path.read_text(encoding="utf-8"))
         else:
             continue
-        found += [f"{path.relative_to(folder)} loads {address}" for address in addresses]
-    return found
+        loads += [f"{path.relative_to(folder)} loads {address}" for address in addresses]
+    return loads
 
 
 def check(app: Any, error: Exception | None) -> None:
     """Fail a build whose pages need a network."""
-    # Imported here, so that the tests of what is above do without Sphinx.
+    # Imported here, so that tests of the functions above run without Sphinx.
     from sphinx.errors import ExtensionError
 
     if error is not None or app.builder.format != "html":
         return
-    if found := loads_of_site(Path(app.outdir)):
-        raise ExtensionError("pages need a network: " + "; ".join(found))
+    if loads := loads_of_site(Path(app.outdir)):
+        raise ExtensionError("pages need a network: " + "; ".join(loads))
 
 
 def setup(app: Any) -> dict[str, Any]:

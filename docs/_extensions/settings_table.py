@@ -27,13 +27,15 @@ def table() -> str:
     text = io.StringIO()
     write = csv.writer(text, lineterminator="\n").writerow
     write(("key", "default", "allowed", "axis", "meaning"))
-    for one in (entry for setting in EXPERIMENT.declared for entry in (setting, *setting.entries)):
-        allowed = one.kind.allowed
+    for entry in (
+        entry for setting in EXPERIMENT.declared for entry in (setting, *setting.entries)
+    ):
+        allowed = entry.kind.allowed
         for words, less in SHORTER:
             allowed = re.sub(words, less, allowed)
-        axis = f"no; {one.fixed}" if one.fixed else "yes"
-        meaning = "; ".join(filter(None, (one.label, one.help)))
-        write((one.key, format_value(one.default_input), allowed, axis, meaning))
+        axis = f"no; {entry.fixed}" if entry.fixed else "yes"
+        meaning = "; ".join(filter(None, (entry.label, entry.help)))
+        write((entry.key, format_value(entry.default_input), allowed, axis, meaning))
     return text.getvalue()
 
 

@@ -38,18 +38,18 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
             yield of_setting(group.__name__, setting)
     yield "`rng`", "`numpy.random.Generator`", "", "the stage's own draws; see `stream=`"
     yield "`valid`", "bool (gathered axes)", "", "whether an input was made; with `gather=`"
-    alike: dict[tuple[str, str, str], list[str]] = {}
+    names_by_row: dict[tuple[str, str, str], list[str]] = {}
     for module in (views, ladar, infrared):
         for stage in stages_of([module]):
-            name, *about = of_stage(stage)
-            alike.setdefault((about[0], about[1], about[2]), []).append(name)
-    for about, names in alike.items():
-        yield ", ".join(names), *about
+            name, *row = of_stage(stage)
+            names_by_row.setdefault((row[0], row[1], row[2]), []).append(name)
+    for row, names in names_by_row.items():
+        yield ", ".join(names), *row
 
 
 def of_setting(group: str, setting: Setting) -> tuple[str, str, str, str]:
     """Return the row of a setting, as a stage gets it that uses its group."""
-    kind = next((TYPES[one] for one in TYPES if isinstance(setting.kind, one)), "str")
+    kind = next((TYPES[kind] for kind in TYPES if isinstance(setting.kind, kind)), "str")
     unit = SI[setting.unit] if isinstance(setting.unit, Unit) else setting.unit
     name = setting.key.rpartition(".")[2]
     return f"`{name}`", kind, _unit(unit), f"{setting.label}; `uses=({group},)`"
@@ -58,22 +58,23 @@ def of_setting(group: str, setting: Setting) -> tuple[str, str, str, str]:
 def of_stage(stage: Stage) -> tuple[str, str, str, str]:
     """Return the row of a stage's result."""
     returned = inspect.get_annotations(stage.function).get("return", "")
-    first = (inspect.getdoc(stage.function) or "").partition("\n")[0]
-    found = re.match(r"Return (?:the |a )?(\w+(?: \w+)?) \[([^]]*)\](.*)", first)
-    meaning = found[1] + found[3] if found else re.sub(r"^Return (the |a )?", "", first)
+    summary = (inspect.getdoc(stage.function) or "").partition("\n")[0]
+    match = re.match(r"Return (?:the |a )?(\w+(?: \w+)?) \[([^]]*)\](.*)", summary)
+    meaning = match[1] + match[3] if match else re.sub(r"^Return (the |a )?", "", summary)
     meaning = meaning.rstrip(".")
     if returned in OBJECTS:
         return f"`{stage.name}`", *OBJECTS[returned], meaning
     if not stage.outputs:
-        named = returned.replace(" | ", " or ") or "pairs of a keyword and its value"
-        return f"`{stage.name}`", named, found[2].replace("deg", "degree") if found else "", meaning
+        words = returned.replace(" | ", " or ") or "pairs of a keyword and its value"
+        return f"`{stage.name}`", words, match[2].replace("deg", "degree") if match else "", meaning
     if len(stage.outputs) > MOST:
         return f"`{stage.name}`", "packed arrays, of which other stages make an object", "", meaning
     several = len(stage.outputs) > 1
     arrays = [
-        f"{f'`{one.name}` ' * several}{one.dtype} ({', '.join(one.dims)})" for one in stage.outputs
+        f"{f'`{output.name}` ' * several}{output.dtype} ({', '.join(output.dims)})"
+        for output in stage.outputs
     ]
-    units = dict.fromkeys(filter(None, (_unit(one.unit) for one in stage.outputs)))
+    units = dict.fromkeys(filter(None, (_unit(output.unit) for output in stage.outputs)))
     kind = ("mapping: " if several else "") + ", ".join(arrays)
     return f"`{stage.name}`", kind, ", ".join(units), meaning
 

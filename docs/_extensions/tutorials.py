@@ -31,11 +31,11 @@ def make_store(name: str, folder: Path) -> Path:
     """Return the store of a name, of results that are kept from build to build."""
     shutil.rmtree(folder / f"{name}.zarr", ignore_errors=True)  # of other code it would be refused
     folder.mkdir(parents=True, exist_ok=True)
-    own = [f"store={name}.zarr", f"cache={folder / 'cache'}"]
-    command = [sys.executable, "-m", "sweeps.app", *STORES[name], *own]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command)} failed: {done.stderr}")
+    places = [f"store={name}.zarr", f"cache={folder / 'cache'}"]
+    command = [sys.executable, "-m", "sweeps.app", *STORES[name], *places]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if result.returncode:
+        raise RuntimeError(f"{' '.join(command)} failed: {result.stderr}")
     return folder / f"{name}.zarr"
 
 

@@ -36,92 +36,92 @@ Reports = Report | Mapping[str, Report]
 REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
     "results": (
         "README.md and results.md: percent correct, as means over --seeds",
-        lambda asked: results.measure(results.Sizes(asked.seeds, parts=tuple(asked.part))),
+        lambda options: results.measure(results.Sizes(options.seeds, parts=tuple(options.part))),
     ),
     "coverage": (
         "results.md: coverage of these intervals, by repeats of the procedure",
-        lambda asked: coverage.measure(),
+        lambda options: coverage.measure(),
     ),
     "bounds": (
         "bounds.md: percent correct of the likelihood, by known parameters",
-        lambda asked: bounds.measure(),
+        lambda options: bounds.measure(),
     ),
     "budget": (
         "error_budget.md: effect of each approximation on profiles and identification",
-        lambda asked: budget.measure(),
+        lambda options: budget.measure(),
     ),
     "mismatch": (
         "error_budget.md: percent correct by each difference between tests and templates",
-        lambda asked: mismatch.measure(),
+        lambda options: mismatch.measure(),
     ),
     "tolerances": (
         "accuracy.md: bounds and costs of tolerances, against the reference",
-        lambda asked: tolerances.measure(),
+        lambda options: tolerances.measure(),
     ),
     "pixels": (
         "accuracy.md: bounds that images of pixels state, against the reference",
-        lambda asked: tolerances.measure_pixels(),
+        lambda options: tolerances.measure_pixels(),
     ),
     "lines": (
         "lines.md: time of a view against error, by pixels, lines and a tolerance",
-        lambda asked: lines.measure(),
+        lambda options: lines.measure(),
     ),
     "line_rays": (
         "lines.md: time of a view by lines and by embree's rays, end-on to abeam",
-        lambda asked: lines.measure_rays(),
+        lambda options: lines.measure_rays(),
     ),
-    "dataset": ("datasets.md: rows of a data set a second", lambda asked: dataset.measure()),
+    "dataset": ("datasets.md: rows of a data set a second", lambda options: dataset.measure()),
     "scale": (
         "scale.md: time, memory, files and bytes of a sweep by number of views, up to --most",
-        lambda asked: scale.measure(most=asked.most),
+        lambda options: scale.measure(most=options.most),
     ),
     "design": (
         "article_figures.md: the article's statements on the design of its sensors",
-        lambda asked: design.measure(),
+        lambda options: design.measure(),
     ),
     "reproduced": (
         "reproduction.md: the article's tables over unstated parameters",
-        lambda asked: reproduced.measure(),
+        lambda options: reproduced.measure(),
     ),
     "fit_tolerance": (
         "reproduction.md: tolerance of the MNN, fitted to Table 2's training row",
-        lambda asked: fits.tolerance(),
+        lambda options: fits.tolerance(),
     ),
     "fit_target_free": (
         "reproduction.md: target-free IFOVs, fitted to 32 frames near the bow",
-        lambda asked: fits.target_free(),
+        lambda options: fits.target_free(),
     ),
     "fit_learning_rate": (
         "reproduction.md: learning rate of the ACN, fitted to Table 3 at 30 ns",
-        lambda asked: fits.learning_rate(),
+        lambda options: fits.learning_rate(),
     ),
     "fit_inner_radius": (
         "reproduction.md: inner radius of log-polar maps, fitted to Table 5 at 25 km",
-        lambda asked: fits.inner_radius(),
+        lambda options: fits.inner_radius(),
     ),
     "spread": (
         "reproduction.md: silhouettes with and without a spread of temperatures",
-        lambda asked: reproduction.spread(),
+        lambda options: reproduction.spread(),
     ),
     "protocol": (
         "reproduction.md: training aspects beside aspects absent from training",
-        lambda asked: reproduction.protocol(),
+        lambda options: reproduction.protocol(),
     ),
     "near_stern": (
         "article_figures.md: Figure 16, effects of the models and of the flight",
-        lambda asked: reproduction.near_stern(),
+        lambda options: reproduction.near_stern(),
     ),
     "figures": (
         "article_figures.md: the article's statements on its figures, measured on ours",
-        lambda asked: reproduction.figures(),
+        lambda options: reproduction.figures(),
     ),
     "operate": (
         "operate.md: what sensor suffices, what its shortcuts cost, and Sobol indices",
-        lambda asked: operate.measure(),
+        lambda options: operate.measure(),
     ),
     "benchmark": (
         "README.md and benchmark.md: classifiers on splits, as means over ten seeds",
-        lambda asked: splits.measure(),
+        lambda options: splits.measure(),
     ),
 }
 """Page of each report with its content, and the function that makes it."""
@@ -136,27 +136,27 @@ FITS = (
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line."""
     parser = _parser()
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     for option, least in (("seeds", results.LEAST_SEEDS), ("most", scale.LEAST_VIEWS)):
-        if (value := getattr(asked, option)) < least:
+        if (value := getattr(options, option)) < least:
             parser.error(f"--{option} is {value}, but must be at least {least}")
     for ship in ncti.ships.names():
         # built here, so that no report includes the build
         ncti.ships.load(ship, cache=cache_folder() / "meshes")
     console = Console()
     reports: dict[tuple[str, str], Report] = {}
-    for name in FITS if asked.report == "fits" else (asked.report,):
+    for name in FITS if options.report == "fits" else (options.report,):
         _, measure = REPORTS[name]
         try:
-            made = measure(asked)
+            result = measure(options)
         except (RuntimeError, ConfigurationError) as error:
             print(f"{name} failed: {error}", file=sys.stderr)
             sys.exit(1)
-        tables = {"": made} if isinstance(made, Report) else made
+        tables = {"": result} if isinstance(result, Report) else result
         for table, report in tables.items():
             show(report, console)
             reports[name, table] = report
-    if asked.write:
+    if options.write:
         pages.write(reports)
 
 

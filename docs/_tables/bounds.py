@@ -1,4 +1,4 @@
-"""Percent correct of the likelihood classifier by what it takes as known."""
+"""Percent correct of the likelihood classifier by its assumed knowledge."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def measure(
     more: Sequence[str] = (),
     workers: ClusterChoice = WORKERS,
 ) -> Report:
-    """Return percent correct half-way between learned aspects, by what is known.
+    """Return percent correct half-way between learned aspects, by known parameters.
 
     Parameters
     ----------
@@ -60,17 +60,17 @@ def measure(
     drawn = (f"grid.frame_count={listed(frames)}", f"grid.replicate={draws}")
     for aspect, chosen in of_aspect.items():
         for floor, settings in FLOORS.items():
-            asked = [*COMMON, *drawn, *chosen, *settings.split(), *more]
+            args = [*COMMON, *drawn, *chosen, *settings.split(), *more]
             label = f"aspect {aspect}, floor {floor}"
-            correct = swept(asked, [GROUP], label=label, workers=workers)[GROUP].correct.squeeze(
+            correct = swept(args, [GROUP], label=label, workers=workers)[GROUP].correct.squeeze(
                 drop=True
             )
             new = np.isin(correct.aspect.values, between)
             for gain, sigma in (("known", 0), ("unknown", 1)):
                 row = {"aspect": aspect, "floor": floor, "gain": gain}
                 for count in frames:
-                    one = correct.sel(gain_sigma=sigma, frame_count=count)
-                    shares = [percent_of(one.isel(replicate=k), new) for k in range(draws)]
+                    answers = correct.sel(gain_sigma=sigma, frame_count=count)
+                    shares = [percent_of(answers.isel(replicate=k), new) for k in range(draws)]
                     row[str(count)] = over_seeds(shares, views=4 * between.size).text()
                 rows.append(row)
     heads = [Column(name, name) for name in ("aspect", "floor", "gain")]

@@ -76,7 +76,7 @@ class Views:
         return [(ship, aspect) for ship in self.ships for aspect in aspects]
 
     def kept(self, seen: Seen, ship: str, aspect: float) -> RangeExtent:
-        """Return a view's extent, made once."""
+        """Return a view's extent, computed once."""
         key = seen, ship, aspect
         if key not in self._kept:
             self._kept[key] = seen(ship, aspect)
@@ -85,7 +85,7 @@ class Views:
 
     @cached_property
     def averages(self) -> Floats:
-        """(view, replicate, bin) float64 ndarray: averages of views at the aspects learned."""
+        """(view, replicate, bin) float64 ndarray: averages of views at learned aspects."""
         return self._drawn(self.aspects, 0)
 
     @cached_property
@@ -105,15 +105,15 @@ class Views:
         return np.array(drawn)
 
     def right(self, seen: Seen, averages: Floats, *, between: bool = False, **learn: Any) -> Floats:
-        """(replicate, group) float64 ndarray: percent correct with such templates."""
-        named = self.each(learn.get("aspects", self.aspects))
-        extents = [self.kept(seen, *view) for view in named]
+        """Return (replicate, group) percent correct with templates by `seen`."""
+        learned_views = self.each(learn.get("aspects", self.aspects))
+        extents = [self.kept(seen, *view) for view in learned_views]
         moments = [
             _at_metres(extent, *banded_frame_moments(extent, **SIGNAL)) for extent in extents
         ]
-        means, bands = (np.array(part) for part in zip(*moments, strict=True))
+        means, bands = (np.array(parts) for parts in zip(*moments, strict=True))
         templates = GaussianTemplates().fit(
-            means, bands, [ship for ship, _ in named], floor=means[:, :1]
+            means, bands, [ship for ship, _ in learned_views], floor=means[:, :1]
         )
         tested = self.each(self.between if between else self.aspects)
         names = templates.predict(averages.reshape(-1, averages.shape[-1]), FRAMES)
@@ -123,7 +123,7 @@ class Views:
 
 
 def truth(ship: str, aspect: float) -> RangeExtent:
-    """Return the extent by lines of 1/16 m, seen from the slant range itself."""
+    """Return the extent by lines 1/16 m apart, seen from the slant range itself."""
     return _lines(ncti.ships.load(ship), aspect)
 
 
@@ -155,9 +155,9 @@ def _fine_bins(ship: str, aspect: float) -> RangeExtent:
 
 
 def _drawn(ship: str, aspect: float, *, engine: str) -> RangeExtent:
-    """Return the extent of a sweep by default, of an engine."""
+    """Return the extent as a sweep computes it by default with an engine."""
     mesh = ncti.ships.load(ship)
-    seen = image.function(
+    view = image.function(
         mesh,
         drawn_aspect=aspect,
         depression=DEPRESSION,
@@ -165,7 +165,7 @@ def _drawn(ship: str, aspect: float, *, engine: str) -> RangeExtent:
         sampling=Sampling(engine, Render.pixel.default, Render.samples.default, ROLL),
         fineness=(),
     )
-    return range_extent(seen, slant_range=SLANT_RANGE, ifov=15.0 / SLANT_RANGE)
+    return range_extent(view, slant_range=SLANT_RANGE, ifov=15.0 / SLANT_RANGE)
 
 
 def _single(ship: str, aspect: float) -> RangeExtent:
@@ -182,9 +182,9 @@ def _flat(ship: str, aspect: float) -> RangeExtent:
 
 
 def _pulse(extent: RangeExtent) -> Floats:
-    """(bin,) float64 ndarray: power of all the ship after the pulse, in bins of 1 m.
+    """Return the power (bin,) of the whole ship after the pulse, in bins of 1 m.
 
-    Of finer bins, those that have the centres of bins of 1 m.
+    From finer bins, it takes those with the centres of bins of 1 m.
     """
     kernel = target_kernel(
         pulse_width=SIGNAL["pulse_width"],
@@ -196,31 +196,31 @@ def _pulse(extent: RangeExtent) -> Floats:
 
 
 def _at_metres(extent: RangeExtent, mean: Floats, band: Floats) -> tuple[Floats, Floats]:
-    """Moments of a frame in bins of 1 m: of finer ones, those that have the same centres."""
+    """Return moments of a frame in bins of 1 m, from finer bins those with the same centres."""
     if extent.bin_width == 1.0:
         return mean, band
     centres = slice(FINER_BINS // 2, None, FINER_BINS)
     return mean[centres], band[::FINER_BINS, centres]
 
 
-def _errors(found: Sequence[Floats], exact: Sequence[Floats]) -> Sample:
-    """Sum of absolute differences over the sum, view by view [%]."""
+def _errors(estimated: Sequence[Floats], exact: Sequence[Floats]) -> Sample:
+    """Return the sum of absolute differences over the sum, view by view [%]."""
     return Sample.of(
-        float(100 * np.abs(p - q).sum() / q.sum()) for p, q in zip(found, exact, strict=True)
+        float(100 * np.abs(p - q).sum() / q.sum()) for p, q in zip(estimated, exact, strict=True)
     )
 
 
-def _against_reference(views: Views, seen: Callable[[str, float], RangeExtent]) -> Sample:
-    """Error of extents against the sampling-free reference."""
+def _against_reference(views: Views, sampler: Callable[[str, float], RangeExtent]) -> Sample:
+    """Return the error of extents against the sampling-free reference."""
     edges = np.arange(-125.0, 126.0)
-    found, exact = [], []
+    estimated, exact = [], []
     power = target_kernel(pulse_width=SIGNAL["pulse_width"], bin_width=1.0, bin_count=250) ** 2
     for ship, aspect in views.each(views.references):
-        mesh, at = ncti.ships.load(ship), {"depression": DEPRESSION, "slant_range": SLANT_RANGE}
-        area = reference_range_extent(mesh, aspect=aspect, bin_edges=edges, **at).area[0]
+        mesh, view = ncti.ships.load(ship), {"depression": DEPRESSION, "slant_range": SLANT_RANGE}
+        area = reference_range_extent(mesh, aspect=aspect, bin_edges=edges, **view).area[0]
         exact.append(power @ area / 15.0**2)
-        found.append(power @ seen(ship, aspect).fraction.sum(axis=0))
-    return _errors(found, exact)
+        estimated.append(power @ sampler(ship, aspect).fraction.sum(axis=0))
+    return _errors(estimated, exact)
 
 
 def measure(views: Views | None = None) -> Report:
@@ -274,25 +274,25 @@ def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
     drawn = f"{Render.pixel.default:g} m, {Render.samples.default:g} samples"
     sampled = [partial(_drawn, engine=engine) for engine in (choose_engine("auto"), "lines")]
 
-    def profiles(seen: Seen) -> list[Floats]:
-        return [_pulse(views.kept(seen, *view)) for view in views.each(views.aspects)]
+    def profiles(sampler: Seen) -> list[Floats]:
+        return [_pulse(views.kept(sampler, *view)) for view in views.each(views.aspects)]
 
-    def against_truth(seen: Seen) -> Sample:
-        return _errors(profiles(seen), profiles(truth))
+    def against_truth(sampler: Seen) -> Sample:
+        return _errors(profiles(sampler), profiles(truth))
 
-    def templates(seen: Seen) -> Floats:
-        return views.right(seen, views.averages) - best
+    def templates(sampler: Seen) -> Floats:
+        return views.right(sampler, views.averages) - best
 
     return [
         *(
             _row(
                 name,
-                f"{seen.keywords['engine']}, {drawn}",
-                _against_reference(views, seen),
-                templates(seen),
+                f"{sampler.keywords['engine']}, {drawn}",
+                _against_reference(views, sampler),
+                templates(sampler),
                 "against the sampling-free reference",
             )
-            for name, seen in zip(("pixel", "line"), sampled, strict=True)
+            for name, sampler in zip(("pixel", "line"), sampled, strict=True)
         ),
         _row(
             "bin",
@@ -329,7 +329,7 @@ def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
 
 
 def _spaced(views: Views) -> dict[str, Any]:
-    """Return the row of the spacing of templates."""
+    """Return the row of the template spacing."""
     between = partial(views.right, truth, views.averages_between, between=True)
     return _row(
         "template spacing",
@@ -341,23 +341,23 @@ def _spaced(views: Views) -> dict[str, Any]:
     )
 
 
-def _row(name: str, setting: str, error: Sample, change: Floats, how: str) -> dict[str, Any]:
+def _row(name: str, setting: str, error: Sample, change: Floats, method: str) -> dict[str, Any]:
     """Return a row: an error, and the change of percent correct by draw and group."""
     spread = change.std(axis=0, ddof=1) / math.sqrt(len(change))
     points = {
         group: f"{mean:+.1f} ± {2 * sigma:.1f}"
         for group, mean, sigma in zip(GROUPS, change.mean(axis=0), spread, strict=False)
     }
-    return {"source": name, "setting": setting, "error": error, "how": how} | points
+    return {"source": name, "setting": setting, "error": error, "how": method} | points
 
 
 def _share_of_bound(views: Views) -> float:
     """Return the largest error of drawing the far field, over its bound, of all views."""
     shares = []
     for view in views.each(views.aspects):
-        exact, found = _pulse(views.kept(truth, *view)), views.kept(_far, *view)
-        error = np.abs(_pulse(found) - exact).sum() / exact.sum()
-        shares.append(float(error / found.far_field_error))
+        exact, far = _pulse(views.kept(truth, *view)), views.kept(_far, *view)
+        error = np.abs(_pulse(far) - exact).sum() / exact.sum()
+        shares.append(float(error / far.far_field_error))
     return max(shares)
 
 
@@ -380,14 +380,14 @@ def _draws(views: Views, best: Floats) -> dict[str, Any]:
 
 
 def _between(views: Views) -> Sample:
-    """Distance of profiles between two templates to the nearer of these."""
-    found, exact = [], []
+    """Return the distance of profiles between two templates to the nearer template."""
+    nearest, exact = [], []
     for ship, aspect in views.each(views.between):
-        here = _pulse(views.kept(truth, ship, aspect))
+        between = _pulse(views.kept(truth, ship, aspect))
         near = min(
             (_pulse(views.kept(truth, ship, learned)) for learned in views.aspects),
-            key=lambda profile: float(np.abs(profile - here).sum()),
+            key=lambda profile: float(np.abs(profile - between).sum()),
         )
-        found.append(near)
-        exact.append(here)
-    return _errors(found, exact)
+        nearest.append(near)
+        exact.append(between)
+    return _errors(nearest, exact)

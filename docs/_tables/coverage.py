@@ -58,17 +58,19 @@ def measure(
         for name in CLASSIFIERS:
             group = f"classification/{name}"
             row: dict[str, Any] = {"what": f"{km} km: {name}"}
-            for each in BINS:
-                percent = np.reshape(shares(answers, group, each, {"range": km}), (repeats, seeds))
-                row[each] = 100 * covered(percent, views_of(answers, group, each))
+            for bin_name in BINS:
+                percent = np.reshape(
+                    shares(answers, group, bin_name, {"range": km}), (repeats, seeds)
+                )
+                row[bin_name] = 100 * covered(percent, views_of(answers, group, bin_name))
             rows.append(row)
-    mean = {each: float(np.mean([row[each] for row in rows])) for each in BINS}
+    mean = {bin_name: float(np.mean([row[bin_name] for row in rows])) for bin_name in BINS}
     rows.append({"what": "mean"} | mean)
     return Report(
         "Coverage of 95 % intervals",
         (
             Column("what", f"share of {repeats} repeats [%]"),
-            *(Column(each, each, ".0f") for each in BINS),
+            *(Column(bin_name, bin_name, ".0f") for bin_name in BINS),
         ),
         rows,
         [
@@ -82,15 +84,15 @@ def measure(
 def covered(percent: np.ndarray, views: int) -> float:
     """Return the share of (repeat, seed) percentages whose interval holds the mean of the others.
 
-    The interval is as much wider as the error of that mean takes, which is known 1 / (repeats - 1)
-    times as well.
+    The interval is widened by the error of that mean, whose variance is 1 / (repeats - 1) of a
+    repeat's.
     """
     wider = np.sqrt(1 + 1 / (len(percent) - 1))
-    held = []
-    for k, own in enumerate(percent):
-        interval: Interval = over_seeds(own, views=views)
+    hits = []
+    for k, figures in enumerate(percent):
+        interval: Interval = over_seeds(figures, views=views)
         truth = float(np.delete(percent, k, axis=0).mean())
         low = interval.mean - wider * (interval.mean - interval.low)
         high = interval.mean + wider * (interval.high - interval.mean)
-        held.append(low <= truth <= high)
-    return float(np.mean(held))
+        hits.append(low <= truth <= high)
+    return float(np.mean(hits))

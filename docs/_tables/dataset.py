@@ -53,20 +53,20 @@ def measure(*, rows: int = 100_000, workers: int = WORKERS) -> Report:
 
 def _rows(rows: int, workers: int) -> Iterator[dict[str, Any]]:
     ncti.dataset(SHIPS, 25, seed=0, sensor="both")  # compiles what is not compiled
-    for case, how in CASES:
-        count = rows if not how else max(1, rows // FEW)
+    for case, options in CASES:
+        count = rows if not options else max(1, rows // FEW)
         start = _processor()
-        ncti.dataset(SHIPS, count, seed=0, workers=workers, **how)
-        used = _processor() - start
+        ncti.dataset(SHIPS, count, seed=0, workers=workers, **options)
+        seconds = _processor() - start
         yield {
             "case": case,
             "rows": count,
-            "cpu_ms": 1e3 * used / count,
-            "a_second": CORES * count / used,
+            "cpu_ms": 1e3 * seconds / count,
+            "a_second": CORES * count / seconds,
         }
 
 
 def _processor() -> float:
     """Return the processor time of this process and of those that have ended [s]."""
-    used = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(each.ru_utime + each.ru_stime for each in used)
+    usages = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)

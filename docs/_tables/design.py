@@ -88,19 +88,19 @@ def range_errors(
     fraction[0, 40] = 1.0
     centres: Floats = np.arange(-40.0, 41.0)
     extent = RangeExtent(fraction, centres, 1.0, np.zeros((1, 2), int), 150e-6, SLANT_RANGE)
-    seen = sample_frames(extent, pulse_width=pulse_width, cnr=cnr, frame_count=frames, rng=rng)
-    peak = np.clip(seen.argmax(axis=1), 1, 79)
-    low, top, high = (np.log(seen[np.arange(frames), peak + k]) for k in (-1, 0, 1))
+    samples = sample_frames(extent, pulse_width=pulse_width, cnr=cnr, frame_count=frames, rng=rng)
+    peak = np.clip(samples.argmax(axis=1), 1, 79)
+    low, top, high = (np.log(samples[np.arange(frames), peak + k]) for k in (-1, 0, 1))
     return centres[peak] + (low - high) / 2 / (low - 2 * top + high)
 
 
 def range_precision(frames: int = FRAMES) -> list[tuple[str, str, str]]:
     """Compare the range precision of 1 m at 30 ns and 32 dB with simulated frames."""
-    asked = {"cnr": power_ratio(32), "pulse_width": 30e-9}
-    off = np.abs(range_errors(**asked, frames=frames, rng=np.random.default_rng(0)))
+    setting = {"cnr": power_ratio(32), "pulse_width": 30e-9}
+    off = np.abs(range_errors(**setting, frames=frames, rng=np.random.default_rng(0)))
     # Quantiles of Student's t with two degrees of freedom.
     share = 0.68
-    bound = precision(**asked) * share * math.sqrt(2 / (1 - share**2))
+    bound = precision(**setting) * share * math.sqrt(2 / (1 - share**2))
     return [
         (
             "range precision at 30 ns and 32 dB, one frame of one IFOV",
@@ -115,7 +115,7 @@ def epochs_to_tolerance(task: Task, states: int = STATES) -> tuple[Floats, Float
     """Return epochs to the tolerance of (state,) networks with annealing, and without."""
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        taken = [
+        epochs = [
             [
                 GainAnnealedNetwork(annealing=way, epochs=LONGEST, random_state=state)
                 .fit(task.training, task.label)
@@ -124,8 +124,8 @@ def epochs_to_tolerance(task: Task, states: int = STATES) -> tuple[Floats, Float
             ]
             for way in (True, False)
         ]
-    annealed, plain = np.array(taken, dtype=np.float64)
-    return annealed, plain
+    annealed, constant = np.array(epochs, dtype=np.float64)
+    return annealed, constant
 
 
 def annealing(task: Task | None = None, states: int = STATES) -> list[tuple[str, str, str]]:
@@ -133,15 +133,15 @@ def annealing(task: Task | None = None, states: int = STATES) -> list[tuple[str,
     # Imported here because scipy takes a second.
     from scipy import stats
 
-    annealed, plain = epochs_to_tolerance(source_task() if task is None else task, states)
-    ratio = np.log(annealed / plain)
+    annealed, constant = epochs_to_tolerance(source_task() if task is None else task, states)
+    ratio = np.log(annealed / constant)
     half = stats.t.ppf(0.975, states - 1) * ratio.std(ddof=1) / math.sqrt(states)
     low, mean, high = np.exp(ratio.mean() + half * np.array([-1, 0, 1]))
     return [
         (
             "epochs to the tolerance with gain annealing, and without",
             "much faster",
-            f"{annealed.mean():.0f} and {plain.mean():.0f}, "
+            f"{annealed.mean():.0f} and {constant.mean():.0f}, "
             f"{mean:.2f} [{low:.2f}-{high:.2f}] times as many",
         )
     ]
@@ -162,28 +162,28 @@ def pixels(
                 templates[side].append(profile_vector(expected_profile(extent, **SIGNAL)))
                 frames = sample_frames(extent, frame_count=AVERAGED, rng=rng, **SIGNAL)
                 answers[side].append(profile_vector(frames.mean(axis=0)))
-    alike = [np.corrcoef(*pair)[0, 1] for pair in zip(*templates.values(), strict=True)]
+    similarity = [np.corrcoef(*pair)[0, 1] for pair in zip(*templates.values(), strict=True)]
     number = np.repeat(np.arange(len(ships)), len(aspects))
 
-    def named(learned: float, seen: float) -> float:
-        """Return the percentage of averages of one size named by templates of another."""
+    def score(learned: float, tested: float) -> float:
+        """Return the percentage of averages of one size named right by templates of another."""
         nearest = CorrelationNeighbour().fit(templates[learned], number)
-        return float(100 * (nearest.predict(answers[seen]) == number).mean())
+        return float(100 * (nearest.predict(answers[tested]) == number).mean())
 
     return [
         (
             "range profiles of IFOVs of 18 m at 100 km: correlation with those of 15 m; averages "
             f"of {AVERAGED} frames named right",
             "15 m, and once 18 m",
-            f"median {np.median(alike):.3f}, least {min(alike):.3f}; "
-            f"{named(OTHER, OTHER):.0f} % ({named(DETECTOR, OTHER):.0f} % by templates of 15 m), "
-            f"{named(DETECTOR, DETECTOR):.0f} % at 15 m",
+            f"median {np.median(similarity):.3f}, least {min(similarity):.3f}; "
+            f"{score(OTHER, OTHER):.0f} % ({score(DETECTOR, OTHER):.0f} % by templates of 15 m), "
+            f"{score(DETECTOR, DETECTOR):.0f} % at 15 m",
         )
     ]
 
 
 def measure() -> Report:
-    """Return the article's statements on design beside what its tables and simulation give."""
+    """Return the article's statements on design beside its tables and our simulation."""
     rows = [*passive_ratio(), *range_precision(), *annealing(), *pixels()]
     return Report(
         "The article's statements on the design of its sensors",

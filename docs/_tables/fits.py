@@ -36,9 +36,9 @@ Floats = NDArray[np.float64]
 
 
 def percent(correct: xr.DataArray) -> xr.DataArray:
-    """(..., group) float64 DataArray: percent of the (..., ship, aspect) answers that are right.
+    """Return the (..., group) percentage of (..., ship, aspect) answers that are right.
 
-    Views with a negative answer were not asked.
+    Views with a negative answer do not count.
     """
     labels, index = aspect_bins(correct.aspect.values)
     right = xr.where(correct >= 0, 100.0 * (correct == 1), np.nan)
@@ -55,7 +55,7 @@ def mean_and_error(draws: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     """Return the mean over all draws, and its standard error.
 
     Draws of several kinds are crossed, such as phases on the detector and orders of presentation:
-    the variances of the means of each kind are added, over their numbers.
+    the variance is the sum over kinds of the variance of its means, over their number.
     """
     kinds = [dim for dim in DRAWN if draws.sizes.get(dim, 1) > 1]
     variance = xr.zeros_like(draws.mean(kinds))
@@ -89,28 +89,28 @@ class Part:
     def distance(self, parameter: str) -> tuple[Floats, Floats]:
         """Return root mean square distances for every value of the parameter.
 
-        Of the mean to the article, and what is expected of a single draw to the mean.
+        First of the mean to the article, then the expected one of a single draw to the mean.
         """
         source = xr.DataArray(np.asarray(self.source, dtype=np.float64), dims=self.over)
         draws = [dim for dim in DRAWN if dim in self.ours.dims]
-        apart = ((self.ours.mean(draws) - source) ** 2).mean(self.over) ** 0.5
+        distance = ((self.ours.mean(draws) - source) ** 2).mean(self.over) ** 0.5
         single = self.ours.var(draws, ddof=1).mean(self.over) ** 0.5
-        return apart.transpose(parameter).values, single.transpose(parameter).values
+        return distance.transpose(parameter).values, single.transpose(parameter).values
 
 
 def fit_rows(
     parameter: str, default: float, parts: Sequence[Part], shown: Mapping[str, xr.DataArray]
 ) -> list[dict[str, Any]]:
-    """Return a row for every value of a parameter; the best of each part is marked by a star.
+    """Return a row for every value of a parameter, with a star at the best of each part.
 
     Parameters
     ----------
     parameter : str
         Its dimension.
     default : float
-        Value in the project's settings, which is named.
+        Value in the project's settings, which is labelled.
     parts : sequence of Part
-        What is compared.
+        Figures to compare.
     shown : mapping of str to DataArray
         Further figures by heading, with draws: their mean and two standard errors.
     """
@@ -119,27 +119,27 @@ def fit_rows(
         {"value": f"{value:g}" + (" (default)" if value == default else "")} for value in values
     ]
     for part in parts:
-        apart, single = part.distance(parameter)
+        distance, single = part.distance(parameter)
         for k, row in enumerate(rows):
-            best = " *" if k == apart.argmin() else ""
-            row[part.name] = f"{apart[k]:.1f} ({single[k]:.1f}){best}"
+            best = " *" if k == distance.argmin() else ""
+            row[part.name] = f"{distance[k]:.1f} ({single[k]:.1f}){best}"
     for name, draws in shown.items():
         mean, error = mean_and_error(draws.transpose(parameter, ...))
-        for row, one, its in zip(rows, mean.values, error.values, strict=True):
-            row[name] = with_errors(one, its)
+        for row, middle, spread in zip(rows, mean.values, error.values, strict=True):
+            row[name] = with_errors(middle, spread)
     return rows
 
 
 def with_errors(mean: ArrayLike, error: ArrayLike) -> str:
     """Return figures with two standard errors, separated by slashes."""
     pairs = zip(np.atleast_1d(mean), np.atleast_1d(error), strict=True)
-    return " / ".join(f"{one:.0f} ± {2 * its:.0f}" for one, its in pairs)
+    return " / ".join(f"{middle:.0f} ± {2 * spread:.0f}" for middle, spread in pairs)
 
 
 def fit_report(
     title: str, overrides: Sequence[str], heading: str, rows: list[dict[str, Any]], notes: list[str]
 ) -> Report:
-    """Return the report of a fit, all columns but the first as they come."""
+    """Return the report of a fit, with the columns of its rows."""
     names = [name for name in rows[0] if name != "value"]
     columns = (Column("value", heading), *(Column(name, name) for name in names))
     return Report(title, columns, rows, [f"`ncti-sweep {' '.join(overrides)}`. {notes[0]}"])
@@ -153,9 +153,9 @@ DISTANCES = (
 
 
 def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANCES) -> Report:
-    """MNN tolerance: fitted to Table 2's training rows, judged by its test rows."""
-    asked = [*overrides, f"classifier.mnn.tolerance=[{','.join(map(str, values))}]"]
-    answers = swept(asked, ["classification/mnn"])["classification/mnn"]
+    """Fit the MNN tolerance to Table 2's training rows, and judge it by its test rows."""
+    arguments = [*overrides, f"classifier.mnn.tolerance=[{','.join(map(str, values))}]"]
+    answers = swept(arguments, ["classification/mnn"])["classification/mnn"]
     table = article_figures()["table2_percent_correct"]
     answers = answers.squeeze(drop=True)
     trained, tested = percent(answers.training_correct), percent(answers.correct)
@@ -167,32 +167,32 @@ def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANC
             for count in counts
         ),
     ]
-    shown = {
+    further = {
         "training [%]": trained,
         "16 frames [%]": tested.sel(frame_count=16),
     }
     source = f"{table['training']}, 16 frames {table['frames'][16]}"
     return fit_report(
         "MNN tolerance: fitted to the training row of Table 2, judged by its test rows",
-        asked,
+        arguments,
         "tolerance",
-        fit_rows("tolerance", 0.35, parts, shown),
+        fit_rows("tolerance", 0.35, parts, further),
         [f"{DISTANCES}A seed is another training. Source, by bin: training {source}."],
     )
 
 
 def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET_FREE) -> Report:
-    """Target-free IFOVs: fitted to 32 frames near the bow, judged by all else of Tables 2 and 4."""
-    asked = [
+    """Fit target-free IFOVs to 32 frames near the bow, and judge by the rest of Tables 2 and 4."""
+    arguments = [
         *overrides,
         "classifier.learn_in_test=true",
         f"ladar.target_free_ifovs=[{','.join(map(str, values))}]",
     ]
     groups = ("classification/acn", "classification/mnn", "tables/acn")
-    acn, mnn, table3 = swept(asked, groups).values()
+    acn, mnn, table3 = swept(arguments, groups).values()
     figures = article_figures()
     counts = [count for count in FRAMES if count in acn.frame_count]
-    parts, shown = [], {}
+    parts, further = [], {}
     for name, answers, table in (
         ("ACN", acn, figures["table4_percent_correct"]),
         ("MNN", mnn, figures["table2_percent_correct"]),
@@ -203,33 +203,33 @@ def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET
         fitted = f"{name} bow, {counts[0]} frames, fitted"
         parts.append(Part(fitted, at_30.isel(group=0, frame_count=0), printed[0, 0], ()))
         bow = at_30.isel(group=0, frame_count=slice(1, None))
-        rest = ("frame_count",)
-        parts.append(Part(f"{name} bow, fewer frames", bow, printed[1:, 0], rest))
+        dims = ("frame_count",)
+        parts.append(Part(f"{name} bow, fewer frames", bow, printed[1:, 0], dims))
         for group in (1, 2):
             of_group = at_30.isel(group=group)
-            parts.append(Part(f"{name} {GROUPS[group]}", of_group, printed[:, group], rest))
-        shown[f"{name} bow, 16 frames, 10 / 30 / 50 ns [%]"] = score.isel(group=0).sel(
+            parts.append(Part(f"{name} {GROUPS[group]}", of_group, printed[:, group], dims))
+        further[f"{name} bow, 16 frames, 10 / 30 / 50 ns [%]"] = score.isel(group=0).sel(
             frame_count=16
         )
     formed = table3.category_count.squeeze(drop=True).transpose("pulse_width", ...).values
-    alike = formed.reshape(3, -1)
-    same = "the same for every G" if (alike == alike[:, :1]).all() else "not the same for every G"
+    by_g = formed.reshape(3, -1)
+    note = "the same for every G" if (by_g == by_g[:, :1]).all() else "not the same for every G"
     return fit_report(
         "G, target-free IFOVs a frame: fitted to 32 frames near the bow, judged by the rest",
-        asked,
+        arguments,
         "G",
-        fit_rows("target_free_ifovs", 4000, parts, shown),
+        fit_rows("target_free_ifovs", 4000, parts, further),
         [
             f"{DISTANCES}Categories at 10, 30 and 50 ns are "
-            f"{', '.join(map(str, alike[:, 0]))}, {same}. Source near the bow, 16 frames, 30 ns: "
+            f"{', '.join(map(str, by_g[:, 0]))}, {note}. Source near the bow, 16 frames, 30 ns: "
             "78 %, at 10 and 50 ns 'similar'."
         ],
     )
 
 
 def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = RADII) -> Report:
-    """Inner radius of the log-polar map: fitted at 25 km of Table 5, judged at 50 km."""
-    asked = [
+    """Fit the inner radius of the log-polar map at 25 km of Table 5, and judge it at 50 km."""
+    arguments = [
         *overrides,
         "classifier.learn_in_test=true",
         "grid.range=[25,50]",
@@ -237,27 +237,27 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
         f"infrared.inner_radius=[{','.join(map(str, values))}]",
     ]
     groups = ("classification/acn_infrared", "tables/acn_infrared")
-    answers, formed = swept(asked, groups).values()
+    answers, formed = swept(arguments, groups).values()
     table = article_figures()["table5_percent_correct"]
     score = percent(answers.correct.squeeze(drop=True))
-    at = {
+    looks = {
         "25 km, fitted": ("none", 25),
         "50 km": ("none", 50),
         "50 km, perfect 2x": ("perfect", 50),
     }
-    found = {
+    scores = {
         name: score.sel(super_resolution=way, range=km).drop_vars(["super_resolution", "range"])
-        for name, (way, km) in at.items()
+        for name, (way, km) in looks.items()
     }
-    parts = [Part(name, found[name], table[way][km]) for name, (way, km) in at.items()]
-    rows = fit_rows("inner_radius", 0.5, parts, {f"{name} [%]": found[name] for name in at})
+    parts = [Part(name, scores[name], table[way][km]) for name, (way, km) in looks.items()]
+    rows = fit_rows("inner_radius", 0.5, parts, {f"{name} [%]": scores[name] for name in looks})
     of_radius = formed.category_count.squeeze(drop=True).transpose("inner_radius", ...).values
-    for row, one in zip(rows, of_radius, strict=True):
-        row["categories"] = f"{one.mean():.1f} ({one.min()}–{one.max()})"
-    printed = ", ".join(f"{name} {table[way][km]}" for name, (way, km) in at.items())
+    for row, counts in zip(rows, of_radius, strict=True):
+        row["categories"] = f"{counts.mean():.1f} ({counts.min()}–{counts.max()})"
+    printed = ", ".join(f"{name} {table[way][km]}" for name, (way, km) in looks.items())
     return fit_report(
         "Inner radius of the log-polar map: fitted at 25 km of Table 5, judged at 50 km",
-        asked,
+        arguments,
         "radius",
         rows,
         [f"{DISTANCES}Source, by bin: {printed}; {table['categories']} categories."],
@@ -265,9 +265,9 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
 
 
 def learning_rate(values: Sequence[float] = RATES, orders: int = ORDERS) -> Report:
-    """Learning rate: fitted at 30 ns of Table 3, judged at 10 and 50 ns; orders of presentation."""
-    asked = ("grid.pulse_width=[10,30,50]", "grid.frame_count=16")
-    profiles = swept(asked, ["range_profile"])["range_profile"]
+    """Fit the learning rate at 30 ns of Table 3, and judge it at 10 and 50 ns, by order."""
+    arguments = ("grid.pulse_width=[10,30,50]", "grid.frame_count=16")
+    profiles = swept(arguments, ["range_profile"])["range_profile"]
     table = article_figures()["table3_categories"]
     rng, views = np.random.default_rng(0), profiles.sizes["ship"] * profiles.sizes["aspect"]
     turns = [np.arange(views), *(rng.permutation(views) for _ in range(orders))]
@@ -275,14 +275,14 @@ def learning_rate(values: Sequence[float] = RATES, orders: int = ORDERS) -> Repo
         {"value": f"{rate:g}" + (" (default)" if rate == 0.1 else "")} for rate in values
     ]
     for pulse in profiles.pulse_width.values:
-        seen = profiles.expected.squeeze().sel(pulse_width=pulse).transpose(*VIEW, ...).values
-        alike = Similarities.of(profile_vector(seen.reshape(views, -1)))
+        expected = profiles.expected.squeeze().sel(pulse_width=pulse).transpose(*VIEW, ...).values
+        similarities = Similarities.of(profile_vector(expected.reshape(views, -1)))
         for row, rate in zip(rows, values, strict=True):
-            how = {"vigilance": table["vigilance"], "learning_rate": rate}
-            of_grid, *others = (
-                int(cluster(alike, **how, order=turn).labels.max()) + 1 for turn in turns
+            options = {"vigilance": table["vigilance"], "learning_rate": rate}
+            of_grid, *shuffled = (
+                int(cluster(similarities, **options, order=turn).labels.max()) + 1 for turn in turns
             )
-            text = f"{of_grid}; {np.mean(others):.1f} ({min(others)}–{max(others)})"
+            text = f"{of_grid}; {np.mean(shuffled):.1f} ({min(shuffled)}–{max(shuffled)})"
             row[f"{pulse:g} ns (source {table['categories'][int(pulse)]})"] = text
     return Report(
         "Categories of Table 3 by learning rate",

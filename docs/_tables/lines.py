@@ -63,22 +63,25 @@ def measure(
     medians, lowest and highest of all views.
     """
     ways = _ways()
-    found: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
+    figures: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
     with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
         for mesh in map(ncti.ships.load, ships):
             for aspect in aspects:
-                drawn = [partial(_extent, mesh, aspect, how, SLANT_RANGE) for how in ways.values()]
-                taken = np.median(in_turn(drawn, repeats=repeats), axis=0)
+                drawn = [
+                    partial(_extent, mesh, aspect, sampling, SLANT_RANGE)
+                    for sampling in ways.values()
+                ]
+                seconds = np.median(in_turn(drawn, repeats=repeats), axis=0)
                 exact = reference_range_extent(
                     mesh, aspect=aspect, depression=DEPRESSION, bin_edges=EDGES
                 ).area[0]
-                for k, (way, how) in enumerate(ways.items()):
-                    row = _errors(_extent(mesh, aspect, how, FAR), exact)
-                    times = {"cpu_ms": 1e3 * taken[k], "ratio": taken[k] / taken[0]}
-                    found[way].append(times | row)
+                for k, (way, sampling) in enumerate(ways.items()):
+                    row = _errors(_extent(mesh, aspect, sampling, FAR), exact)
+                    times = {"cpu_ms": 1e3 * seconds[k], "ratio": seconds[k] / seconds[0]}
+                    figures[way].append(times | row)
     rows: list[dict[str, Any]] = [
         {"way": way} | {key: Sample.of(view[key] for view in views) for key in views[0]}
-        for way, views in found.items()
+        for way, views in figures.items()
     ]
     rows[0]["said"] = None  # an image knows nothing of its error
     return Report(
@@ -111,14 +114,14 @@ def measure_rays(
         ]
         for aspect in aspects:
             view = View(aspect, DEPRESSION)
-            taken = [
-                np.median(in_turn([partial(way, view) for way in both], repeats=repeats), axis=0)
-                for both in ways
+            seconds = [
+                np.median(in_turn([partial(way, view) for way in pair], repeats=repeats), axis=0)
+                for pair in ways
             ]
             of_ships = {
-                "rays_ms": [1e3 * rays for rays, _ in taken],
-                "lines_ms": [1e3 * seen for _, seen in taken],
-                "ratio": [seen / rays for rays, seen in taken],
+                "rays_ms": [1e3 * rays for rays, _ in seconds],
+                "lines_ms": [1e3 * by_lines for _, by_lines in seconds],
+                "ratio": [by_lines / rays for rays, by_lines in seconds],
             }
             figures = {name: Sample.of(values) for name, values in of_ships.items()}
             rows.append({"aspect": aspect} | figures)
@@ -143,10 +146,10 @@ def _ways() -> dict[str, How]:
     }
 
 
-def _extent(mesh: trimesh.Trimesh, aspect: float, how: How, slant_range: float) -> RangeExtent:
-    """Range extent of a view, sampled as a sweep does by default."""
-    engine, fineness = how
-    seen = image.function(
+def _extent(mesh: trimesh.Trimesh, aspect: float, sampling: How, slant_range: float) -> RangeExtent:
+    """Return the range extent of a view, sampled as a sweep does by default."""
+    engine, fineness = sampling
+    view = image.function(
         mesh,
         drawn_aspect=aspect,
         depression=DEPRESSION,
@@ -154,15 +157,15 @@ def _extent(mesh: trimesh.Trimesh, aspect: float, how: How, slant_range: float) 
         sampling=Sampling(engine, Render.pixel.default, Render.samples.default, ROLL),
         fineness=fineness,
     )
-    return range_extent(seen, slant_range=slant_range, ifov=SIDE / slant_range)
+    return range_extent(view, slant_range=slant_range, ifov=SIDE / slant_range)
 
 
 def _errors(extent: RangeExtent, exact: Any) -> dict[str, float]:
-    """Error after each pulse, and what lines say of the first [%]; NaN of pixels."""
+    """Return the error after each pulse, and the lines' own estimate [%]; NaN for pixels."""
     area = extent.fraction.sum(axis=0) * (extent.ifov * extent.slant_range) ** 2
-    found = {"said": 100 * extent.error_after(min(PULSES) * 1e-9)}
+    errors = {"said": 100 * extent.error_after(min(PULSES) * 1e-9)}
     for pulse in PULSES:
         power = target_kernel(pulse_width=pulse * 1e-9, bin_width=1.0, bin_count=area.size) ** 2
         p, q = power @ area, power @ exact
-        found[f"error_{pulse:g}"] = float(100 * np.abs(p - q).sum() / q.sum())
-    return found
+        errors[f"error_{pulse:g}"] = float(100 * np.abs(p - q).sum() / q.sum())
+    return errors

@@ -136,14 +136,14 @@ def _learned(aspects: Floats) -> list[Classify]:
             means.append([expected_profile(extent, **SIGNAL) for extent in extents])
             bands.append(banded_frame_moments(extents[0], **SIGNAL)[1])
     band = np.zeros((len(bands), max(map(len, bands)), bands[0].shape[1]))
-    for whole, one in zip(band, bands, strict=True):
-        whole[: len(one)] = one
-    mean, at = np.array(means), np.tile(aspects, len(SHIPS))
+    for padded, covariance in zip(band, bands, strict=True):
+        padded[: len(covariance)] = covariance
+    mean, template_aspects = np.array(means), np.tile(aspects, len(SHIPS))
     vectors = profile_vector(mean[:, 0])
 
     def templates(sigma: float) -> Classify:
         fitted = GaussianTemplates(gain_sigma=sigma, floor_sigma=sigma, template_error=None).fit(
-            mean, band, ship, mean[..., :1], aspect=at, rng=np.random.default_rng(0)
+            mean, band, ship, mean[..., :1], aspect=template_aspects, rng=np.random.default_rng(0)
         )
         return lambda averages: fitted.predict(averages, FRAMES)
 
@@ -187,7 +187,7 @@ def _percent(
 def _image(
     name: str, aspect: float, depression: float, *, roll: float = 0.0, nearer: float = 0.0
 ) -> LineImage:
-    """Return a view in the far field, of IFOVs that are rolled, so much nearer than it is [m]."""
+    """Return a view in the far field, with rolled IFOVs, `nearer` by some distance [m]."""
     image = line_image(_mesh(name), aspect=aspect, depression=depression, spacing=0.25, roll=ROLL)
     piece = image.piece - np.array([0.0, 0.0, nearer, nearer])
     return replace(image, piece=piece, roll=ROLL + roll)

@@ -1,4 +1,4 @@
-"""What sensor suffices: the tables of docs/operate.md, and what its shortcuts cost."""
+"""Tables of docs/operate.md: sufficient sensors, and the cost of shortcuts."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ SETTINGS = (
 
 
 class Views(NamedTuple):
-    """Views of ships: pieces of lines, places on the IFOVs, and how many are learned of each."""
+    """Views of ships: pieces of lines, places on the IFOVs, and the number learned of each ship."""
 
     lines: list[list[LineImage]]
     places: list[Floats]
@@ -105,27 +105,27 @@ def planned(tests: int, spacing: float = 0.75, ships: Sequence[str] = SHIPS) -> 
 def compared(
     setting: Setting, views: Views, draws: int, free: int = 4000
 ) -> dict[str, NDArray[np.bool_]]:
-    """Return which views are named right, ship by ship: three ways.
+    """Return masks of views that are named right, ship by ship, in three ways.
 
     `exact`, (view,): the likelihood with each template's exact covariance, of sampled frames.
-    `one`, (draw, view): that of one covariance, of the same averages and further ones.
-    `drawn`, (draw, view): the same, of Gaussian noise.
+    `one`, (draw, view): the likelihood with one covariance, of the same averages and further ones.
+    `drawn`, (draw, view): the same with Gaussian noise.
     """
     side, width = 0.15 * setting.slant_range, setting.pulse_width * 1e-9
     pulse: dict[str, Any] = {"pulse_width": width, "cnr": setting.ratio}
     radar = Radar(**pulse, bin_width=1.0)
     sigma = 0.0 if setting.known else 1.0
-    made, extents, sampled = [], [], []
+    signature_sets, extents, sampled = [], [], []
     for number, (lines, places) in enumerate(zip(views.lines, views.places, strict=True)):
-        seen = seen_views(lines, places, footprint=side)
-        made.append(_signatures(seen, setting, views.learned))
+        extents_seen = seen_views(lines, places, footprint=side)
+        signature_sets.append(_signatures(extents_seen, setting, views.learned))
         beam = {"slant_range": DRAWN_FOR, "ifov": side / DRAWN_FOR}
-        own = [
-            range_extent(line, shift=(at[0], at[1]), **beam)  # type: ignore[arg-type]
-            for line, at in zip(lines, places.tolist(), strict=True)
+        ship_extents = [
+            range_extent(line, shift=(place[0], place[1]), **beam)  # type: ignore[arg-type]
+            for line, place in zip(lines, places.tolist(), strict=True)
         ]
-        extents.append(own[: views.learned])
-        for k, extent in enumerate(own[views.learned :]):
+        extents.append(ship_extents[: views.learned])
+        for k, extent in enumerate(ship_extents[views.learned :]):
             rng = np.random.default_rng([setting.frames, number, k])
             frames = sample_frames(
                 extent, frame_count=draws * setting.frames, rng=rng, target_free_ifovs=free, **pulse
@@ -133,48 +133,54 @@ def compared(
             of_draws = frames.reshape(draws, setting.frames, -1).mean(axis=1)
             sampled.append(of_draws - (free + len(extent.cell)) * noise_floor())
     averages = np.swapaxes(sampled, 0, 1)
-    ships, each = len(made), len(sampled) // len(made)
-    true = np.repeat(np.arange(ships), each)
+    ships, count = len(signature_sets), len(sampled) // len(signature_sets)
+    true = np.repeat(np.arange(ships), count)
     moments = [
         banded_frame_moments(extent, target_free_ifovs=free, **pulse)
-        for own in extents
-        for extent in own
+        for ship_extents in extents
+        for extent in ship_extents
     ]
-    floors = [(free + len(extent.cell)) * noise_floor() for own in extents for extent in own]
+    floors = [
+        (free + len(extent.cell)) * noise_floor()
+        for ship_extents in extents
+        for extent in ship_extents
+    ]
     means = np.array([mean for mean, _ in moments]) - np.array(floors)[:, None]
     labels = np.repeat(np.arange(ships), views.learned)
     exact = GaussianTemplates(gain_sigma=sigma, floor_sigma=sigma)
     exact.fit(means, np.array([band for _, band in moments]), labels, floor=0.0)
     answers = {"exact": exact.predict(averages[0], setting.frames)}
-    learned = np.array([one["excess"][0, 0, : views.learned] for one in made])
-    tests = np.concatenate([one["excess"][0, 0, views.learned :] for one in made])
-    power = np.concatenate([one["power"][0, 0, 1:] for one in made])
-    mean = np.mean([one["power"][0, 0, 0] for one in made], axis=0)
-    ifovs = free + np.concatenate([one["ifovs"][0, 0] for one in made])
+    learned = np.array([arrays["excess"][0, 0, : views.learned] for arrays in signature_sets])
+    tests = np.concatenate([arrays["excess"][0, 0, views.learned :] for arrays in signature_sets])
+    power = np.concatenate([arrays["power"][0, 0, 1:] for arrays in signature_sets])
+    mean = np.mean([arrays["power"][0, 0, 0] for arrays in signature_sets], axis=0)
+    ifovs = free + np.concatenate([arrays["ifovs"][0, 0] for arrays in signature_sets])
     normals = np.random.default_rng(setting.frames).standard_normal((draws, len(tests), 2, 250))
 
-    def named(profiles: Floats, noise: Floats) -> NDArray[np.intp]:
+    def identified(profiles: Floats, noise: Floats) -> NDArray[np.intp]:
         match = ProfileMatch(learned, profiles, power, mean, ifovs, noise, radar, floor_sigma=sigma)
         evidence = match.evidence(setting.frames, gain_sigma=sigma)
         return ship_evidence(evidence, ships).argmax(axis=1)
 
-    answers["one"] = np.array([named(profiles, 0 * normals[0]) for profiles in averages])
-    answers["drawn"] = np.array([named(tests, noise) for noise in normals])
+    answers["one"] = np.array([identified(profiles, 0 * normals[0]) for profiles in averages])
+    answers["drawn"] = np.array([identified(tests, noise) for noise in normals])
     return {name: ships_named == true for name, ships_named in answers.items()}
 
 
 def _signatures(seen: Seen, setting: Setting, learned: int) -> dict[str, NDArray[Any]]:
-    how: dict[str, Any] = {"bin_width": 1.0, "bins": 250, "learned": learned}
-    return signatures(seen, pulse_width=[setting.pulse_width * 1e-9], cnr=[setting.ratio], **how)
+    options: dict[str, Any] = {"bin_width": 1.0, "bins": 250, "learned": learned}
+    return signatures(
+        seen, pulse_width=[setting.pulse_width * 1e-9], cnr=[setting.ratio], **options
+    )
 
 
 def difference(right: NDArray[np.bool_], other: NDArray[np.bool_]) -> str:
     """Return the difference of two percentages of the same views, with its 95 % interval.
 
-    Answers to a view are correlated, and those to others are not: the views scatter.
+    Draws of one view are correlated and views are independent, so views give the scatter.
     """
-    apart = np.atleast_2d(right).mean(axis=0) - np.atleast_2d(other).mean(axis=0)
-    return f"{100 * apart.mean():+.1f} ± {196 * apart.std() / np.sqrt(apart.size):.1f}"
+    change = np.atleast_2d(right).mean(axis=0) - np.atleast_2d(other).mean(axis=0)
+    return f"{100 * change.mean():+.1f} ± {196 * change.std() / np.sqrt(change.size):.1f}"
 
 
 def matching(tests: int = 400, draws: int = 12) -> Report:
@@ -211,20 +217,20 @@ def matching(tests: int = 400, draws: int = 12) -> Report:
 
 
 def left_open(shares: xr.Dataset) -> Report:
-    """Return percentages and frames needed by what the article leaves open."""
+    """Return percentages and required frames by the parameters that the article leaves open."""
     needed, rows = frames_needed(shares).isel(resample=0), []
     for free in shares.target_free_ifovs.values:
         for gain in shares.gain_sigma.values:
             for floor in shares.floor_sigma.values:
-                at = {"target_free_ifovs": free, "gain_sigma": gain, "floor_sigma": floor}
+                setting = {"target_free_ifovs": free, "gain_sigma": gain, "floor_sigma": floor}
                 row: dict[str, Any] = {"free": int(free)}
                 row |= {"gain": "unknown" if gain else "known"}
                 row |= {"floor": "unknown" if floor else "known"}
                 for km in (50, 100):
                     for channel in ("profile", "both"):
-                        where = at | {"range": km, "channel": channel, "pulse_width": 30}
-                        share = 100 * shares.share.sel(where).sel(fleet=6, frame_count=16)
-                        frames = needed.sel(where).sel(fleet=4).item()
+                        cell = setting | {"range": km, "channel": channel, "pulse_width": 30}
+                        share = 100 * shares.share.sel(cell).sel(fleet=6, frame_count=16)
+                        frames = needed.sel(cell).sel(fleet=4).item()
                         row[f"{channel}_{km}"] = float(share.item())
                         row[f"frames_{channel}_{km}"] = "–" if frames == np.inf else f"{frames:.0f}"
                 rows.append(row)
@@ -232,36 +238,44 @@ def left_open(shares: xr.Dataset) -> Report:
     columns.append(Column("floor", "floor"))
     for km in (50, 100):
         for channel in ("profile", "both"):
-            seen = f"{km} km, {channel}"
-            columns.append(Column(f"{channel}_{km}", f"{seen}: 6 ships, 16 frames [%]", ".0f"))
-            columns.append(Column(f"frames_{channel}_{km}", f"{seen}: frames for 95 % of 4 ships"))
+            look = f"{km} km, {channel}"
+            columns.append(Column(f"{channel}_{km}", f"{look}: 6 ships, 16 frames [%]", ".0f"))
+            columns.append(Column(f"frames_{channel}_{km}", f"{look}: frames for 95 % of 4 ships"))
     notes = ["32 dB, 30 ns, 150 urad."]
     return Report("What the article leaves open", tuple(columns), rows, notes)
 
 
 def places_of(shares: xr.Dataset) -> list[Floats]:
-    """Return the places of a sweep's axes as the interpolant takes them: the CNR as a ratio."""
+    """Return the values of a sweep's axes for the interpolant, with the CNR as a ratio."""
     places = {name: shares[name].values.astype(float) for name in AXES}
-    return [10 ** (at / 10) if name == "cnr" else at for name, at in places.items()]
+    return [10 ** (values / 10) if name == "cnr" else values for name, values in places.items()]
 
 
 def sobol(shares: xr.Dataset, samples: int = 1024, resamples: int = 20) -> Report:
     """Return Sobol indices with the intervals of sampling and of views together."""
     places, rows = places_of(shares), []
-    bounds = {name: tuple(np.log(at[[0, -1]])) for name, at in zip(AXES, places, strict=True)}
+    bounds = {
+        name: tuple(np.log(values[[0, -1]])) for name, values in zip(AXES, places, strict=True)
+    }
     for channel in shares.channel.values:
-        here = shares.sel(channel=channel).transpose(*AXES, "resample")
-        whole = sobol_indices(grid_interpolant(places, here.share), bounds, samples=samples)
-        again = [
+        channel_shares = shares.sel(channel=channel).transpose(*AXES, "resample")
+        indices = sobol_indices(
+            grid_interpolant(places, channel_shares.share), bounds, samples=samples
+        )
+        resampled_indices = [
             sobol_indices(
-                grid_interpolant(places, here.resampled[..., k]), bounds, samples=samples // 4
+                grid_interpolant(places, channel_shares.resampled[..., k]),
+                bounds,
+                samples=samples // 4,
             )
-            for k in range(min(resamples, here.sizes["resample"]))
+            for k in range(min(resamples, channel_shares.sizes["resample"]))
         ]
         for kind in ("first", "total"):
-            noise = np.std([getattr(one, kind) for one in again], axis=0)
-            ends = np.hypot(getattr(whole, f"{kind}_interval"), 1.96 * noise)
-            cells = [f"{a:.2f} ± {b:.2f}" for a, b in zip(getattr(whole, kind), ends, strict=True)]
+            noise = np.std([getattr(redrawn, kind) for redrawn in resampled_indices], axis=0)
+            ends = np.hypot(getattr(indices, f"{kind}_interval"), 1.96 * noise)
+            cells = [
+                f"{a:.2f} ± {b:.2f}" for a, b in zip(getattr(indices, kind), ends, strict=True)
+            ]
             rows.append({"what": f"{channel}, {kind}", **dict(zip(AXES, cells, strict=True))})
     columns = (Column("what", "percent identified by"), *(Column(name, name) for name in AXES))
     note = (
@@ -272,16 +286,16 @@ def sobol(shares: xr.Dataset, samples: int = 1024, resamples: int = 20) -> Repor
 
 
 def interpolant(shares: xr.Dataset, between: xr.Dataset) -> Report:
-    """Return the error of the interpolant: by places left out, and at settings between."""
+    """Return the error of the interpolant at left-out values and at settings between."""
     places, rows = places_of(shares), []
     points = np.stack(
         [a.ravel() for a in np.meshgrid(*map(np.log, places_of(between)), indexing="ij")], axis=1
     )
     for channel in shares.channel.values:
-        here = shares.share.sel(channel=channel).transpose(*AXES)
-        errors = 100 * interpolation_errors(places, here)
+        channel_shares = shares.share.sel(channel=channel).transpose(*AXES)
+        errors = 100 * interpolation_errors(places, channel_shares)
         true = between.share.sel(channel=channel).transpose(*AXES).values.ravel()
-        off = 100 * (grid_interpolant(places, here)(points) - true)
+        off = 100 * (grid_interpolant(places, channel_shares)(points) - true)
         noise = 100 * np.sqrt(np.mean(true * (1 - true)) / 192)
         row = dict(zip(AXES, errors, strict=True))
         rows.append(
@@ -303,18 +317,20 @@ def interpolant(shares: xr.Dataset, between: xr.Dataset) -> Report:
 
 
 def fusion(shares: xr.Dataset) -> Report:
-    """Return how both sensors compare with the better of them, by percentage of the better."""
-    alone = shares.share.sel(channel=["profile", "silhouette"])
-    best = alone.idxmax("channel")
-    apart = 100 * (shares.share.sel(channel="both") - alone.max("channel"))
-    again = 100 * (shares.resampled.sel(channel="both") - shares.resampled.sel(channel=best))
-    surely = again.quantile(1 - TAIL, "resample") < 0
-    level, rows = 100 * alone.max("channel"), []
+    """Compare both sensors with the better one, by the percentage of the better."""
+    single = shares.share.sel(channel=["profile", "silhouette"])
+    best = single.idxmax("channel")
+    gain = 100 * (shares.share.sel(channel="both") - single.max("channel"))
+    resampled_gain = 100 * (
+        shares.resampled.sel(channel="both") - shares.resampled.sel(channel=best)
+    )
+    surely = resampled_gain.quantile(1 - TAIL, "resample") < 0
+    level, rows = 100 * single.max("channel"), []
     for low, high in itertools.pairwise(LEVELS):
         which = (level > low) & (level <= high)
         if which.any():
-            rows.append(_apart(f"{low} to {high}", apart, surely, which))
-    rows.append(_apart("all", apart, surely, level >= 0))
+            rows.append(_apart(f"{low} to {high}", gain, surely, which))
+    rows.append(_apart("all", gain, surely, level >= 0))
     frames = frames_needed(shares)
     fewest = frames.isel(resample=0).sel(channel=["profile", "silhouette"]).idxmin("channel")
     more = frames.sel(channel="both") > frames.sel(channel=fewest.fillna("profile"))
@@ -337,47 +353,53 @@ def fusion(shares: xr.Dataset) -> Report:
 
 
 def _apart(
-    name: str, apart: xr.DataArray, surely: xr.DataArray, which: xr.DataArray
+    name: str, gain: xr.DataArray, surely: xr.DataArray, which: xr.DataArray
 ) -> dict[str, Any]:
     """Return a row of `fusion` for some settings."""
-    here = apart.transpose(*which.dims).values[which.values]
+    gains = gain.transpose(*which.dims).values[which.values]
     return {
         "level": name,
-        "settings": here.size,
-        "mean": here.mean(),
-        "loss": -np.minimum(here, 0).mean(),
-        "least": np.quantile(here, 0.01),
+        "settings": gains.size,
+        "mean": gains.mean(),
+        "loss": -np.minimum(gains, 0).mean(),
+        "least": np.quantile(gains, 0.01),
         "surely": 100 * surely.transpose(*which.dims).values[which.values].mean(),
     }
 
 
 def settings_alone(overrides: Sequence[str] = WHOLE) -> Iterator[Alone]:
-    """Yield settings of a sweep at random, one of each number of ships, with these ships alone.
+    """Yield random settings of a sweep, one for each number of ships, with only these ships.
 
-    Ships share a covariance: where they are all of the sweep's, figures are the same.
+    Ships share a covariance, so figures equal the sweep's only if all its ships take part.
     """
     choices = choices_of(overrides)
     ships = [str(ship) for ship in choices[Grid.ship]]
     order = fleet_order(ships)
     rng = np.random.default_rng(0)
     for fleet in choices[Operate.fleet]:
-        at = {one.name: rng.choice(choices[one]).item() for one in OF_SENSORS} | {"fleet": fleet}
+        point = {setting.name: rng.choice(choices[setting]).item() for setting in OF_SENSORS} | {
+            "fleet": fleet
+        }
 
-        def same(whole: xr.Dataset, alone: xr.Dataset, at: dict[str, Any] = at) -> bool:
-            return bool((alone.share.squeeze() == whole.share.sel(at)).all())
+        def same(whole: xr.Dataset, single: xr.Dataset, point: dict[str, Any] = point) -> bool:
+            return bool((single.share.squeeze() == whole.share.sel(point)).all())
 
-        first = ",".join(ships[k] for k in order[:fleet])
-        values = [f"{one.key}={at[one.name]}" for one in (*OF_SENSORS, Operate.fleet)]
-        asked = (*overrides, f"grid.ship=[{first}]", *values)
-        yield Alone(asked, same if fleet == len(ships) else None)
+        ship_list = ",".join(ships[k] for k in order[:fleet])
+        values = [
+            f"{setting.key}={point[setting.name]}" for setting in (*OF_SENSORS, Operate.fleet)
+        ]
+        arguments = (*overrides, f"grid.ship=[{ship_list}]", *values)
+        yield Alone(arguments, same if fleet == len(ships) else None)
 
 
 def measure() -> dict[str, Report]:
     """Return all tables of the page."""
     choices = choices_of(WHOLE)
-    settings = math.prod(len(choices[one]) for one in (*OF_SENSORS, Operate.fleet))
+    settings = math.prod(len(choices[setting]) for setting in (*OF_SENSORS, Operate.fleet))
     (shares,), engine = proven(WHOLE, ["operate"], settings, settings_alone())
-    open_shares, between = (swept(asked, ["operate"])["operate"] for asked in (OPEN, BETWEEN))
+    open_shares, between = (
+        swept(arguments, ["operate"])["operate"] for arguments in (OPEN, BETWEEN)
+    )
     between = between.expand_dims({name: [105.0] for name in ("ifov",) if name not in between.dims})
     reports = {"engine": engine, "matching": matching(), "open": left_open(open_shares)}
     reports["fusion"] = fusion(shares)

@@ -82,7 +82,7 @@ def to_csv(report: Report) -> str:
 
 
 def _wrapped(note: str) -> str:
-    """Return a note in lines of a page, none of which begins with %, a comment's mark in MyST."""
+    """Return a note wrapped so that no line begins with %, which marks a comment in MyST."""
     glued = note.replace(" %", "\N{NO-BREAK SPACE}%")
     lines = textwrap.fill(glued, WIDTH, break_long_words=False, break_on_hyphens=False)
     return lines.replace("\N{NO-BREAK SPACE}", " ")

@@ -1,4 +1,4 @@
-"""What the engine did in the sweep of a page, beside a loop that computes each setting anew."""
+"""Cost of a page's sweep by the engine, beside a loop that computes each setting anew."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STORE = "sweep.zarr"
 
 @dataclass(frozen=True)
 class Alone:
-    """A setting by itself: arguments of `ncti-sweep`, and how to compare it with the sweep.
+    """A setting by itself: arguments of `ncti-sweep`, and its comparison with the sweep.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Twice:
 
     @property
     def computing(self) -> float:
-        """Processor time without that of starting and of writing the store and tables [s]."""
+        """Processor time, except of starting and of writing the store and tables [s]."""
         return self.cold.cpu - self.warm.cpu
 
 
@@ -97,7 +97,7 @@ def proven(
     list of Dataset
         The groups.
     Report
-        What the engine did.
+        Work of the engine.
 
     Raises
     ------
@@ -110,18 +110,18 @@ def proven(
 
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent, "sweep")
-        whole, found = swept_twice(overrides, folder), read(folder, groups)
-    each, compared = [], 0
-    for one in alone:
+        full, datasets = swept_twice(overrides, folder), read(folder, groups)
+    samples, compared = [], 0
+    for setting in alone:
         with tempfile.TemporaryDirectory() as parent:
             folder = Path(parent, "alone")
-            each.append(swept_twice(one.overrides, folder))
-            if one.same is not None:
-                if not one.same(found[0], *read(folder, groups[:1])):
-                    asked = " ".join(one.overrides)
-                    raise RuntimeError(f"`ncti-sweep {asked}` differs from the whole sweep")
+            samples.append(swept_twice(setting.overrides, folder))
+            if setting.same is not None:
+                if not setting.same(datasets[0], *read(folder, groups[:1])):
+                    arguments = " ".join(setting.overrides)
+                    raise RuntimeError(f"`ncti-sweep {arguments}` differs from the whole sweep")
                 compared += 1
-    return found, engine(overrides, settings, whole, each, compared)
+    return datasets, engine(overrides, settings, full, samples, compared)
 
 
 def engine(
@@ -142,8 +142,8 @@ def engine(
     compared : int
         How many of them were compared with the sweep.
     """
-    cells = settings * np.mean([one.cells for one in each])
-    seconds = np.array([one.computing for one in each])
+    cells = settings * np.mean([sample.cells for sample in each])
+    seconds = np.array([sample.computing for sample in each])
     mean, error = seconds.mean(), seconds.std(ddof=1) / np.sqrt(len(seconds))
     times = settings * mean / whole.computing
     run = whole.cold
@@ -175,5 +175,5 @@ def engine(
 
 
 def _rounded(value: float, digits: int) -> str:
-    """Return a number of so many digits, without an exponent."""
+    """Return a number to some significant digits, without an exponent."""
     return f"{float(f'{value:.{digits}g}'):,.16g}"

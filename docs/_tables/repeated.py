@@ -32,7 +32,9 @@ class Interval:
 
     def text(self, digits: int = 0, sign: str = "") -> str:
         """Return the figures as in `79 [78-81]`; a sign is shown with `+`."""
-        mean, low, high = (f"{one:{sign}.{digits}f}" for one in (self.mean, self.low, self.high))
+        mean, low, high = (
+            f"{figure:{sign}.{digits}f}" for figure in (self.mean, self.low, self.high)
+        )
         return f"{mean} [{low} to {high}]" if sign else f"{mean} [{low}-{high}]"
 
 
@@ -81,7 +83,7 @@ def listed(values: Sequence[float]) -> str:
 
 
 def aspects_of(learned: Sequence[float], fresh: int, seed: int) -> list[float]:
-    """Return the aspects of `grid.random_aspects` between the ends of learned ones, of a seed."""
+    """Return the random aspects of a seed between the ends of the learned ones."""
     drawn = drawn_aspects(min(learned), max(learned), fresh, seed)
     return sorted(set(drawn) - set(learned))
 
@@ -118,15 +120,15 @@ def swept_by_seed(
         For each seed, the groups at the learned aspects and at its own.
     """
     tests = [aspects_of(learned, fresh, seed) for seed in range(seeds)]
-    shown = sorted(set(learned).union(*tests))
-    chosen = [f"grid.aspect={listed(shown)}", f"classifier.training_aspect={listed(learned)}"]
-    whole = swept([*overrides, *chosen], groups, label=label, workers=workers)
+    aspects = sorted(set(learned).union(*tests))
+    chosen = [f"grid.aspect={listed(aspects)}", f"classifier.training_aspect={listed(learned)}"]
+    by_group = swept([*overrides, *chosen], groups, label=label, workers=workers)
     return [
         {
-            name: one.isel(aspect=np.isin(one.aspect.values, [*learned, *own]))
-            for name, one in whole.items()
+            name: dataset.isel(aspect=np.isin(dataset.aspect.values, [*learned, *aspects_tested]))
+            for name, dataset in by_group.items()
         }
-        for own in tests
+        for aspects_tested in tests
     ]
 
 
@@ -154,7 +156,7 @@ def swept_anew(
 
 
 def percent_of(correct: xr.DataArray, where: NDArray[np.bool_]) -> float:
-    """Return the percentage of (..., ship, aspect) answers that are right, at some aspects.
+    """Return the percentage of (..., ship, aspect) answers that are right at some aspects.
 
     Views with a negative answer were not asked.
     """
@@ -164,22 +166,22 @@ def percent_of(correct: xr.DataArray, where: NDArray[np.bool_]) -> float:
 
 def bins_of(aspect: ArrayLike, width: float = 30.0) -> dict[str, NDArray[np.bool_]]:
     """Return masks of aspects by bin: three of 30 degrees, and all together."""
-    at = np.asarray(aspect, dtype=np.float64)
-    index = np.minimum(at // width, 2)
+    angles = np.asarray(aspect, dtype=np.float64)
+    index = np.minimum(angles // width, 2)
     return {
         "0-30°": index == 0,
         "30-60°": index == 1,
         "60-90°": index == 2,
-        "overall": np.ones(at.shape, dtype=bool),
+        "overall": np.ones(angles.shape, dtype=bool),
     }
 
 
 def multiples(aspect: ArrayLike, step: float) -> NDArray[np.bool_]:
-    """Return where aspects are multiples of a step, as the learned ones are."""
+    """Return the mask of aspects that are multiples of a step, as the learned ones are."""
     steps = np.asarray(aspect, dtype=np.float64) / step
     return np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
 
 
 def at(answers: Array, **places: object) -> Array:
-    """Return answers at places of axes, of which those with one value may be missing."""
+    """Return answers at values of axes; axes without a dimension are ignored."""
     return answers.sel({name: value for name, value in places.items() if name in answers.dims})

@@ -1,4 +1,4 @@
-"""The article's tables over what it leaves open: what is fitted, judged and reached."""
+"""The article's tables over its unstated parameters: fits, checks and ranges."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CATEGORIES = {
 
 
 def settings_alone(count: int = 16) -> Iterator[Alone]:
-    """Yield settings at random: the first ones of other seeds."""
+    """Yield random settings: the first setting of other seeds."""
     for seed in range(1, count + 1):
         yield Alone((*EXPERIMENT, "reproduce.setting=1", f"seed={seed}"))
 
@@ -34,7 +34,7 @@ def settings_alone(count: int = 16) -> Iterator[Alone]:
 def measure(overrides: Sequence[str] = EXPERIMENT, part: Sequence[str] = PART) -> dict[str, Report]:
     """Return the reports of a sweep of settings: its figures, fits, parameters and engine.
 
-    Of the engine, part of the settings are computed anew.
+    The report of the engine computes part of the settings anew.
     """
     names = ("reproduction", "reproduction_fits", "reproduction_parameters")
     groups = ("reproduction", *(f"tables/{name}" for name in names))
@@ -54,18 +54,22 @@ def of_figures(figures: xr.Dataset, command: str) -> Report:
     rows: list[dict[str, Any]] = []
     names = [str(name).rpartition(", ")[0] for name in figures.figure.values]
     for name in dict.fromkeys(names):
-        here = figures.isel(figure=[k for k, one in enumerate(names) if one == name])
+        row_figures = figures.isel(
+            figure=[k for k, table_row in enumerate(names) if table_row == name]
+        )
         row = {
             "what": CATEGORIES.get(name, name),
-            "article": slashed(here.article.values),
-            "range": slashed(zip(here.least.values, here.largest.values, strict=True)),
-            "agreeing": slashed(100 * here.agreeing.values),
-            "nearest": slashed(here.nearest.values, ".1f"),
+            "article": slashed(row_figures.article.values),
+            "range": slashed(
+                zip(row_figures.least.values, row_figures.largest.values, strict=True)
+            ),
+            "agreeing": slashed(100 * row_figures.agreeing.values),
+            "nearest": slashed(row_figures.nearest.values, ".1f"),
         }
         for fit in SHOWN:
-            of = here.sel(fitted=fit)
-            ends = zip(of.percent_low.values, of.percent_high.values, strict=True)
-            row[fit] = f"{slashed(of.percent.values)} ({slashed(ends)})"
+            fitted = row_figures.sel(fitted=fit)
+            ends = zip(fitted.percent_low.values, fitted.percent_high.values, strict=True)
+            row[fit] = f"{slashed(fitted.percent.values)} ({slashed(ends)})"
         rows.append(row)
     return Report(
         "The article's figures beside those of settings",
@@ -93,16 +97,16 @@ def of_fits(fits: xr.Dataset, figures: int, command: str) -> Report:
         {
             "fitted": "none (prior)" if fit == "none" else fit,
             **{
-                f"table_{table}": f"{float(one.distance.sel(table=table)):.1f}"
-                f" ({float(one.best.sel(table=table)):.1f})"
+                f"table_{table}": f"{float(fitted.distance.sel(table=table)):.1f}"
+                f" ({float(fitted.best.sel(table=table)):.1f})"
                 + ("" if table in FITS[fit] else " *" if fit != "none" else "")
-                for table in one.table.values.tolist()
+                for table in fitted.table.values.tolist()
             },
-            "temperature": f"{float(one.temperature):.1f}",
-            "effective": f"{float(one.effective):.0f}",
+            "temperature": f"{float(fitted.temperature):.1f}",
+            "effective": f"{float(fitted.effective):.0f}",
         }
         for fit in FITS
-        for one in [fits.sel(fitted=fit)]
+        for fitted in [fits.sel(fitted=fit)]
     ]
     least = ", ".join(f"{value:.1f}" for value in fits.least.values)
     return Report(
@@ -123,29 +127,31 @@ def of_fits(fits: xr.Dataset, figures: int, command: str) -> Report:
 
 
 def of_parameters(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Dataset) -> Report:
-    """Return the parameters that posteriors say most of."""
+    """Return the parameters with the most informative posteriors."""
     information = parameters.information.sel(fitted=list(SHOWN))
     most = information.max("fitted")
     names = most.sortby(most, ascending=False).parameter.values[:LISTED]
     rows: list[dict[str, Any]] = []
     for name in map(str, names):
-        prior, here = PRIORS[name], parameters.sel(parameter=name)
+        prior, posteriors = PRIORS[name], parameters.sel(parameter=name)
         row = {"what": f"{prior.group}: {prior.label}"}
         if isinstance(prior, Choice):
             row["prior"] = ", ".join(map(str, prior.values)).replace("_", " ")
         else:
             row["prior"] = f"{number(prior.low)}–{number(prior.high)}"
         for fit in SHOWN:
-            one = here.sel(fitted=fit)
-            median, low, high = (float(one[key]) for key in ("median", "median_low", "median_high"))
+            posterior = posteriors.sel(fitted=fit)
+            median, low, high = (
+                float(posterior[key]) for key in ("median", "median_low", "median_high")
+            )
             if isinstance(prior, Choice):
-                places = settings.value.sel(parameter=name, setting=fits.setting).values
-                share = np.bincount(places.astype(int), fits.weight.sel(fitted=fit).values)
+                choices = settings.value.sel(parameter=name, setting=fits.setting).values
+                share = np.bincount(choices.astype(int), fits.weight.sel(fitted=fit).values)
                 word = str(prior.values[int(share.argmax())]).replace("_", " ")
-                shown = f"{word} {100 * share.max():.0f} %"
+                text = f"{word} {100 * share.max():.0f} %"
             else:
-                shown = f"{number(median)} ({number(low)}–{number(high)})"
-            row[fit] = f"{shown}; {float(one.information):.2f} bit"
+                text = f"{number(median)} ({number(low)}–{number(high)})"
+            row[fit] = f"{text}; {float(posterior.information):.2f} bit"
         rows.append(row)
     return Report(
         "Parameters that the article's tables say most of",

@@ -30,44 +30,44 @@ TILTS = ("mast_tilt", "waterline_tilt", "intensity_mast_tilt", "intensity_waterl
 def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1, 0.0)) -> Report:
     """Return the effect of a spread of the temperatures of ship and sea on silhouettes."""
     listed = ",".join(map(str, spreads))
-    both = [
-        *(f"infrared.{one}_spread=[{listed}]" for one in ("target", "sea")),
+    zipped = [
+        *(f"infrared.{target}_spread=[{listed}]" for target in ("target", "sea")),
         "grid.zip=[[target_spread,sea_spread]]",
     ]
-    alone = [*overrides, "grid.range=[25,50,100]", *both]
-    together = ["+experiment=fusion", "grid.frame_count=16", "infrared.frame_count=16", *both]
+    arguments = [*overrides, "grid.range=[25,50,100]", *zipped]
+    together = ["+experiment=fusion", "grid.frame_count=16", "infrared.frame_count=16", *zipped]
     groups = ("classification/acn_infrared", "tables/detection")
-    answers, detected = swept(alone, groups).values()
+    answers, detected = swept(arguments, groups).values()
     (fused,) = swept(together, ["classification/fusion"]).values()
     rows: list[dict[str, Any]] = []
 
     def add(what: str, correct: xr.DataArray) -> dict[str, Any]:
         row = {"what": what}
         for value in spreads:
-            one = correct.isel(
+            chosen = correct.isel(
                 {axis_of(correct): np.flatnonzero(correct.target_spread == value)[0]}
             )
-            row[f"bins_{value:g}"] = with_errors(*mean_and_error(percent(one)))
-            row[f"all_{value:g}"] = with_errors(*mean_and_error(overall(one)))
+            row[f"bins_{value:g}"] = with_errors(*mean_and_error(percent(chosen)))
+            row[f"all_{value:g}"] = with_errors(*mean_and_error(overall(chosen)))
         rows.append(row)
         return row
 
     for km in answers.range.values:
         for way in answers.super_resolution.values if km > 25 else ("none",):
-            one = answers.correct.sel(range=km, super_resolution=way)
-            row = add(f"ACN, {km:g} km, {way}", one.squeeze(drop=True))
+            selected = answers.correct.sel(range=km, super_resolution=way)
+            row = add(f"ACN, {km:g} km, {way}", selected.squeeze(drop=True))
             for value in spreads if way == "none" else ():
-                found = detected.probability.sel(range=km, aspect_bin="overall")
-                at = {axis_of(found): np.flatnonzero(found.target_spread == value)[0]}
-                row[f"found_{value:g}"] = f"{100 * float(found.isel(at).mean()):.0f}"
+                share = detected.probability.sel(range=km, aspect_bin="overall")
+                index = {axis_of(share): np.flatnonzero(share.target_spread == value)[0]}
+                row[f"found_{value:g}"] = f"{100 * float(share.isel(index).mean()):.0f}"
     far = fused.correct.sel(range=100)
     for way in ("none", "shifted"):
         for channel in far.channel.values:
             if channel != "range" or way == "none":
-                what = {"range": "profile"}.get(channel, f"{channel}, {way}")
-                one = far.sel(channel=channel, super_resolution=way).squeeze(drop=True)
-                add(f"likelihood of {what}, 100 km", one)
-    named = [
+                channel_words = {"range": "profile"}.get(channel, f"{channel}, {way}")
+                selected = far.sel(channel=channel, super_resolution=way).squeeze(drop=True)
+                add(f"likelihood of {channel_words}, 100 km", selected)
+    headings = [
         *(("bins", "0-27° / 30-57° / 60-90° [%]"), ("all", "overall [%]")),
         ("found", "detected [%]"),
     ]
@@ -78,12 +78,12 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
             *(
                 Column(f"{key}_{value:g}", f"{value:g} K: {heading}")
                 for value in spreads
-                for key, heading in named
+                for key, heading in headings
             ),
         ),
         rows,
         [
-            f"`ncti-sweep {' '.join(alone)}` and `ncti-sweep {' '.join(together)}`. Percent "
+            f"`ncti-sweep {' '.join(arguments)}` and `ncti-sweep {' '.join(together)}`. Percent "
             "correct ± two standard errors of the mean over draws."
         ],
     )
@@ -112,20 +112,20 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
     for name, learned, random in zip(groups, regular, drawn, strict=True):
         new = ~np.isin(random.aspect.values, learned.aspect.values)
         for km in np.atleast_1d(learned.range.values):
-            what = name.partition("/")[2].replace("_infrared", " on silhouettes")
-            row = {"what": f"{what}, {km:g} km"}
-            of = {
+            classifier_words = name.partition("/")[2].replace("_infrared", " on silhouettes")
+            row = {"what": f"{classifier_words}, {km:g} km"}
+            answers = {
                 "off": learned.correct,
                 "random": random.correct.isel(aspect=new),
             }
             if "learn_in_test" in learned.dims:
-                of["on"] = learned.correct.sel(learn_in_test=True)
-                of["off"] = learned.correct.sel(learn_in_test=False)
-            for key, correct in of.items():
-                one = correct.sel(range=km) if "range" in correct.dims else correct
-                one = one.squeeze(drop=True)
-                row[key] = with_errors(*mean_and_error(percent(one)))
-                row[key] += "; overall " + with_errors(*mean_and_error(overall(one)))
+                answers["on"] = learned.correct.sel(learn_in_test=True)
+                answers["off"] = learned.correct.sel(learn_in_test=False)
+            for key, correct in answers.items():
+                chosen = correct.sel(range=km) if "range" in correct.dims else correct
+                chosen = chosen.squeeze(drop=True)
+                row[key] = with_errors(*mean_and_error(percent(chosen)))
+                row[key] += "; overall " + with_errors(*mean_and_error(overall(chosen)))
             rows.append(row)
     return Report(
         "Training aspects and aspects absent from training",
@@ -161,10 +161,13 @@ def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
         row = {"what": f"correlation with the noiseless {ship}"}
         model = flights.profile.sel(ship=ship, source="noiseless").isel(replicate=0)
         for flown in ("duncan", "roberts"):
-            own = flights.profile.sel(ship=flown, source="noiseless").isel(replicate=0)
-            row[f"model_{flown}"] = f"{alike(own.values, model.values):.3f}"
-            seen = flights.profile.sel(ship=flown, source="measured")
-            likeness = [alike(one.values, model.values) for one in seen.transpose("replicate", ...)]
+            noiseless = flights.profile.sel(ship=flown, source="noiseless").isel(replicate=0)
+            row[f"model_{flown}"] = f"{alike(noiseless.values, model.values):.3f}"
+            measured = flights.profile.sel(ship=flown, source="measured")
+            likeness = [
+                alike(profile.values, model.values)
+                for profile in measured.transpose("replicate", ...)
+            ]
             row[f"flight_{flown}"] = small(xr.DataArray(likeness, dims="replicate"), 3)
         rows.append(row)
     for name in TILTS:
@@ -201,7 +204,7 @@ def components(ship: str) -> set[str]:
 
 
 def small(draws: xr.DataArray, digits: int = 2) -> str:
-    """Mean of some draws with two standard errors."""
+    """Return the mean of some draws with two standard errors."""
     mean, error = mean_and_error(draws)
     return f"{float(mean):+.{digits}f} ± {2 * float(error):.{digits}f}"
 
@@ -224,14 +227,14 @@ def figures(replicates: int = 8) -> Report:
     silhouettes_of = [*INFRARED, "grid.range=25", "infrared.super_resolution=none"]
     profiles, formed = swept(profiles_of, ["range_profile", "classification/acn"]).values()
     (clustered,) = swept(silhouettes_of, ["classification/acn_infrared"]).values()
-    profiles, formed = (one.squeeze(drop=True) for one in (profiles, formed))
+    profiles, formed = (dataset.squeeze(drop=True) for dataset in (profiles, formed))
     expected = xr.apply_ufunc(
         profile_vector,
         profiles.expected.sel(target_free_ifovs=4000),
         input_core_dims=[["down_range"]],
         output_core_dims=[["down_range"]],
     )
-    said = [
+    statements = [
         sensor(),
         depths(expected.sel(ship="duncan")),
         likeness(expected.sel(aspect=30)),
@@ -243,7 +246,7 @@ def figures(replicates: int = 8) -> Report:
     return Report(
         "The article's statements on its figures, and ours measured",
         tuple(Column(name, name) for name in names),
-        [dict(zip(names, one, strict=True)) for one in said],
+        [dict(zip(names, statement, strict=True)) for statement in statements],
         [
             f"`ncti-sweep {' '.join(profiles_of)}`, `ncti-sweep {' '.join(silhouettes_of)}`. "
             f"30 ns, 100 km and 16 frames unless stated; noise: {replicates} draws; Figure 19: "
@@ -254,18 +257,18 @@ def figures(replicates: int = 8) -> Report:
 
 
 def depths(profiles: xr.DataArray) -> Said:
-    """Return what Figure 3 shows of a ship's expected profiles from bow to beam."""
-    found = [depth(profiles.sel(aspect=aspect)) for aspect in (0, 30, 60, 90)]
+    """Return the statement of Figure 3 on a ship's expected profiles from bow to beam."""
+    lengths = [depth(profiles.sel(aspect=aspect)) for aspect in (0, 30, 60, 90)]
     return (
         "Figure 3",
         "depth of the Duncan at 0, 30, 60, 90°, above 5 % of the peak",
         "deep at the bow, little abeam",
-        ", ".join(f"{one:g}" for one in found) + " m",
+        ", ".join(f"{length:g}" for length in lengths) + " m",
     )
 
 
 def likeness(profiles: xr.DataArray) -> Said:
-    """Return what Figure 4 shows of the (ship, down_range) expected profiles at one aspect."""
+    """Return the statement of Figure 4 on (ship, down_range) expected profiles at one aspect."""
     pairs = np.corrcoef(profiles.values)[np.triu_indices(len(profiles), 1)]
     return (
         "Figure 4",
@@ -276,7 +279,7 @@ def likeness(profiles: xr.DataArray) -> Said:
 
 
 def noise(profiles: xr.Dataset) -> Said:
-    """Return what Figure 5 shows of averages of a view, by number of frames."""
+    """Return the statement of Figure 5 on averages of a view, by number of frames."""
     peak = profiles.expected.max("down_range") - profiles.expected.min("down_range")
     off = (profiles.averaged - profiles.expected) ** 2
     rms = 100 * np.sqrt(off.mean(("replicate", "down_range"))) / peak
@@ -293,15 +296,15 @@ def noise(profiles: xr.Dataset) -> Said:
 
 
 def shared_categories(formed: xr.Dataset) -> Said:
-    """Return what Figure 19 shows of views in categories that ships share, by aspect."""
+    """Return the statement of Figure 19 on views in categories that ships share, by aspect."""
     first = []
     for ship in formed.ship.values:
         confused = formed.training_confused.sel(ship=ship) == 1
         aspects = formed.aspect.values[confused.values]
         first.append(f"{ship} {aspects.min():g}°" if aspects.size else f"{ship} none")
     before, beyond = (
-        100 * float((formed.training_confused.isel(aspect=where) == 1).mean())
-        for where in (formed.aspect.values < 50, formed.aspect.values >= 50)
+        100 * float((formed.training_confused.isel(aspect=mask) == 1).mean())
+        for mask in (formed.aspect.values < 50, formed.aspect.values >= 50)
     )
     return (
         "Figure 19",
@@ -312,7 +315,7 @@ def shared_categories(formed: xr.Dataset) -> Said:
 
 
 def shared_by_bin(formed: xr.Dataset) -> Said:
-    """Return what Figure 20 shows of views in categories that ships share, by aspect bin."""
+    """Return the statement of Figure 20 on views in categories that ships share, by bin."""
     share = percent((formed.training_confused == 1).where(formed.training_confused >= 0, -1))
     return (
         "Figure 20",
@@ -323,19 +326,21 @@ def shared_by_bin(formed: xr.Dataset) -> Said:
 
 
 def depth(profile: xr.DataArray) -> float:
-    """Distance between the ends of a profile above 5 % of its peak [m]."""
-    there = profile.down_range.values[profile.values > 0.05 * float(profile.max())]
-    return float(there.max() - there.min())
+    """Return the distance between the ends of a profile above 5 % of its peak [m]."""
+    above = profile.down_range.values[profile.values > 0.05 * float(profile.max())]
+    return float(above.max() - above.min())
 
 
 def sensor() -> Said:
-    """Return Table 1 at 50 and 100 km, from its attenuations and its contrast at 25 km alone."""
+    """Return Table 1 at 50 and 100 km, from its attenuations and its contrast at 25 km."""
     table = article_figures()["table1_sensor"]["ranges"]
-    loss = {km: float(one["attenuation_db"]) for km, one in table.items()}
+    loss = {km: float(entry["attenuation_db"]) for km, entry in table.items()}
     contrast = {
         km: float(table[25]["contrast_k"]) * 10 ** ((loss[25] - loss[km]) / 20) for km in loss
     }
     pairs = [f"{contrast[km]:.2f} K, {(contrast[km] / 0.1) ** 2:.1f}" for km in (50, 100)]
     printed = [f"{table[km]['contrast_k']} K, {table[km]['snr']}" for km in (50, 100)]
-    what = "contrast and SNR at 50; 100 km from the contrast at 25 km, the attenuation and 0.1 K"
-    return "Table 1", what, "; ".join(printed), "; ".join(pairs)
+    quantities = (
+        "contrast and SNR at 50; 100 km from the contrast at 25 km, the attenuation and 0.1 K"
+    )
+    return "Table 1", quantities, "; ".join(printed), "; ".join(pairs)

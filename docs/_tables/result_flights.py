@@ -58,8 +58,8 @@ def text_of(draws: xr.DataArray, digits: int, bounds: tuple[float, float]) -> st
 
 def joined(flights: Mapping[str, xr.Dataset], name: str, **places: float) -> xr.DataArray:
     """Return a figure of all ships, (ship, replicate)."""
-    found = [at(flight[name], **places).squeeze(drop=True) for flight in flights.values()]
-    return xr.concat(found, "ship")
+    figures = [at(flight[name], **places).squeeze(drop=True) for flight in flights.values()]
+    return xr.concat(figures, "ship")
 
 
 def heading(draws: int) -> str:
@@ -68,7 +68,7 @@ def heading(draws: int) -> str:
 
 
 def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
-    """Return landmarks of near-stern profiles, and how far all profiles resemble noiseless ones."""
+    """Return landmarks of near-stern profiles, and the likeness of all to noiseless profiles."""
     nominal = ASSUMED["nothing"]
     duncan, roberts = at(flights["duncan"], **nominal), flights["roberts"]
     columns = {
@@ -79,16 +79,16 @@ def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         "with masts x 3*": at(roberts, **ASSUMED["masts x 3*"], source="measured"),
     }
     rows: list[dict[str, Any]] = []
-    for label, name, digits, said in (
+    for label, name, digits, words in (
         ("stern to hangar [m]", "stern_to_hangar", 1, "same"),
         ("transom over hangar", "transom_ratio", 2, "large, none"),
         ("spikes of the flight deck", "deck_spikes", 1, "three, none"),
         ("main mast past hangar [m]", "mast_position", 1, "same"),
         ("main mast over hangar", "mast_ratio", 2, "less, more"),
     ):
-        row = {"what": label, "said": said}
-        for key, one in columns.items():
-            row[key] = text_of(one[name], digits, (0, np.inf))
+        row = {"what": label, "said": words}
+        for key, flights_of in columns.items():
+            row[key] = text_of(flights_of[name], digits, (0, np.inf))
         rows.append(row)
     draws = roberts.sizes["replicate"]
     likeness = []
@@ -122,20 +122,20 @@ def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
 
 
 def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
-    """Return tilts left in corrected images, by the images that they are fitted to and clutter."""
+    """Return the remaining tilts of corrected images, by fitted images and clutter."""
     draws = next(iter(flights.values())).sizes["replicate"]
 
     def leaning(name: str, clutter: float) -> str:
         """Return the root mean square of each draw, and the largest of all flights."""
-        found = joined(flights, name, clutter=clutter)
-        rms = (found**2).mean("ship") ** 0.5
-        return f"{text_of(rms, 2, (0, np.inf))}; {float(abs(found).max()):.2f}"
+        tilt = joined(flights, name, clutter=clutter)
+        rms = (tilt**2).mean("ship") ** 0.5
+        return f"{text_of(rms, 2, (0, np.inf))}; {float(abs(tilt).max()):.2f}"
 
     channels = {"": "both images", "intensity_": "intensity alone"}
     columns = {
-        f"{channel}{what}_tilt": f"{what}, {said}"
-        for what in ("mast", "waterline")
-        for channel, said in channels.items()
+        f"{channel}{mark}_tilt": f"{mark}, {words}"
+        for mark in ("mast", "waterline")
+        for channel, words in channels.items()
     }
     rows = [
         {"what": f"clutter of {clutter:g} K"} | {name: leaning(name, clutter) for name in columns}
@@ -143,34 +143,34 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     ]
     rows[0]["what"] = "calm sea"
     still = {"what": "no noise"}
-    for what in ("mast", "waterline"):
-        still[f"{what}_tilt"] = leaning(f"noiseless_{what}_tilt", 0)
+    for mark in ("mast", "waterline"):
+        still[f"{mark}_tilt"] = leaning(f"noiseless_{mark}_tilt", 0)
     title = (
         f"root mean square tilt [°], {heading(draws)}; largest of {len(flights) * draws} flights"
     )
     return {
         "tilts": Report(
             "Tilts left in images of simulated flights",
-            (Column("what", title), *(Column(name, said) for name, said in columns.items())),
+            (Column("what", title), *(Column(name, words) for name, words in columns.items())),
             [*rows, still],
         )
     }
 
 
 def chains(flights: xr.Dataset) -> dict[str, Report]:
-    """Return what the chain of corrections printed in the article costs."""
+    """Return the cost of the chain of corrections printed in the article."""
     rows = []
     for label, chain in (
         ("exact", "exact"),
         ("as printed, f the line rate", "printed"),
         ("as printed, f the pulse rate", "printed_pulse_rate"),
     ):
-        one = flights.sel(chain=chain).squeeze(drop=True)
+        chain_flights = flights.sel(chain=chain).squeeze(drop=True)
         rows.append(
             {
                 "what": label,
-                "correlation": text_of(one.profile_correlation, 3, (-1, 1)),
-                "tilt": text_of(abs(one.mast_tilt), 1, (0, 90)),
+                "correlation": text_of(chain_flights.profile_correlation, 3, (-1, 1)),
+                "tilt": text_of(abs(chain_flights.mast_tilt), 1, (0, 90)),
             }
         )
     return {
@@ -187,16 +187,16 @@ def chains(flights: xr.Dataset) -> dict[str, Report]:
 
 
 def sensitivity(flights: xr.Dataset) -> dict[str, Report]:
-    """Return correlations with the noiseless profile where a parameter of the flight is wrong."""
+    """Return correlations with the noiseless profile by error of a flight parameter."""
     flights = flights.squeeze(drop=True)
     pairs = list(zip(flights.error_parameter.values, flights.error_value.values, strict=True))
     rows = []
     for name, value in (("none", 0.0), *WRONG):
-        one = flights.profile_correlation.isel(error=pairs.index((name, value)))
-        said = f"{name.replace('_', ' ')} {value:+g}{UNITS.get(name, '°')}"
-        row = {"what": said if value else "none"}
+        correlation = flights.profile_correlation.isel(error=pairs.index((name, value)))
+        error = f"{name.replace('_', ' ')} {value:+g}{UNITS.get(name, '°')}"
+        row = {"what": error if value else "none"}
         for key, focused in (("plain", False), ("focused", True)):
-            row[key] = text_of(one.sel(autofocus=focused), 2, (-1, 1))
+            row[key] = text_of(correlation.sel(autofocus=focused), 2, (-1, 1))
         rows.append(row)
     return {
         "sensitivity": Report(
@@ -212,7 +212,7 @@ def sensitivity(flights: xr.Dataset) -> dict[str, Report]:
 
 
 def measured(answers: xr.Dataset) -> dict[str, Report]:
-    """Return how often profiles of simulated flights are identified, beside synthetic ones."""
+    """Return percent correct for profiles of simulated flights, beside synthetic ones."""
     answers = answers.squeeze(drop=True)
     draws = answers.sizes["replicate"]
     # Ships that were not flown past have no answers of flights.
@@ -220,15 +220,15 @@ def measured(answers: xr.Dataset) -> dict[str, Report]:
     correct = answers.ship_correct.where(answers.ship_correct >= 0)
     shares = 100 * correct.isel(ship=flown.all("classifier").values).mean(["ship", "aspect"])
     rows = [
-        {"kind": said}
+        {"kind": words}
         | {name: text_of(shares.sel(kind=kind, classifier=name), 0, (0, 100)) for name in LEARNERS}
-        for kind, said in KINDS.items()
+        for kind, words in KINDS.items()
     ]
     title = f"percent correct at 30 ns, {heading(draws)}"
     return {
         "measured": Report(
             "Profiles of simulated flights, identified after synthetic training",
-            (Column("kind", title), *(Column(name, said) for name, said in LEARNERS.items())),
+            (Column("kind", title), *(Column(name, words) for name, words in LEARNERS.items())),
             rows,
         )
     }

@@ -21,11 +21,11 @@ def learners(found: Answers) -> dict[str, Report]:
         "MNN, ship alone": [],
         "random forest of raw averages, which show gain and floor": [],
     }
-    for seed, one in enumerate(found):
-        answers = one["classification/mnn"]
+    for seed, groups in enumerate(found):
+        answers = groups["classification/mnn"]
         new = ~multiples(answers.aspect.values, STEP)
         bins = {name: mask & new for name, mask in bins_of(answers.aspect.values).items()}
-        forest = forest_answers(one["range_profile"].averaged, learned=~new, seed=seed)
+        forest = forest_answers(groups["range_profile"].averaged, learned=~new, seed=seed)
         for rows, correct in zip(
             shares.values(), (answers.correct, answers.ship_correct, forest), strict=True
         ):
@@ -49,20 +49,22 @@ def forest_answers(
 ) -> xr.DataArray:
     """Return (replicate, ship, aspect) answers, 1 where right, of a random forest.
 
-    It learns the averages at some aspects, all draws of the noise, as they are; answers there
+    It learns the raw averages of all draws of the noise at some aspects; answers there
     are -1.
     """
     # Imported here because scikit-learn takes a second.
     from sklearn.ensemble import RandomForestClassifier
 
     views = ("replicate", "ship", "aspect")
-    seen = averaged.squeeze(drop=True).transpose(*views, "down_range")
-    ship = np.broadcast_to(np.arange(seen.sizes["ship"])[:, None], seen.shape[:-1])
+    inputs = averaged.squeeze(drop=True).transpose(*views, "down_range")
+    ship = np.broadcast_to(np.arange(inputs.sizes["ship"])[:, None], inputs.shape[:-1])
     forest = RandomForestClassifier(TREES, random_state=seed)
-    forest.fit(seen.values[:, :, learned].reshape(-1, seen.shape[-1]), ship[..., learned].ravel())
-    answers = seen.isel(down_range=0, drop=True).astype(np.float64)
+    forest.fit(
+        inputs.values[:, :, learned].reshape(-1, inputs.shape[-1]), ship[..., learned].ravel()
+    )
+    answers = inputs.isel(down_range=0, drop=True).astype(np.float64)
     answers[:] = -1.0
-    asked = seen.values[:, :, ~learned]
-    found = forest.predict(asked.reshape(-1, asked.shape[-1])).reshape(asked.shape[:-1])
-    answers.values[:, :, ~learned] = found == ship[..., ~learned]
+    tests = inputs.values[:, :, ~learned]
+    predicted = forest.predict(tests.reshape(-1, tests.shape[-1])).reshape(tests.shape[:-1])
+    answers.values[:, :, ~learned] = predicted == ship[..., ~learned]
     return answers

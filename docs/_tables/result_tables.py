@@ -48,8 +48,8 @@ def shares(
 ) -> list[float]:
     """Return percent correct of each seed in a bin of aspects, at new or at learned ones."""
     percentages = []
-    for one in found:
-        correct = at(one[group].correct, **(places or {}))
+    for groups in found:
+        correct = at(groups[group].correct, **(places or {}))
         chosen = bins_of(correct.aspect.values)[name]
         chosen = chosen & (multiples(correct.aspect.values, STEP) == learned)
         percentages.append(percent_of(correct, chosen))
@@ -72,21 +72,21 @@ def new_aspects(found: Answers) -> dict[str, Report]:
     for km in RANGES:
         for label, classifier, places in ROWS:
             group = f"classification/{classifier}"
-            where = {"range": km, "template_spacing": STEP, **places}
+            setting = {"range": km, "template_spacing": STEP, **places}
             row: dict[str, Any] = {"what": f"{km} km: {label}"}
             for name in names:
                 views = views_of(found, group, name)
-                row[name] = text_of(shares(found, group, name, where), views=views)
-            learned = shares(found, group, "overall", where, learned=True)
+                row[name] = text_of(shares(found, group, name, setting), views=views)
+            learned = shares(found, group, "overall", setting, learned=True)
             row["learned"] = f"{np.mean(learned):.0f}"
             rows.append(row)
-    for label, kept in (
+    for label, source_row in (
         ("profile, likelihood", "profile, likelihood"),
         ("profile, ACN", "profile, ACN"),
         ("silhouette, nearest template", "silhouette, nearest template"),
     ):
         found_rows = [
-            next(row for row in rows if row["what"] == f"{km} km: {kept}") for km in RANGES
+            next(row for row in rows if row["what"] == f"{km} km: {source_row}") for km in RANGES
         ]
         summary.append(
             {"what": label}
@@ -114,11 +114,11 @@ def new_aspects(found: Answers) -> dict[str, Report]:
 
 def with_known(summary: Report, known: Report) -> Report:
     """Return the table of the README with rows of classifiers that know gain and floor."""
-    kept = ("the same, gain and floor known",)
+    listed = ("the same, gain and floor known",)
     rows = [
         {"what": row["what"], f"{RANGES[-1]} km": row["overall"]}
         for row in known.rows
-        if row["what"] in kept
+        if row["what"] in listed
     ]
     return replace(summary, rows=[summary.rows[0], *rows, *summary.rows[1:]])
 
@@ -133,11 +133,11 @@ def spacings(found: Answers) -> Report:
             group = f"classification/{classifier}"
             row: dict[str, Any] = {"what": f"{km} km: {label}"}
             for spacing in SPACINGS:
-                where = {"range": km, "template_spacing": spacing, **places}
+                setting = {"range": km, "template_spacing": spacing, **places}
                 for name in ("60-90°", "overall"):
                     views = views_of(found, group, name)
                     row[f"{spacing:g} {name}"] = text_of(
-                        shares(found, group, name, where), views=views
+                        shares(found, group, name, setting), views=views
                     )
             rows.append(row)
     return Report(
@@ -155,9 +155,9 @@ def spacings(found: Answers) -> Report:
 
 
 def fusion(found: Answers, shifted: Answers) -> Report:
-    """Return what both sensors gain over the better one, in the same draws.
+    """Return the gain of both sensors over the better one, in the same draws.
 
-    Of all ranges, and at 100 km of images super-resolved from shifted frames.
+    At all ranges, and at 100 km also with images super-resolved from shifted frames.
     """
     rows = []
     names = ("0-30°", "30-60°", "60-90°")
@@ -165,16 +165,18 @@ def fusion(found: Answers, shifted: Answers) -> Report:
     for label, of_look, km in [*looks, ("100 km, 4 x 16 shifted frames", shifted, 100)]:
         row: dict[str, Any] = {"what": label}
         for spacing in SPACINGS:
-            where: dict[str, object] = {"range": km, "template_spacing": spacing}
+            setting: dict[str, object] = {"range": km, "template_spacing": spacing}
             for name in names:
-                of = {
+                percent = {
                     channel: np.array(
-                        shares(of_look, "classification/fusion", name, where | {"channel": channel})
+                        shares(
+                            of_look, "classification/fusion", name, setting | {"channel": channel}
+                        )
                     )
                     for channel in ("range", "infrared", "both")
                 }
-                better = max(("range", "infrared"), key=lambda one: of[one].mean())
-                gain = over_seeds(of["both"] - of[better], bounds=(-100.0, 100.0))
+                better = max(("range", "infrared"), key=lambda channel: percent[channel].mean())
+                gain = over_seeds(percent["both"] - percent[better], bounds=(-100.0, 100.0))
                 row[f"{spacing:g} {name}"] = gain.text(1, "+")
         rows.append(row)
     return Report(
@@ -195,7 +197,7 @@ CHANNELS = {"profile": "range", "silhouette": "infrared", "both": "both"}
 
 
 def sensors(near: Answers, far: Answers) -> dict[str, Report]:
-    """Return the table of profile, silhouette and both where each carries information.
+    """Return the table of profile, silhouette and both, where each carries information.
 
     At 25 km with sparse templates, and at 100 km with images of shifted frames.
     """
@@ -205,18 +207,22 @@ def sensors(near: Answers, far: Answers) -> dict[str, Report]:
         (f"100 km, 4 x 16 shifted frames, templates every {spacing:g}°", far, 100, spacing)
         for spacing in SPACINGS
     ]
-    for label, found, km, spacing in cases:
+    for label, answers, km, spacing in cases:
         for name in ("0-30°", "30-60°", "60-90°", "overall"):
-            where: dict[str, object] = {"range": km, "template_spacing": spacing}
-            views = views_of(found, "classification/fusion", name)
-            of = {
-                title: shares(found, "classification/fusion", name, where | {"channel": channel})
+            setting: dict[str, object] = {"range": km, "template_spacing": spacing}
+            views = views_of(answers, "classification/fusion", name)
+            percent = {
+                title: shares(
+                    answers, "classification/fusion", name, setting | {"channel": channel}
+                )
                 for title, channel in CHANNELS.items()
             }
             row = {"what": f"{label}: {name}"}
-            row |= {title: text_of(values, views=views) for title, values in of.items()}
-            better = max(("profile", "silhouette"), key=lambda one: float(np.mean(of[one])))
-            gain = np.array(of["both"]) - np.array(of[better])
+            row |= {title: text_of(values, views=views) for title, values in percent.items()}
+            better = max(
+                ("profile", "silhouette"), key=lambda title: float(np.mean(percent[title]))
+            )
+            gain = np.array(percent["both"]) - np.array(percent[better])
             row["gain"] = over_seeds(gain, bounds=(-100.0, 100.0)).text(1, "+")
             rows.append(row)
     columns = (
@@ -270,17 +276,19 @@ KNOWLEDGE = {
 def places(found: Mapping[str, Answers]) -> dict[str, Report]:
     """Return percent correct, log loss and calibration error by the places of templates."""
     rows: list[dict[str, Any]] = []
-    for known, where in KNOWLEDGE.items():
+    for known, sigmas in KNOWLEDGE.items():
         correct, loss, calibration = (
             {"what": f"{known}: {name}"}
             for name in ("percent correct", "log loss", "calibration error, all seeds together")
         )
         for label, answers in found.items():
-            groups = [one["classification/likelihood"] for one in answers]
-            of_seed = [confidence([group], where) for group in groups]
-            correct[label] = text_of([100 * float(one.accuracy.fraction[-1]) for one in of_seed])
-            loss[label] = over_seeds([one.log_loss for one in of_seed]).text(2)
-            calibration[label] = f"{confidence(groups, where).ece:.2f}"
+            groups = [by_group["classification/likelihood"] for by_group in answers]
+            of_seed = [confidence([group], sigmas) for group in groups]
+            correct[label] = text_of(
+                [100 * float(scores.accuracy.fraction[-1]) for scores in of_seed]
+            )
+            loss[label] = over_seeds([scores.log_loss for scores in of_seed]).text(2)
+            calibration[label] = f"{confidence(groups, sigmas).ece:.2f}"
         rows += [correct, loss, calibration]
     title = f"100 km, mean of {len(next(iter(found.values())))} seeds [95 % interval]"
     columns = (Column("what", title), *(Column(label, label) for label in found))
@@ -292,38 +300,42 @@ def confidence(several: Sequence[xr.Dataset], where: Mapping[str, object]) -> Sc
     parts: list[tuple[NDArray[Any], ...]] = []
     for answers in several:
         new = answers.isel(aspect=~multiples(answers.aspect.values, STEP))
-        named, true, similarity = (
+        predicted, true, similarity = (
             at(new[name], **where).transpose("ship", "aspect", ...).values.reshape(-1)
             for name in ("predicted", "probability", "similarity")
         )
         ship, aspect = np.indices((new.sizes["ship"], new.sizes["aspect"])).reshape(2, -1)
-        # The store has the probabilities of the true ship and of that named; others share the rest.
-        others = new.sizes["ship"] - 1 - (named != ship)
-        rest = np.maximum(1 - similarity - np.where(named == ship, 0, true), 0) / others
-        likely = np.repeat(rest[:, None], new.sizes["ship"], axis=1)
+        # The store has the probabilities of the true and the predicted ship; others share the rest.
+        other_ships = new.sizes["ship"] - 1 - (predicted != ship)
+        remainder = (
+            np.maximum(1 - similarity - np.where(predicted == ship, 0, true), 0) / other_ships
+        )
+        likely = np.repeat(remainder[:, None], new.sizes["ship"], axis=1)
         likely[np.arange(len(ship)), ship] = true
-        likely[np.arange(len(ship)), named] = similarity
+        likely[np.arange(len(ship)), predicted] = similarity
         likely /= likely.sum(axis=1, keepdims=True)
         parts.append((new.ship.values[ship], likely, new.aspect.values[aspect]))
     true_ships, likely, aspects = map(np.concatenate, zip(*parts, strict=True))
-    of = {"classes": several[0].ship.values.tolist(), "aspect": aspects}
-    return score(true_ships, likely, groups=np.arange(len(aspects)), **of)
+    options = {"classes": several[0].ship.values.tolist(), "aspect": aspects}
+    return score(true_ships, likely, groups=np.arange(len(aspects)), **options)
 
 
 TRACKS = (10, 5, 2, 0)  # standard deviations of a tracker's aspect [deg]
 
 
 def tracked(found: Answers, with_track: Answers) -> dict[str, Report]:
-    """Return the table of what a track of a stated error buys, with gain and floor known or not."""
+    """Return the table of the benefit of a track, by its error and by prior knowledge."""
     group, rows = "classification/likelihood", []
     for spacing in (STEP, 4 * STEP):
         for label, knowledge in KNOWLEDGE.items():
-            where: dict[str, object] = {"template_spacing": spacing, **knowledge}
+            setting: dict[str, object] = {"template_spacing": spacing, **knowledge}
             views = views_of(found, group, "overall")
             row = {"what": f"templates every {spacing:g}°: {label}"}
-            row["no track"] = text_of(shares(found, group, "overall", where), views=views)
+            row["no track"] = text_of(shares(found, group, "overall", setting), views=views)
             for sigma in TRACKS:
-                percentages = shares(with_track, group, "overall", where | {"aspect_sigma": sigma})
+                percentages = shares(
+                    with_track, group, "overall", setting | {"aspect_sigma": sigma}
+                )
                 row[f"{sigma}°"] = text_of(percentages, views=views)
             rows.append(row)
     title = f"percent correct at 100 km, mean of {len(found)} seeds [95 % interval]"
@@ -373,7 +385,7 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         ),
         ("maximum likelihood, gain known, 16 frames", at(likelihood, frame_count=16, gain_sigma=0)),
     ]
-    seen = at(found["classification/acn_infrared"].correct, **still)
+    silhouette_answers = at(found["classification/acn_infrared"].correct, **still)
     silhouettes = []
     for label, km, way in (
         ("25 km", 25, "none"),
@@ -384,8 +396,8 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         ("100 km, 2x from shifted frames, 4 x 16 of them", 100, "shifted"),
         ("100 km", 100, "none"),
     ):
-        silhouettes.append((label, at(seen, range=km, super_resolution=way)))
-    made = {}
+        silhouettes.append((label, at(silhouette_answers, range=km, super_resolution=way)))
+    reports = {}
     for name, title, rows in (
         ("protocol", "Learned aspects, the article's protocol", profiles),
         ("silhouettes", "Silhouettes, the article's protocol", silhouettes),
@@ -396,16 +408,16 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
             *(Column(source_bin, source_bin) for source_bin in SOURCE_BINS),
         )
         masks = dict(zip(SOURCE_BINS, bins_of([0.0]), strict=True))
-        made[name] = Report(
+        reports[name] = Report(
             title,
             columns,
             [
                 {"what": label}
-                | {shown: text_of(of_seeds(correct, masks[shown])) for shown in SOURCE_BINS}
+                | {span: text_of(of_seeds(correct, masks[span])) for span in SOURCE_BINS}
                 for label, correct in rows
             ],
         )
-    return made
+    return reports
 
 
 def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
@@ -415,8 +427,8 @@ def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     width = [int(value) for value in category.pulse_width.values]
     row: dict[str, Any] = {"what": "here"}
     for ns in width:
-        of = category.sel(pulse_width=ns)
-        of_seed = [float(of.sel(seed=seed).mean()) for seed in of.seed.values]
+        counts = category.sel(pulse_width=ns)
+        of_seed = [float(counts.sel(seed=seed).mean()) for seed in counts.seed.values]
         row[str(ns)] = over_seeds(of_seed, bounds=(0, np.inf)).text(1)
     source: dict[str, Any] = {"what": "article, Table 3"} | dict(
         zip(map(str, (10, 30, 50)), ("26", "18", "16"), strict=True)
@@ -440,23 +452,23 @@ REJECTED = 0.9  # of answers to unknown ships
 def open_set(
     classified: xr.Dataset, strangers: Sequence[str] = UNKNOWN_SHIPS, **places: object
 ) -> dict[str, float]:
-    """Return AUROC, OSCR and the percentage kept, of a classifier at new aspects of one seed.
+    """Return AUROC, OSCR and the percentage kept by a classifier at new aspects of one seed.
 
-    Of ships known to be unknown there are no tests.
+    Ships of the alternative are not tested.
     """
     answers = classified.isel(aspect=~multiples(classified.aspect.values, DENSE[0]))
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
     known = ~np.isin(answers.ship.values, strangers)
-    asked = {
+    arrays = {
         "similarity": at(answers.similarity, **places),
         "correct": at(answers.correct, **places) == 1,
     }
-    similarity, right = (one.transpose("ship", ...).values for one in asked.values())
+    similarity, right = (array.transpose("ship", ...).values for array in arrays.values())
     learned = np.broadcast_to(known.reshape(-1, *[1] * (similarity.ndim - 1)), similarity.shape)
     scores = open_set_scores(similarity, right, learned)
     limit = np.quantile(similarity[~learned], REJECTED, method="inverted_cdf")
-    kept = 100 * float((right & (similarity > limit))[learned].mean())
-    return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": kept}
+    retained = 100 * float((right & (similarity > limit))[learned].mean())
+    return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": retained}
 
 
 def unknown(
@@ -468,36 +480,42 @@ def unknown(
 ) -> dict[str, Report]:
     """Return the scores of rejecting ships absent from training.
 
-    Of answers by cosine, by likelihood, and by likelihood with an alternative: ships generated of
-    those learned, variants of the unknown ships, or these themselves, which nobody could have.
+    Answers are by cosine, by likelihood, and by likelihood with an alternative: ships generated
+    from the learned ones, variants of the unknown ships, or, as a bound, these ships themselves.
     """
     kinds: list[tuple[str, str, Answers, dict[str, Any]]] = [
         ("ACN, cosine, 3°", "acn", looked_up, {}),
         ("correlation, cosine, 3°", "correlation", looked_up, {}),
     ]
-    every = tuple(reversed(DENSE))
-    for label, found, weight, spacings in (
-        ("posterior probability", likely, 0.0, every),
-        ("posterior probability and fit", likely, 0.01, every),
+    spacings_tried = tuple(reversed(DENSE))
+    for label, answers, weight, spacings in (
+        ("posterior probability", likely, 0.0, spacings_tried),
+        ("posterior probability and fit", likely, 0.01, spacings_tried),
         *(
-            (f"density over that of generated ships {lengths}", found, 0.01, every[:1])
-            for lengths, found in generated.items()
+            (f"density over that of generated ships {lengths}", answers, 0.01, spacings_tried[:1])
+            for lengths, answers in generated.items()
         ),
-        ("density over that of variants of the unknown ships", against, 0.01, every[:1]),
-        ("density over that of the unknown ships themselves", themselves, 0.01, every[:1]),
+        ("density over that of variants of the unknown ships", against, 0.01, spacings_tried[:1]),
+        ("density over that of the unknown ships themselves", themselves, 0.01, spacings_tried[:1]),
     ):
         for spacing in spacings:
-            place: dict[str, Any] = {"template_spacing": spacing, "misfit_weight": weight}
-            kinds.append((f"likelihood, {label}, {spacing:g}°", "likelihood", found, place))
+            setting: dict[str, Any] = {"template_spacing": spacing, "misfit_weight": weight}
+            kinds.append((f"likelihood, {label}, {spacing:g}°", "likelihood", answers, setting))
     rows = []
     for km in (25, 100):
-        for label, name, found, place in kinds:
-            if km != 100 and any(found is one for one in generated.values()):
+        for label, name, answers, setting in kinds:
+            if km != 100 and any(answers is other for other in generated.values()):
                 continue
-            scores = [open_set(one[f"classification/{name}"], range=km, **place) for one in found]
-            row = {"what": f"{km} km: {label}", "kept": text_of([one["kept"] for one in scores])}
+            scores = [
+                open_set(groups[f"classification/{name}"], range=km, **setting)
+                for groups in answers
+            ]
+            row = {
+                "what": f"{km} km: {label}",
+                "kept": text_of([scored["kept"] for scored in scores]),
+            }
             for area in ("auroc", "oscr"):
-                row[area] = over_seeds([one[area] for one in scores], bounds=(0, 1)).text(2)
+                row[area] = over_seeds([scored[area] for scored in scores], bounds=(0, 1)).text(2)
             rows.append(row)
     columns = (
         Column("what", f"similarity, mean of {len(likely)} seeds [95 % interval]"),
@@ -508,41 +526,41 @@ def unknown(
 
 
 def pairs(answers: Mapping[tuple[str, str], Mapping[str, Answers]]) -> dict[str, Report]:
-    """Return the share of known ships kept where two of six are unknown, at 100 km.
+    """Return the share of known ships kept at 100 km if two of six ships are unknown.
 
-    By the pair that is unknown and the alternative that answers are weighed against.
+    By the unknown pair and by the alternative of the likelihood ratio.
     """
     alternatives = list(next(iter(answers.values())))
-    kept = {
+    retained = {
         alternative: np.array(
             [
                 [
-                    open_set(one["classification/likelihood"], pair)["kept"]
-                    for one in found[alternative]
+                    open_set(groups["classification/likelihood"], pair)["kept"]
+                    for groups in by_alternative[alternative]
                 ]
-                for pair, found in answers.items()
+                for pair, by_alternative in answers.items()
             ]
         )
         for alternative in alternatives
     }
     rows = [
         {"what": " and ".join(name.title() for name in pair)}
-        | {alternative: text_of(of[k]) for alternative, of in kept.items()}
+        | {alternative: text_of(percent[k]) for alternative, percent in retained.items()}
         for k, pair in enumerate(answers)
     ]
     rows.append(
         {"what": "mean of all pairs"}
-        | {alternative: text_of(of.mean(axis=0)) for alternative, of in kept.items()}
+        | {alternative: text_of(percent.mean(axis=0)) for alternative, percent in retained.items()}
     )
-    spread = {alternative: of.mean(axis=1) for alternative, of in kept.items()}
+    spread = {alternative: percent.mean(axis=1) for alternative, percent in retained.items()}
     rows.append(
         {"what": "standard deviation of pairs [lowest-highest]"}
         | {
-            alternative: f"{of.std(ddof=1):.0f} [{of.min():.0f}-{of.max():.0f}]"
-            for alternative, of in spread.items()
+            alternative: f"{percent.std(ddof=1):.0f} [{percent.min():.0f}-{percent.max():.0f}]"
+            for alternative, percent in spread.items()
         }
     )
-    seeds = kept[alternatives[0]].shape[1]
+    seeds = retained[alternatives[0]].shape[1]
     columns = (
         Column("what", f"unknown ships, mean of {seeds} seeds [95 % interval]; alternative:"),
         *(Column(alternative, alternative) for alternative in alternatives),

@@ -51,7 +51,7 @@ from studies.operate.fleets import ARTICLE
 from sweeps.engine.run.cluster import ClusterChoice
 
 SEEDS, LEAST_SEEDS = 20, 2
-DRAWS = 10  # of what takes long: trainings of the multilayered network, and flights
+DRAWS = 10  # of slow sweeps: trainings of the multilayered network, and flights
 CLASSIFIERS = ("acn", "correlation", "likelihood")
 
 LEARNED = tuple(np.arange(0.0, 90.1, STEP).tolist())
@@ -113,24 +113,24 @@ PAIRS, PAIR_SEEDS = tuple(combinations(SIX, 2)), 5
 def of_unknown(
     *alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS, tested: Sequence[str] = ARTICLE
 ) -> tuple[str, ...]:
-    """Return the ships of a sweep with unknown ones, and with some that are known to be unknown."""
+    """Return the arguments of a sweep with unknown ships, some of them in the alternative."""
     absent = list(dict.fromkeys([*unknown, *alternative]))
-    given = [f"classifier.alternative=[{','.join(alternative)}]"] if alternative else []
+    known_absent = [f"classifier.alternative=[{','.join(alternative)}]"] if alternative else []
     ships = ",".join(dict.fromkeys([*tested, *absent]))
-    return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(absent)}]", *given
+    return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(absent)}]", *known_absent
 
 
 def against_pair(pair: Sequence[str], generated: int) -> dict[str, tuple[str, ...]]:
-    """Return the arguments of sweeps in which two of six ships are unknown, by the alternative."""
+    """Return the arguments of sweeps with two of six ships unknown, by the alternative."""
 
-    def others(*alternative: str) -> tuple[str, ...]:
+    def arguments_for(*alternative: str) -> tuple[str, ...]:
         return of_unknown(*alternative, unknown=pair, tested=SIX)
 
     return {
-        "none": others(),
-        "generated ships": (*others(), f"classifier.generated={generated}"),
-        "variants of the unknown ships": others(*_variants(pair)),
-        "the unknown ships themselves": others(*pair),
+        "none": arguments_for(),
+        "generated ships": (*arguments_for(), f"classifier.generated={generated}"),
+        "variants of the unknown ships": arguments_for(*_variants(pair)),
+        "the unknown ships themselves": arguments_for(*pair),
     }
 
 
@@ -205,7 +205,7 @@ class Sizes:
         step: float = DENSE[0],
         seeds: int | None = None,
     ) -> Answers:
-        """Return answers of some classifiers, of several draws, to ships that may be unknown."""
+        """Return answers of some classifiers in several draws to ships that may be unknown."""
         return swept_by_seed(
             [*overrides, LINES, *self.more],
             in_group("classification/", *names),
@@ -218,8 +218,10 @@ class Sizes:
 
     def flown(self, overrides: Sequence[str], label: str, group: str = "validation") -> xr.Dataset:
         """Return a group of a sweep of flights, of several draws."""
-        asked = [*overrides, f"grid.replicate={self.draws}", *self.more]
-        return swept(asked, [group], label=label, workers=self.workers)[group].squeeze(drop=True)
+        arguments = [*overrides, f"grid.replicate={self.draws}", *self.more]
+        return swept(arguments, [group], label=label, workers=self.workers)[group].squeeze(
+            drop=True
+        )
 
     def past(
         self, ships: Iterable[str], overrides: Sequence[str], label: str
@@ -239,13 +241,13 @@ def in_group(group: str, *names: str) -> tuple[str, ...]:
 
 def measure(sizes: Sizes) -> dict[str, Report]:
     """Return the tables by name, after the sweeps that they need."""
-    made: dict[str, Report] = {}
+    reports: dict[str, Report] = {}
     for part in PARTS:
         if part in (sizes.parts or PARTS):
-            made |= MEASURES[part](sizes)
-    if "summary" in made and "known" in made:
-        made["summary"] = with_known(made["summary"], made["known"])
-    return made
+            reports |= MEASURES[part](sizes)
+    if "summary" in reports and "known" in reports:
+        reports["summary"] = with_known(reports["summary"], reports["known"])
+    return reports
 
 
 def _new(sizes: Sizes) -> dict[str, Report]:
@@ -258,7 +260,7 @@ def _new(sizes: Sizes) -> dict[str, Report]:
 def _known(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of prior knowledge, and of places of templates."""
     groups = in_group("classification/", "likelihood")
-    made = prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
+    reports = prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
     at_places = {
         f"{count} place{'s' * (count > 1)}": (
             (f"classifier.template_places={count}",),
@@ -266,7 +268,7 @@ def _known(sizes: Sizes) -> dict[str, Report]:
         )
         for count in PLACES
     } | {"at the corner": (CORNER, "templates and tests at the corner")}
-    return made | places(
+    return reports | places(
         {
             name: sizes.rejecting([*KNOWN, *overrides], CLASSIFIERS[2:], label, STEP)
             for name, (overrides, label) in at_places.items()
@@ -340,7 +342,7 @@ def _unknown(sizes: Sizes) -> dict[str, Report]:
         )
     )
     blind = [*of_unknown(), f"classifier.generated={sizes.generated}"]
-    every, calibrated, tracked_too = (
+    blind_answers, calibrated, tracked_too = (
         sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
         for ships, label in (
             (blind, "generated ships"),
@@ -349,7 +351,7 @@ def _unknown(sizes: Sizes) -> dict[str, Report]:
         )
     )
     generated = {
-        "blind": every,
+        "blind": blind_answers,
         "blind, gain and floor known": calibrated,
         "blind, gain and floor known, aspect within 5°": tracked_too,
     }

@@ -112,9 +112,9 @@ def grids() -> list[tuple[str, int, tuple[str, ...]]]:
         aspects |= {*drawn_aspects(0.0, END, drawn, int(Run.seed.default))}
         return kind, len(SHIPS) * len(aspects) * len(ranges), arguments
 
-    every = [grid(LEARNED, step, 0) for step in STEPS]
-    every += [grid(RANDOM, SPACING, drawn) for drawn in DRAWN]
-    return every + [grid(AT_RANGES, SPACING, drawn, RANGES) for drawn in DRAWN_AT_RANGES]
+    sweeps = [grid(LEARNED, step, 0) for step in STEPS]
+    sweeps += [grid(RANDOM, SPACING, drawn) for drawn in DRAWN]
+    return sweeps + [grid(AT_RANGES, SPACING, drawn, RANGES) for drawn in DRAWN_AT_RANGES]
 
 
 def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
@@ -123,7 +123,7 @@ def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
         folder = new_folder(Path(parent, "cold"))
         run = sweep([*arguments, f"grid.ship=[{','.join(SHIPS)}]"], folder).run
         files = _sizes(folder / "sweep.zarr")
-        tables, page = (report(folder / "sweep.zarr", *how) for how in ((), ("--html",)))
+        tables, page = (report(folder / "sweep.zarr", *options) for options in ((), ("--html",)))
         return {
             "kind": kind,
             "views": views,
@@ -143,7 +143,7 @@ def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:
 
 
 def report(store: Path, *how: str) -> processes.Run:
-    """Return what `ncti-report` of a store takes."""
+    """Return the cost of `ncti-report` on a store."""
     code = "from sweeps.report.command import main; main()"
     return processes.watch([sys.executable, "-c", code, str(store), *how], cores=CORES)
 
@@ -155,9 +155,9 @@ def _sizes(folder: Path) -> list[int]:
 
 def shares(table: Path) -> Mapping[str, float]:
     """Return shares of the time of calls [%] by column of the report, from a sweep's table."""
-    found = dict.fromkeys([*STAGES.values(), "others"], 0.0)
+    seconds_of = dict.fromkeys([*STAGES.values(), "others"], 0.0)
     with table.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            found[STAGES.get(row["stage"], "others")] += float(row["work_s"])
-    whole = sum(found.values())
-    return {name: 100 * seconds / whole for name, seconds in found.items()}
+            seconds_of[STAGES.get(row["stage"], "others")] += float(row["work_s"])
+    total = sum(seconds_of.values())
+    return {name: 100 * seconds / total for name, seconds in seconds_of.items()}

@@ -1,4 +1,4 @@
-"""Tables of the benchmark of classifiers on splits, and whether other seeds rank them alike."""
+"""Tables of the benchmark of classifiers on splits, and its ranking by held-out seeds."""
 
 from __future__ import annotations
 
@@ -63,18 +63,18 @@ def tables_of(groups: Mapping[str, xr.Dataset], held_out: int) -> Reports:
         for name in TITLES
         if f"{SENSOR}/{name}" in groups
     }
-    splits = [str(one) for one in tests.split.values]
+    splits = [str(split) for split in tests.split.values]
     title = f"percent correct, mean of {seeds} seeds [95 % interval]"
-    asked = [name for name in ASKED if name in splits]
+    known_splits = [name for name in ASKED if name in splits]
     short = {name: table for name, table in tables.items() if name in BEST}
-    shown = [one for one in asked if one in SHOWN]
+    published = [split for split in known_splits if split in SHOWN]
     return {
-        "summary": _table(short, shown, "accuracy", title, "Ships named correctly, in short"),
-        "splits": _table(tables, asked, "accuracy", title, "Ships named correctly"),
-        "unknown": _unknown(tables, [one for one in splits if one in OUTSIDERS], seeds),
+        "summary": _table(short, published, "accuracy", title, "Ships named correctly, in short"),
+        "splits": _table(tables, known_splits, "accuracy", title, "Ships named correctly"),
+        "unknown": _unknown(tables, [split for split in splits if split in OUTSIDERS], seeds),
         "probabilities": _probabilities(tables, seeds),
-        "differences": _differences(groups, asked, seeds),
-        "ranking": _ranking(groups, asked, seeds - held_out),
+        "differences": _differences(groups, known_splits, seeds),
+        "ranking": _ranking(groups, known_splits, seeds - held_out),
     }
 
 
@@ -87,16 +87,16 @@ def correct_of(answers: xr.Dataset, tests: xr.Dataset) -> Floats:
 
 
 def kendall(first: Floats, second: Floats) -> tuple[float, list[tuple[int, int]]]:
-    """Return Kendall's tau of two scores of the same things, and pairs of these that swap."""
+    """Return Kendall's tau of two scores of the same items, and the pairs that swap."""
     tau = float(stats.kendalltau(first, second).statistic)
-    several = combinations(range(len(first)), 2)
-    return tau, [(i, k) for i, k in several if (first[i] - first[k]) * (second[i] - second[k]) < 0]
+    pairs = combinations(range(len(first)), 2)
+    return tau, [(i, k) for i, k in pairs if (first[i] - first[k]) * (second[i] - second[k]) < 0]
 
 
 def _cell(table: xr.Dataset, figure: str, split: str, *, digits: int = 0, factor: float = 1) -> str:
     """Return a figure of a split with its interval, empty without any."""
-    one = table.sel(split=split)
-    ends = (factor * float(one[figure + end]) for end in ("", "_low", "_high"))
+    values = table.sel(split=split)
+    ends = (factor * float(values[figure + end]) for end in ("", "_low", "_high"))
     text = Interval(*ends).text(digits)
     return "" if "nan" in text else text
 
@@ -106,26 +106,29 @@ def _table(
 ) -> Report:
     """Return percentages by classifier and split."""
     rows = [
-        {"what": TITLES[name]} | {one: _cell(table, figure, one, factor=100) for one in splits}
+        {"what": TITLES[name]}
+        | {split: _cell(table, figure, split, factor=100) for split in splits}
         for name, table in tables.items()
     ]
-    return Report(title, (Column("what", head), *(Column(one, one) for one in splits)), rows)
+    return Report(title, (Column("what", head), *(Column(split, split) for split in splits)), rows)
 
 
 def _unknown(tables: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
-    """Return what rejection keeps, and the areas, by classifier and unknown ship."""
+    """Return the share kept by rejection, and the areas, by classifier and unknown ship."""
     figures = {"kept": ("% kept", 0, 100), "auroc": ("AUROC", 2, 1), "oscr": ("OSCR", 2, 1)}
     columns = [Column("what", f"mean of {seeds} seeds [95 % interval]")]
     columns += [
-        Column(f"{one} {name}", f"{one}: {figures[name][0]}") for one in splits for name in figures
+        Column(f"{split} {name}", f"{split}: {figures[name][0]}")
+        for split in splits
+        for name in figures
     ]
     rows = []
     for name, table in tables.items():
         row = {"what": TITLES[name]}
-        for one in splits:
+        for split in splits:
             for figure, (_, digits, factor) in figures.items():
-                text = _cell(table, figure, one, digits=digits, factor=factor)
-                row[f"{one} {figure}"] = text
+                text = _cell(table, figure, split, digits=digits, factor=factor)
+                row[f"{split} {figure}"] = text
         rows.append(row)
     return Report("Rejection of unknown ships", tuple(columns), rows)
 
@@ -133,15 +136,21 @@ def _unknown(tables: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int
 def _probabilities(tables: Mapping[str, xr.Dataset], seeds: int) -> Report:
     """Return log losses and calibration errors of classifiers that state probabilities."""
     splits = ("aspect-random", "sensor-shift", "few-frames")
-    there = [one for one in splits if one in next(iter(tables.values())).split.values]
+    present = [split for split in splits if split in next(iter(tables.values())).split.values]
     figures = {"log_loss": "log loss", "ece": "ECE"}
     columns = [Column("what", f"mean of {seeds} seeds [95 % interval]")]
     columns += [
-        Column(f"{one} {name}", f"{one}: {figures[name]}") for one in there for name in figures
+        Column(f"{split} {name}", f"{split}: {figures[name]}")
+        for split in present
+        for name in figures
     ]
     rows = [
         {"what": TITLES[name]}
-        | {f"{one} {key}": _cell(table, key, one, digits=2) for one in there for key in figures}
+        | {
+            f"{split} {key}": _cell(table, key, split, digits=2)
+            for split in present
+            for key in figures
+        }
         for name, table in tables.items()
         if np.isfinite(table.log_loss.values).any()
     ]
@@ -149,7 +158,7 @@ def _probabilities(tables: Mapping[str, xr.Dataset], seeds: int) -> Report:
 
 
 def _differences(groups: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
-    """Return by how much each classifier is better than the reference, and whether it is so."""
+    """Return the advantage of each classifier over the reference, and its significance."""
     tests, reference = groups[TESTS.path], groups[f"{SENSOR}/{REFERENCE}"]
     rows = []
     for name in TITLES:
@@ -157,20 +166,20 @@ def _differences(groups: Mapping[str, xr.Dataset], splits: Sequence[str], seeds:
             continue
         table = tabulate_differences(groups[f"{SENSOR}/{name}"], reference, tests)
         row = {"what": TITLES[name]}
-        for one in splits:
-            figures = table.sel(split=one)
+        for split in splits:
+            figures = table.sel(split=split)
             ends = ("difference", "difference_low", "difference_high")
             text = Interval(*(100 * float(figures[end]) for end in ends)).text(sign="+")
-            row[one] = text + ("" if float(figures.p_value) < LEVEL else " (n.s.)")
+            row[split] = text + ("" if float(figures.p_value) < LEVEL else " (n.s.)")
         rows.append(row)
     head = f"percent more than {TITLES[REFERENCE]}, mean of {seeds} seeds [95 % interval]"
-    columns = (Column("what", head), *(Column(one, one) for one in splits))
+    columns = (Column("what", head), *(Column(split, split) for split in splits))
     note = f"n.s.: not significant at the level of {LEVEL:g} by McNemar's test of views."
     return Report("Differences", columns, rows, [note])
 
 
 def _ranking(groups: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
-    """Return whether seeds held out rank classifiers as those published, split by split."""
+    """Compare the ranking of classifiers by held-out seeds with the published one, by split."""
     tests = groups[TESTS.path].sel(split=list(splits))
     names = [name for name in TITLES if f"{SENSOR}/{name}" in groups]
     percent = np.stack(
@@ -179,8 +188,8 @@ def _ranking(groups: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int
     rows = []
     for k, split in enumerate([*splits, "mean of splits"]):
         of_split = percent[:, k] if k < len(splits) else percent.mean(axis=1)
-        published, held = of_split[:, :seeds].mean(axis=1), of_split[:, seeds:].mean(axis=1)
-        tau, swaps = kendall(published, held)
+        published, held_out = of_split[:, :seeds].mean(axis=1), of_split[:, seeds:].mean(axis=1)
+        tau, swaps = kendall(published, held_out)
         order = ", ".join(TITLES[names[i]] for i in np.argsort(-published))
         pairs = ", ".join(f"{TITLES[names[i]]} and {TITLES[names[j]]}" for i, j in swaps)
         rows.append({"split": split, "order": order, "tau": f"{tau:.2f}", "swaps": pairs or "none"})

@@ -57,7 +57,7 @@ def swept(
         store = Path(folder, "sweep.zarr")
         plan = Plan(EXPERIMENT, choices_of(overrides))
         completed(plan, RunOptions(store, cache_folder(), workers))
-        found = {name: xr.open_zarr(store, group=name).load() for name in groups}
+        datasets = {name: xr.open_zarr(store, group=name).load() for name in groups}
     if label:
         print(f"{label}: {time.perf_counter() - start:.0f} s", flush=True)
-    return found
+    return datasets

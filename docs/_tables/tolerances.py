@@ -1,4 +1,4 @@
-"""Bounds on errors of range extents, and what a tolerance costs, by view and tolerance."""
+"""Bounds on errors of range extents, and the cost of a tolerance, by view and tolerance."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SPACINGS = tuple(2.0 ** (1 - half / 2) for half in range(19))
 
 @dataclass(frozen=True)
 class Asked:
-    """A view and how it is binned."""
+    """A view and its binning."""
 
     ship: str
     aspect: float
@@ -54,7 +54,7 @@ class Asked:
 
     @property
     def binning(self) -> dict[str, Any]:
-        """Keywords of an extent in one IFOV, of 1 km as far as there is one so wide."""
+        """Keywords of an extent in one IFOV, 1 km wide if the range allows it."""
         ifov = min(1.0, 1e3 / self.slant_range)
         return {"slant_range": self.slant_range, "ifov": ifov, "bin_width": self.bin_width}
 
@@ -81,12 +81,12 @@ def across_the_sight(count: int, seed: int) -> list[Asked]:
     rng = np.random.default_rng(seed)
     return [
         replace(
-            asked,
+            case,
             aspect=float((90 * rng.integers(4) + rng.uniform(-2, 2)) % 360),
             depression=float(rng.uniform(0, 2) * (rng.random() > 0.25)),
             slant_range=float(10 ** rng.uniform(3, np.log10(25e3))),
         )
-        for asked in random_views(count, seed)
+        for case in random_views(count, seed)
     ]
 
 
@@ -109,13 +109,13 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
     """
     rows = []
     with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
-        for name, some in (
+        for name, selected in (
             ("random", random_views(views, seed)),
             ("across the sight", across_the_sight(across, seed)),
         ):
-            found = [_each_tolerance(asked, costs=costs) for asked in some]
-            for tolerance, *each in zip(TOLERANCES, *found, strict=True):
-                rows.append({"views": name} | _summary(tolerance, each, costs=costs))
+            figures = [_each_tolerance(case, costs=costs) for case in selected]
+            for tolerance, *samples in zip(TOLERANCES, *figures, strict=True):
+                rows.append({"views": name} | _summary(tolerance, samples, costs=costs))
     return Report(
         f"Tolerances in {views} random views (any aspect, depression 0.5 to 60 deg, 1 to 200 km) "
         f"and {across} nearly end-on or abeam (depression to 2 deg, 1 to 25 km); 0 to 60 ns, bins "
@@ -140,17 +140,17 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
     )
 
 
-def _each_tolerance(asked: Asked, *, costs: bool) -> list[dict[str, float]]:
-    """Return what `_tolerated` finds in a view at each tolerance."""
-    mesh = ncti.ships.load(asked.ship)
-    error = _truth(mesh, asked)
-    fixed = _fixed(mesh, asked, error) if costs else []
-    return [_tolerated(mesh, asked, tolerance, error, fixed) for tolerance in TOLERANCES]
+def _each_tolerance(case: Asked, *, costs: bool) -> list[dict[str, float]]:
+    """Return the result of `_tolerated` for a view at each tolerance."""
+    mesh = ncti.ships.load(case.ship)
+    error = _truth(mesh, case)
+    fixed = _fixed(mesh, case, error) if costs else []
+    return [_tolerated(mesh, case, tolerance, error, fixed) for tolerance in TOLERANCES]
 
 
-def _summary(tolerance: float, each: list[dict[str, float]], *, costs: bool) -> dict[str, Any]:
+def _summary(tolerance: float, samples: list[dict[str, float]], *, costs: bool) -> dict[str, Any]:
     """Return the row of a tolerance."""
-    column = {key: np.array([view[key] for view in each]) for key in each[0]}
+    column = {key: np.array([view[key] for view in samples]) for key in samples[0]}
     true, bound = column["true"], column["bound"]
     return {
         "tolerance": 100 * tolerance,
@@ -180,12 +180,12 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
     """
     drawn = random_views(views, seed)
     with threadpool_limits(1):
-        exact = [_reference(ncti.ships.load(asked.ship), asked) for asked in drawn]
+        exact = [_reference(ncti.ships.load(case.ship), case) for case in drawn]
     rows: list[dict[str, Any]] = []
     for engine in available_engines():
         # OpenGL is bound to one engine in a process.
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
-            rows += alone.submit(_by_pixels, engine, drawn, exact).result()
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+            rows += pool.submit(_by_pixels, engine, drawn, exact).result()
     needed = sampling.PIXELS * np.quantile([row.pop("ratios") for row in rows], [0.95, 0.98])
     return Report(
         f"Bounds that images of pixels state, in {views} random views: any aspect, depression 0.5 "
@@ -216,22 +216,22 @@ def _by_pixels(
     spent: list[float] = []
     strands = pixels.strands
 
-    def timed(*given: Any) -> Floats:
+    def timed(*arguments: Any) -> Floats:
         before = time.process_time()
-        found = strands(*given)
+        result = strands(*arguments)
         spent.append(time.process_time() - before)
-        return found
+        return result
 
     rows = []
     with threadpool_limits(1), patched(pixels, "strands", timed):
         for pixel in PIXELS:
-            found = []
-            for asked, blurred in zip(drawn, exact, strict=True):
-                whole, extent = _timed(partial(_drawn, asked, pixel=pixel, engine=engine))
-                own, bound = _timed(partial(extent.error_after, asked.pulse_width))
-                cost = (1e3 * min(spent[-2:]) + own) / (whole + own)
-                found.append((_error(extent, asked, blurred), bound, cost))
-            true, bounds, costs = np.array(found).T
+            figures = []
+            for case, blurred in zip(drawn, exact, strict=True):
+                drawing, extent = _timed(partial(_drawn, case, pixel=pixel, engine=engine))
+                bounding, bound = _timed(partial(extent.error_after, case.pulse_width))
+                cost = (1e3 * min(spent[-2:]) + bounding) / (drawing + bounding)
+                figures.append((_error(extent, case, blurred), bound, cost))
+            true, bounds, costs = np.array(figures).T
             rows.append(
                 {
                     "engine": engine,
@@ -246,79 +246,79 @@ def _by_pixels(
     return rows
 
 
-def _drawn(asked: Asked, **sampling: Any) -> RangeExtent:
-    image = range_image(ncti.ships.load(asked.ship), **asked.view, **sampling)
-    return range_extent(image, **asked.binning)
+def _drawn(case: Asked, **sampling: Any) -> RangeExtent:
+    image = range_image(ncti.ships.load(case.ship), **case.view, **sampling)
+    return range_extent(image, **case.binning)
 
 
-def _truth(mesh: trimesh.Trimesh, asked: Asked) -> Callable[[RangeExtent], float]:
+def _truth(mesh: trimesh.Trimesh, case: Asked) -> Callable[[RangeExtent], float]:
     """Return the function that gives the true error of an extent of a view."""
-    return partial(_error, asked=asked, exact=_reference(mesh, asked))
+    return partial(_error, case=case, exact=_reference(mesh, case))
 
 
-def _reference(mesh: trimesh.Trimesh, asked: Asked) -> Floats:
+def _reference(mesh: trimesh.Trimesh, case: Asked) -> Floats:
     """Return the exact extent of a view after the pulse [m2]."""
-    coarse = range_extent(line_image(mesh, spacing=1.0, **asked.view), **asked.binning)
-    edges = np.append(coarse.down_range, coarse.down_range[-1] + asked.bin_width)
-    exact = reference_range_extent(mesh, bin_edges=edges - asked.bin_width / 2, **asked.view)
-    return _after_pulse(exact.area.sum(axis=0), asked)
+    coarse = range_extent(line_image(mesh, spacing=1.0, **case.view), **case.binning)
+    edges = np.append(coarse.down_range, coarse.down_range[-1] + case.bin_width)
+    exact = reference_range_extent(mesh, bin_edges=edges - case.bin_width / 2, **case.view)
+    return _after_pulse(exact.area.sum(axis=0), case)
 
 
-def _error(extent: RangeExtent, asked: Asked, exact: Floats) -> float:
+def _error(extent: RangeExtent, case: Asked, exact: Floats) -> float:
     """Return the error of an extent, by the exact one after the pulse [m2]."""
     side = extent.ifov * extent.slant_range
-    area = _after_pulse(extent.fraction.sum(axis=0) * side**2, asked)
+    area = _after_pulse(extent.fraction.sum(axis=0) * side**2, case)
     return float(np.abs(area - exact).sum() / exact.sum())
 
 
-def _after_pulse(area: Floats, asked: Asked) -> Floats:
-    if asked.pulse_width == 0.0:
+def _after_pulse(area: Floats, case: Asked) -> Floats:
+    if case.pulse_width == 0.0:
         return area
-    response = target_response(pulse_width=asked.pulse_width, bin_width=asked.bin_width) ** 2
+    response = target_response(pulse_width=case.pulse_width, bin_width=case.bin_width) ** 2
     return np.convolve(area, response)
 
 
 def _fixed(
-    mesh: trimesh.Trimesh, asked: Asked, error: Callable[[RangeExtent], float]
+    mesh: trimesh.Trimesh, case: Asked, error: Callable[[RangeExtent], float]
 ) -> list[tuple[float, float]]:
     """Return true error and time [ms] of fixed spacings, widest first, to below any tolerance."""
-    found = []
+    costs = []
 
-    def seen(spacing: float) -> RangeExtent:
-        return range_extent(line_image(mesh, spacing=spacing, **asked.view), **asked.binning)
+    def lines_at(spacing: float) -> RangeExtent:
+        return range_extent(line_image(mesh, spacing=spacing, **case.view), **case.binning)
 
     for spacing in SPACINGS:
-        taken, extent = _timed(partial(seen, spacing))
-        found.append((error(extent), taken))
-        if found[-1][0] <= min(TOLERANCES):
+        elapsed, extent = _timed(partial(lines_at, spacing))
+        costs.append((error(extent), elapsed))
+        if costs[-1][0] <= min(TOLERANCES):
             break
-    return found
+    return costs
 
 
 def _tolerated(
     mesh: trimesh.Trimesh,
-    asked: Asked,
+    case: Asked,
     tolerance: float,
     error: Callable[[RangeExtent], float],
     fixed: list[tuple[float, float]],
 ) -> dict[str, float]:
     """Return true error, bound and time of the extent within a tolerance."""
-    taken, extent = _timed(
+    elapsed, extent = _timed(
         lambda: extent_within(
             mesh,
-            View(**asked.view),
+            View(**case.view),
             tolerance=tolerance,
-            pulse_width=asked.pulse_width,
-            beam=Beam(asked.binning["ifov"], asked.bin_width),
+            pulse_width=case.pulse_width,
+            beam=Beam(case.binning["ifov"], case.bin_width),
         )
     )
-    bound = extent.error_after(asked.pulse_width)
+    bound = extent.error_after(case.pulse_width)
     cheapest = next((ms for true, ms in fixed if true <= tolerance), np.nan)
     return {
         "true": error(extent),
         "bound": bound,
         "lines": extent.line_count,
-        "cost": taken / cheapest,
+        "cost": elapsed / cheapest,
     }
 
 

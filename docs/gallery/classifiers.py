@@ -21,19 +21,19 @@ rows = rows[rows.vigilance.isna() | (rows.vigilance == 0.95)].astype({"frame_cou
 bins = rows.aspect_bin_deg.unique()
 figure, panels = plt.subplots(1, len(bins), figsize=(11, 3.8), sharey=True, layout="constrained")
 for axes, name in zip(panels, bins, strict=True):
-    for label, where in LINES.items():
-        here = rows[rows.aspect_bin_deg == name]
-        for column, value in where.items():
-            here = here[here[column] == value]
-        here = here.drop_duplicates("frame_count").sort_values("frame_count")
-        ends = [here.percent_correct - here.ci_low, here.ci_high - here.percent_correct]
+    for label, selection in LINES.items():
+        curve = rows[rows.aspect_bin_deg == name]
+        for column, value in selection.items():
+            curve = curve[curve[column] == value]
+        curve = curve.drop_duplicates("frame_count").sort_values("frame_count")
+        ends = [curve.percent_correct - curve.ci_low, curve.ci_high - curve.percent_correct]
         axes.errorbar(
-            here.frame_count, here.percent_correct, ends, fmt="o-", capsize=2, label=label
+            curve.frame_count, curve.percent_correct, ends, fmt="o-", capsize=2, label=label
         )
     axes.axhline(rows.percent_correct_by_chance.max(), color="0.6", ls=":", label="chance, ship")
     axes.set(title=f"aspect {name} [°]", xlabel="frames averaged", xscale="log", ylim=(0, 104))
     counts = sorted(rows.frame_count.unique())
-    axes.set_xticks(counts, [f"{one:g}" for one in counts])
+    axes.set_xticks(counts, [f"{count:g}" for count in counts])
     axes.minorticks_off()
 panels[0].set_ylabel("percent correct, 95 % intervals")
 figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)

@@ -18,12 +18,12 @@ size = {"figsize": (2.8 * len(bins), 2.6 * len(counts) + 0.6), "layout": "constr
 figure, panels = plt.subplots(len(counts), len(bins), sharey=True, squeeze=False, **size)
 for line, frames in zip(panels, counts, strict=True):
     for axes, name in zip(line, bins, strict=True):
-        here = rows[(rows.aspect_bin_deg == name) & (rows.frame_count == frames)]
-        for place, channel in enumerate(("range", "infrared", "both")):
-            part = here[here.channel == channel].drop_duplicates("range_km").sort_values("range_km")
+        cell = rows[(rows.aspect_bin_deg == name) & (rows.frame_count == frames)]
+        for number, channel in enumerate(("range", "infrared", "both")):
+            part = cell[cell.channel == channel].drop_duplicates("range_km").sort_values("range_km")
             ends = [part.percent_correct - part.ci_low, part.ci_high - part.percent_correct]
-            at = part.range_km + 1.5 * (place - 1)
-            axes.errorbar(at, part.percent_correct, ends, fmt="o-", capsize=2, label=channel)
+            x = part.range_km + 1.5 * (number - 1)
+            axes.errorbar(x, part.percent_correct, ends, fmt="o-", capsize=2, label=channel)
         axes.axhline(rows.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
         axes.set(title=f"{frames} frames, aspect {name} [°]", ylim=(0, 104))
         axes.set_xlabel("slant range [km]")

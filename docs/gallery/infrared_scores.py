@@ -14,15 +14,15 @@ for name, value in {"vigilance": 0.87, "frame_count": 16}.items():
 bins = rows.aspect_bin_deg.unique()
 figure, panels = plt.subplots(1, len(bins), figsize=(11, 3.6), sharey=True, layout="constrained")
 for axes, name in zip(panels, bins, strict=True):
-    here = rows[rows.aspect_bin_deg == name]
-    for place, (way, part) in enumerate(here.groupby("super_resolution")):
+    cell = rows[rows.aspect_bin_deg == name]
+    for number, (way, part) in enumerate(cell.groupby("super_resolution")):
         part = part.drop_duplicates("range_km").sort_values("range_km")
         ends = [part.percent_correct - part.ci_low, part.ci_high - part.percent_correct]
-        at, colour = part.range_km + 1.5 * (place - 1), f"C{place}"
-        axes.errorbar(at, part.percent_correct, ends, fmt="o-", color=colour, capsize=2, label=way)
+        x, colour = part.range_km + 1.5 * (number - 1), f"C{number}"
+        axes.errorbar(x, part.percent_correct, ends, fmt="o-", color=colour, capsize=2, label=way)
         if "article_percent_correct" in part:
-            axes.plot(at, part.article_percent_correct, "x", color=colour, ms=8)
-    axes.axhline(here.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
+            axes.plot(x, part.article_percent_correct, "x", color=colour, ms=8)
+    axes.axhline(cell.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
     axes.set(title=f"aspect {name} [°]", xlabel="slant range [km]", ylim=(0, 104))
 panels[0].set_ylabel("percent correct, 95 % intervals")
 panels[0].legend(title="super-resolution; crosses: article", frameon=False, fontsize="small")

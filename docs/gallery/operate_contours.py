@@ -20,10 +20,10 @@ size = {"figsize": (10, 4.2), "layout": "constrained", "sharex": True, "sharey":
 figure, panels = plt.subplots(1, 3, **size)
 for axes, fleet in zip(panels, fleets, strict=True):
     for channel, pulse, colour, style in lines:
-        here = near.sel(fleet=fleet, channel=channel, pulse_width=pulse)
-        needed = crossing(here.share.transpose("range", ...), frames)
-        again = crossing(here.resampled.transpose("range", "resample", ...), frames)
-        ends = np.quantile(again, [0.025, 0.975], axis=1, method="inverted_cdf")
+        curve = near.sel(fleet=fleet, channel=channel, pulse_width=pulse)
+        needed = crossing(curve.share.transpose("range", ...), frames)
+        resampled = crossing(curve.resampled.transpose("range", "resample", ...), frames)
+        ends = np.quantile(resampled, [0.025, 0.975], axis=1, method="inverted_cdf")
         ends = np.minimum(ends, 9e9)  # of a contour that the most frames do not reach
         axes.fill_between(near.range, *ends, where=ends[0] < 9e9, color=colour, alpha=0.15, lw=0)
         label = channel if channel == "silhouette" else f"{channel}, {pulse:g} ns"

@@ -19,12 +19,14 @@ for axes, slant_range in zip(panels, ranges, strict=True):
         for pulse, style in styles.items():
             if channel == "silhouette" and style == "--":
                 continue
-            here = near.sel(range=slant_range, channel=channel, pulse_width=pulse)
-            again = here.resampled.transpose("resample", "fleet")
-            low, high = 100 * np.quantile(again, [0.025, 0.975], axis=0)
+            curve = near.sel(range=slant_range, channel=channel, pulse_width=pulse)
+            resampled = curve.resampled.transpose("resample", "fleet")
+            low, high = 100 * np.quantile(resampled, [0.025, 0.975], axis=0)
             axes.fill_between(near.fleet, low, high, color=colour, alpha=0.15, lw=0)
             label = channel if channel == "silhouette" else f"{channel}, {pulse:g} ns"
-            axes.plot(near.fleet, 100 * here.share, color=colour, ls=style, marker=".", label=label)
+            axes.plot(
+                near.fleet, 100 * curve.share, color=colour, ls=style, marker=".", label=label
+            )
     axes.plot(near.fleet, 100 / near.fleet, color="0.6", ls=":", label="chance")
     axes.axhline(95, color="0.8", lw=0.8)
     axes.set(title=f"{slant_range:g} km", xscale="log", ylim=(0, 102), xlabel="ships told apart")

@@ -1,4 +1,4 @@
-"""Posterior of what the article leaves open: posterior.py STORE PICTURE."""
+"""Posterior of the parameters that the article leaves open: posterior.py STORE PICTURE."""
 
 import sys
 
@@ -16,10 +16,10 @@ size = {"figsize": (13, 11), "layout": "constrained"}
 figure, panels = plt.subplots(5, 6, sharey=True, **size)
 for axes, (name, prior) in zip(panels.flat, PRIORS.items(), strict=True):
     classes = prior.classes(value.sel(parameter=name).values)
-    several = len(prior.values) if isinstance(prior, Choice) else int(classes.max()) + 1
-    places = np.arange(several + 1)
+    count = len(prior.values) if isinstance(prior, Choice) else int(classes.max()) + 1
+    places = np.arange(count + 1)
     for fit, (colour, tables) in FITS.items():
-        share = np.bincount(classes, weight.sel(fitted=fit).values, several) * several
+        share = np.bincount(classes, weight.sel(fitted=fit).values, count) * count
         axes.stairs(share, places, color=colour, lw=1.6, label=f"fitted to {tables}")
     axes.axhline(1, color="0.6", ls=":", label="prior")
     axes.set_title(f"{prior.group}: {prior.label}", fontsize=8)
@@ -30,8 +30,8 @@ for axes, (name, prior) in zip(panels.flat, PRIORS.items(), strict=True):
         axes.set_xticks(places[:-1:2] + 0.5, words[::2])
     else:
         ends = [prior.at(share) for share in (0, 0.25, 0.5, 0.75, 1 - 1e-9)]
-        shown = [f"{end:.3g}" if end < 100 else f"{end:.0f}" for end in ends]
-        axes.set_xticks(np.linspace(0, several, 5), shown)
+        labels = [f"{end:.3g}" if end < 100 else f"{end:.0f}" for end in ends]
+        axes.set_xticks(np.linspace(0, count, 5), labels)
     axes.tick_params(labelsize=7)
 for axes in panels[:, 0]:
     axes.set_ylabel("posterior over prior", fontsize=8)

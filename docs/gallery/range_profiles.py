@@ -17,9 +17,9 @@ ship = str(profiles.ship[0].item())
 
 def stack(axes, lines, title):
     """Draw lines above one another, each above its noise floor and relative to its peak."""
-    for place, (_, line) in enumerate(lines):
+    for number, (_, line) in enumerate(lines):
         line = (line - line.quantile(0.2)) / (line.max() - line.quantile(0.2))
-        axes.plot(line.down_range, line.values - 1.2 * place)
+        axes.plot(line.down_range, line.values - 1.2 * number)
     axes.set(title=title, xlabel="down-range from the ship origin [m]")
     axes.set_yticks([-1.2 * place for place in range(len(lines))], [label for label, _ in lines])
     axes.spines[["left", "right", "top"]].set_visible(False)
@@ -28,11 +28,23 @@ def stack(axes, lines, title):
 size = {"figsize": (11, 4.6), "layout": "constrained"}
 figure, (by_aspect, by_ship, by_frames) = plt.subplots(1, 3, **size)
 turned = [profiles.expected.sel(ship=ship).sel(aspect=a, method="nearest") for a in (0, 30, 60, 90)]
-stack(by_aspect, [(f"{float(one.aspect):g}°", one) for one in turned], f"{ship}, bow to beam")
-each = [quarter.expected.sel(ship=one) for one in profiles.ship.values]
-stack(by_ship, [(str(one.ship.item()), one) for one in each], f"at {float(quarter.aspect):g}°")
+stack(
+    by_aspect,
+    [(f"{float(profile.aspect):g}°", profile) for profile in turned],
+    f"{ship}, bow to beam",
+)
+of_ships = [quarter.expected.sel(ship=name) for name in profiles.ship.values]
+stack(
+    by_ship,
+    [(str(profile.ship.item()), profile) for profile in of_ships],
+    f"at {float(quarter.aspect):g}°",
+)
 counts = [quarter.averaged.sel(ship=ship, frame_count=n) for n in profiles.frame_count.values]
-stack(by_frames, [(f"{int(one.frame_count)} frames", one) for one in counts], f"{ship}, averaged")
-place = f"{float(profiles.range):g} km, {float(profiles.pulse_width):g} ns"
-figure.suptitle(f"Range profiles at {place}")
+stack(
+    by_frames,
+    [(f"{int(profile.frame_count)} frames", profile) for profile in counts],
+    f"{ship}, averaged",
+)
+setting = f"{float(profiles.range):g} km, {float(profiles.pulse_width):g} ns"
+figure.suptitle(f"Range profiles at {setting}")
 figure.savefig(picture, dpi=150)

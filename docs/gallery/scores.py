@@ -15,23 +15,23 @@ for name, value in nearest.items():
 bins = rows.aspect_bin_deg.unique()
 figure, panels = plt.subplots(1, len(bins), figsize=(11, 3.4), sharey=True, layout="constrained")
 for axes, name in zip(panels, bins, strict=True):
-    here = rows[rows.aspect_bin_deg == name].astype({"frame_count": float})
-    for learning, part in here.groupby("learn_in_test"):
+    cell = rows[rows.aspect_bin_deg == name].astype({"frame_count": float})
+    for learning, part in cell.groupby("learn_in_test"):
         part = part.drop_duplicates("frame_count").sort_values("frame_count")
         ends = [part.percent_correct - part.ci_low, part.ci_high - part.percent_correct]
         label = "learning in the test" if learning else "ours"
         axes.errorbar(
             part.frame_count, part.percent_correct, ends, fmt="o-", capsize=2, label=label
         )
-    if "article_percent_correct" in here:
-        theirs = here.dropna(subset="article_percent_correct").sort_values("frame_count")
+    if "article_percent_correct" in cell:
+        article = cell.dropna(subset="article_percent_correct").sort_values("frame_count")
         axes.plot(
-            theirs.frame_count, theirs.article_percent_correct, "s--", label="article, Table 4"
+            article.frame_count, article.article_percent_correct, "s--", label="article, Table 4"
         )
-    axes.axhline(here.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
+    axes.axhline(cell.percent_correct_by_chance.iloc[0], color="0.6", ls=":", label="chance")
     axes.set(title=f"aspect {name} [°]", xlabel="frames averaged", xscale="log", ylim=(0, 104))
-    counts = sorted(here.frame_count.unique())
-    axes.set_xticks(counts, [f"{one:g}" for one in counts], minor=False)
+    counts = sorted(cell.frame_count.unique())
+    axes.set_xticks(counts, [f"{count:g}" for count in counts], minor=False)
     axes.minorticks_off()
 panels[0].set_ylabel("percent correct, 95 % intervals")
 figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)

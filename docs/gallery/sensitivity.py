@@ -16,13 +16,13 @@ lines = -(-len(names) // columns)
 size = {"figsize": (3.4 * columns, 2.7 * lines + 0.6), "layout": "constrained"}
 figure, panels = plt.subplots(lines, columns, sharey=True, squeeze=False, **size)
 for axes, name in zip(panels.ravel(), names, strict=False):
-    here = rows[rows.error_parameter.isin([name, "none"])]
-    for focused, part in here.groupby("autofocus"):
-        part = part.sort_values("error_value")
-        spread = part.get("profile_correlation_spread", 0)
+    cell = rows[rows.error_parameter.isin([name, "none"])]
+    for focused, curve in cell.groupby("autofocus"):
+        curve = curve.sort_values("error_value")
+        spread = curve.get("profile_correlation_spread", 0)
         label = "with autofocus" if focused else "parameters as recorded"
         axes.errorbar(
-            part.error_value, part.profile_correlation, spread, fmt="o-", capsize=2, label=label
+            curve.error_value, curve.profile_correlation, spread, fmt="o-", capsize=2, label=label
         )
     axes.set_xlabel(f"error of {name.replace('_', ' ')} [{UNITS.get(name, '°')}]")
     axes.grid(color="0.92")

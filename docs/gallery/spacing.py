@@ -17,8 +17,8 @@ size = {"figsize": (3.2 * len(ranges), 5.4), "layout": "constrained"}
 figure, panels = plt.subplots(len(bins), len(ranges), sharey=True, squeeze=False, **size)
 for line, name in zip(panels, bins, strict=True):
     for axes, slant_range in zip(line, ranges, strict=True):
-        here = rows[(rows.aspect_bin_deg == name) & (rows.range_km == slant_range)]
-        for (classifier, channel), part in here.groupby(["classifier", "channel"]):
+        cell = rows[(rows.aspect_bin_deg == name) & (rows.range_km == slant_range)]
+        for (classifier, channel), part in cell.groupby(["classifier", "channel"]):
             part = part.drop_duplicates("template_spacing_deg").sort_values("template_spacing_deg")
             ends = [part.percent_correct - part.ci_low, part.ci_high - part.percent_correct]
             spacing, label = part.template_spacing_deg, f"{classifier}, {channel}"

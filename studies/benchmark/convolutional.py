@@ -115,8 +115,8 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         for _ in range(self.epochs):
             order, sum_of_losses = random.permutation(count), 0.0
             for rows in (order[block] for block in row_blocks(count, BATCH)):
-                first = random.randint(2 * self.shift + 1, size=len(rows))
-                inputs = padded[rows[:, None], first[:, None] + np.arange(width)]
+                starts = random.randint(2 * self.shift + 1, size=len(rows))
+                inputs = padded[rows[:, None], starts[:, None] + np.arange(width)]
                 outputs = self.network_(torch.from_numpy(inputs)[:, None])
                 loss = torch.nn.functional.cross_entropy(outputs, label[torch.from_numpy(rows)])
                 optimizer.zero_grad()

@@ -1,4 +1,4 @@
-"""The benchmark: classifiers on the splits of `ncti.data`, all of which learn from the same views.
+"""The benchmark: classifiers on the splits of `ncti.data`, all learning from the same views.
 
 `entry` declares a classifier by a function that fits it; docs/benchmark.md shows one's own.
 """
@@ -162,8 +162,8 @@ def training_set(learned_rows: Arrays) -> Vectors:
 def template_set(learned_rows: Arrays) -> Vectors:
     """Return vectors, ships and aspects of the expected profile of each view."""
     rows = _rows(learned_rows)
-    _, first = np.unique(rows.view.values, return_index=True)
-    expected = rows.assign(profile=rows.expected).isel(row=first)
+    _, first_rows = np.unique(rows.view.values, return_index=True)
+    expected = rows.assign(profile=rows.expected).isel(row=first_rows)
     vectors, ship, _ = to_numpy(expected)
     return vectors, ship, expected.aspect.values
 
@@ -201,7 +201,7 @@ def tested_rows(
     unknown_hulls: tuple[Hull, ...],
     test_rows: int,
 ) -> Arrays:
-    """Return the rows to be tested with, those of unknown ships last."""
+    """Return the test rows, those of unknown ships last."""
     names = [*map(str, ship)]
     parts = [rows_of(split, TEST, seed=seed, ships=names, count=test_rows)]
     if split in OUTSIDERS:
@@ -209,9 +209,9 @@ def tested_rows(
         parts.append(rows_of(split, UNKNOWN, seed=seed, ships=names, count=half))
     views_before = int(parts[0].view.max()) + 1
     number = {name: k for k, name in enumerate(names)}
-    several = [
+    blocks = [
         {
-            "true_ship": np.array([number.get(one, UNSEEN) for one in rows.ship.values.tolist()]),
+            "true_ship": np.array([number.get(name, UNSEEN) for name in rows.ship.values.tolist()]),
             "true_aspect": rows.aspect.values,
             "view": rows.view.values + k * views_before,
             "profile": rows.profile.values,
@@ -219,7 +219,7 @@ def tested_rows(
         }
         for k, rows in enumerate(parts)
     ]
-    return {name: np.concatenate([part[name] for part in several]) for name in several[0]}
+    return {name: np.concatenate([part[name] for part in blocks]) for name in blocks[0]}
 
 
 # Answers
@@ -241,8 +241,8 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     """Return the stages and tables of a benchmark classifier, from the function that fits it.
 
     `learns` names its training data. The classifier has `predict` and, if it can, `predict_proba`,
-    `match` or `decision_function`, the first of which rejects unknown ships; or `posterior`, which
-    takes averages and numbers of frames.
+    `match` or `decision_function`, the first one it has rejecting unknown ships; or `posterior`,
+    which takes averages and numbers of frames.
     """
     name = fitted.name.removeprefix("fit_")
 
@@ -253,7 +253,7 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
         return entered(choices) and REFERENCE in choices.value(Benchmark.classifier)
 
     group = Group(f"{SENSOR}/{name}", entered, USED, DIMS)
-    named = group.stage(
+    answer_stage = group.stage(
         Output("predicted", ("row",), "i2", "ship named, as an index", pad=NO_ROW),
         Output("probability", ("row", "ship"), label="probability of each ship", pad=np.nan),
         Output("similarity", ("row",), "f8", "similarity to what was learned", pad=np.nan),
@@ -266,9 +266,11 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     tables = [Table(path, (group.path, TESTS.path), tabulate, entered, displays(labels))]
     if name != REFERENCE:
         paths = group.path, f"{SENSOR}/{REFERENCE}", TESTS.path
-        shown = (replace(DIFFERENCE, labels=labels),)
-        tables.append(Table(f"{path}_difference", paths, tabulate_difference, compared, shown))
-    return (fitted, named), tuple(tables)
+        difference_displays = (replace(DIFFERENCE, labels=labels),)
+        tables.append(
+            Table(f"{path}_difference", paths, tabulate_difference, compared, difference_displays)
+        )
+    return (fitted, answer_stage), tuple(tables)
 
 
 def answers(model: Model, tested_rows: Arrays, ship: tuple[ShipName, ...]) -> Arrays:
@@ -286,14 +288,14 @@ def answers(model: Model, tested_rows: Arrays, ship: tuple[ShipName, ...]) -> Ar
     if values is not None:
         likely[:] = 0.0
         likely[:, classes] = values
-        named, similarity = classes[values.argmax(axis=1)], values.max(axis=1)
+        predicted, similarity = classes[values.argmax(axis=1)], values.max(axis=1)
     else:
-        named = np.searchsorted([*map(str, ship)], model.predict(X))
+        predicted = np.searchsorted([*map(str, ship)], model.predict(X))
         if hasattr(model, "match"):
             similarity = model.match(X)[1]
         else:
             similarity = np.max(np.atleast_2d(model.decision_function(X).T), axis=0)
-    return {"predicted": named, "probability": likely, "similarity": similarity}
+    return {"predicted": predicted, "probability": likely, "similarity": similarity}
 
 
 # Classifiers
@@ -403,7 +405,7 @@ def chance(choices: Choices) -> float:
 
 def displays(labels: dict[str, str]) -> tuple[Display, ...]:
     """Return the displays of one classifier: percent correct by split and aspect, other scores."""
-    named = {"classifier": labels["classifier"]}
+    classifier_label = {"classifier": labels["classifier"]}
     return (
         Display(
             SENSOR,
@@ -421,7 +423,7 @@ def displays(labels: dict[str, str]) -> tuple[Display, ...]:
             (_percent("aspect_accuracy", "percent_correct"),),
             rows=("classifier",),
             columns="aspect_bin",
-            labels=named,
+            labels=classifier_label,
             chance=chance,
             notes=("With 95 % Wilson intervals of the views of all seeds.",),
         ),
@@ -434,7 +436,7 @@ def displays(labels: dict[str, str]) -> tuple[Display, ...]:
                 *(Figure(name, digits=3, format=".2f") for name in ("log_loss", "ece")),
             ),
             rows=("classifier",),
-            labels=named,
+            labels=classifier_label,
             notes=(
                 "percent_kept: known ships named correctly and accepted where 90 % of the rows of "
                 "an unknown ship are rejected. " + INTERVAL,
@@ -472,11 +474,11 @@ def tabulate_difference(
 
 
 ENTERED = tuple(
-    entry(*one)
-    for one in (
+    entry(*arguments)
+    for arguments in (
         (likelihood, MOMENTS),
-        *((one, TEMPLATES) for one in (correlation, acn, mnn)),
-        *((one, ROWS) for one in (random_forest, gradient_boosting, pca_qda, mlp, cnn)),
+        *((fitted, TEMPLATES) for fitted in (correlation, acn, mnn)),
+        *((fitted, ROWS) for fitted in (random_forest, gradient_boosting, pca_qda, mlp, cnn)),
     )
 )
 
@@ -494,7 +496,7 @@ STAGES = (
     template_set,
     moment_set,
     tested_rows,
-    *(one for stages, _ in ENTERED for one in stages),
+    *(declared for stages, _ in ENTERED for declared in stages),
 )
 TABLES = tuple(table for _, tables in ENTERED for table in tables)
 

@@ -52,12 +52,12 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
     import xarray as xr
 
     ships = np.asarray(answers.ship.values)
-    several = [str(name) for name in answers[SPLIT].values]
+    splits = [str(name) for name in answers[SPLIT].values]
     by_split = []
-    for name in several:
+    for name in splits:
         seeds = [_scores(answers, tests, name, seed) for seed in answers[SEED].values]
         by_split.append(_means(seeds, ships))
-    table = xr.concat([data_set(one) for one in by_split], SPLIT)
+    table = xr.concat([data_set(figures) for figures in by_split], SPLIT)
     low = SIDE.tolist()
     return table.assign_coords(
         {
@@ -85,14 +85,14 @@ def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Data
         truth = tests.sel({SPLIT: name})
         known = truth.true_ship.values >= 0
         right = [
-            one.sel({SPLIT: name}).predicted.values == truth.true_ship.values
-            for one in (others, answers)
+            dataset.sel({SPLIT: name}).predicted.values == truth.true_ship.values
+            for dataset in (others, answers)
         ]
         seeds = np.indices(known.shape)[0]
         views = _views(truth.view.values, seeds)[known]
-        first, second = (one[known] for one in right)
+        first, second = (correct[known] for correct in right)
         outcome = compare(first, second, views, rng=np.random.default_rng(0))
-        means = [(one & known).sum(axis=1) / known.sum(axis=1) for one in right]
+        means = [(correct & known).sum(axis=1) / known.sum(axis=1) for correct in right]
         mean, low, high = interval(means[1] - means[0], -1.0, 1.0)
         if len(known) == 1:
             low, high = outcome.ci_low, outcome.ci_high
@@ -117,12 +117,12 @@ def interval(values: Floats, minimum: float, maximum: float) -> tuple[float, flo
     # Imported here because scipy takes a tenth of a second.
     from scipy.special import stdtrit
 
-    some = values[np.isfinite(values)]
-    mean = float(some.mean()) if some.size else np.nan
-    if some.size < 2:
+    finite = values[np.isfinite(values)]
+    mean = float(finite.mean()) if finite.size else np.nan
+    if finite.size < 2:
         return mean, np.nan, np.nan
-    error = float(some.std(ddof=1)) / np.sqrt(some.size)
-    reach = float(stdtrit(some.size - 1, 0.5 + 0.5 * CONFIDENCE)) * error
+    error = float(finite.std(ddof=1)) / np.sqrt(finite.size)
+    reach = float(stdtrit(finite.size - 1, 0.5 + 0.5 * CONFIDENCE)) * error
     return mean, max(mean - reach, minimum), min(mean + reach, maximum)
 
 
@@ -135,7 +135,7 @@ def _scalar(figure: tuple[float, str]) -> tuple[Any, ...]:
 
 
 def _views(view: NDArray[Any], seeds: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return numbers of views that no other seed has."""
+    """Return numbers of views that are distinct between seeds."""
     numbers: NDArray[np.int64] = seeds * (int(view.max(initial=0)) + 1) + view
     return numbers
 
@@ -144,23 +144,23 @@ def _scores(
     answers: xr.Dataset, tests: xr.Dataset, name: str, seed: Any
 ) -> tuple[Scores, NDArray[Any], Floats, NDArray[np.bool_]]:
     """Return the scores of one seed, and the views, aspects and right answers of known ships."""
-    given, truth = (one.sel({SPLIT: name, SEED: seed}) for one in (answers, tests))
-    there = truth.true_ship.values > NO_ROW
-    ship, view, at = (truth[key].values[there] for key in ("true_ship", "view", "true_aspect"))
-    likely = given.probability.transpose("row", "ship").values[there].astype(np.float64)
+    answered, truth = (dataset.sel({SPLIT: name, SEED: seed}) for dataset in (answers, tests))
+    exists = truth.true_ship.values > NO_ROW
+    ship, view, aspect = (truth[key].values[exists] for key in ("true_ship", "view", "true_aspect"))
+    likely = answered.probability.transpose("row", "ship").values[exists].astype(np.float64)
     likely /= likely.sum(axis=1, keepdims=True)
-    named = given.predicted.values[there]
-    centres = SIDE[np.searchsorted(SIDE, at, side="right") - 1] + BIN_WIDTH / 2
+    predicted = answered.predicted.values[exists]
+    centres = SIDE[np.searchsorted(SIDE, aspect, side="right") - 1] + BIN_WIDTH / 2
     scores = score(
         ship,
-        likely if np.isfinite(likely).all() else named,
+        likely if np.isfinite(likely).all() else predicted,
         aspect=centres,
         groups=view,
         classes=np.arange(answers.sizes["ship"]),
-        similarity=given.similarity.values[there],
+        similarity=answered.similarity.values[exists],
     )
     known = ship >= 0
-    return scores, view[known], centres[known], (named == ship)[known]
+    return scores, view[known], centres[known], (predicted == ship)[known]
 
 
 def _means(
@@ -170,9 +170,9 @@ def _means(
     import xarray as xr
 
     numbers = np.concatenate([np.full(len(view), k) for k, (_, view, *_) in enumerate(seeds)])
-    view, centres, right = (np.concatenate([one[k] for one in seeds]) for k in (1, 2, 3))
+    view, centres, right = (np.concatenate([scored[k] for scored in seeds]) for k in (1, 2, 3))
     pooled = grouped_accuracy(right, centres, _views(view, numbers))
-    fractions = np.array([one.accuracy.fraction[-1] for one, *_ in seeds])
+    fractions = np.array([scores.accuracy.fraction[-1] for scores, *_ in seeds])
     mean, low, high = interval(fractions, 0.0, 1.0)
     views = len(np.unique(_views(view, numbers)))
     if len(seeds) == 1 or min(mean, 1 - mean) * views < RARE:
@@ -188,27 +188,29 @@ def _means(
     }
     for name, label in FIGURES.items():
         most = np.inf if name == "log_loss" else 1.0
-        three = interval(np.array([getattr(one, name) for one, *_ in seeds]), 0.0, most)
-        for suffix, value, said in zip(("", "_low", "_high"), three, (label, *ends), strict=True):
-            figures[name + suffix] = (value, said)
+        estimate = interval(np.array([getattr(scores, name) for scores, *_ in seeds]), 0.0, most)
+        for suffix, value, text in zip(
+            ("", "_low", "_high"), estimate, (label, *ends), strict=True
+        ):
+            figures[name + suffix] = (value, text)
     table = {name: _scalar(figure) for name, figure in figures.items()}
     for name, unit in UNITS.items():
         table |= {key: (*table[key], unit) for key in (name, f"{name}_low", f"{name}_high")}
     # By aspect: the views of all seeds.
     of_bin = np.searchsorted(SIDE, [float(label) for label in pooled.labels[:-1]]) - 1
-    for name, values, said in (
+    for name, values, text in (
         ("aspect_accuracy", pooled.fraction, f"{share}, by aspect"),
         ("aspect_accuracy_low", pooled.ci_low, ends[0]),
         ("aspect_accuracy_high", pooled.ci_high, ends[1]),
     ):
-        whole = np.full(len(SIDE), np.nan)
-        whole[of_bin] = values[:-1]
-        table[name] = xr.DataArray(whole, dims="aspect_bin"), said
-    confusion = np.sum([one.confusion for one, *_ in seeds], axis=0)
+        by_aspect = np.full(len(SIDE), np.nan)
+        by_aspect[of_bin] = values[:-1]
+        table[name] = xr.DataArray(by_aspect, dims="aspect_bin"), text
+    confusion = np.sum([scores.confusion for scores, *_ in seeds], axis=0)
     shares = confusion / np.maximum(confusion.sum(axis=1, keepdims=True), 1)
     label = "share of answers to a ship that name another"
     table["confusion"] = xr.DataArray(shares, dims=("ship", "ship_named")), label
-    curves = [one.reliability for one, *_ in seeds if one.reliability is not None]
+    curves = [scores.reliability for scores, *_ in seeds if scores.reliability is not None]
     n = np.sum([curve.n for curve in curves], axis=0) if curves else np.zeros(10)
     hits = np.nansum([curve.fraction * curve.n for curve in curves], axis=0) if curves else n
     fraction = np.where(n > 0, hits / np.maximum(n, 1), np.nan)

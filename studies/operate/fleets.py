@@ -23,11 +23,11 @@ def fleet_order(names: Sequence[str]) -> NDArray[np.intp]:
     Nominal ships come first, those of the article before others, then variants by their numbers.
     """
 
-    def rank(place: int) -> tuple[list[int], int, str]:
-        base, _, variant = names[place].partition("@")
+    def rank(index: int) -> tuple[list[int], int, str]:
+        base, _, variant = names[index].partition("@")
         numbers = [int(number) for number in re.findall(r"\d+", variant)]
-        first = ARTICLE.index(base) if base in ARTICLE else len(ARTICLE)
-        return numbers, first, names[place]
+        article_rank = ARTICLE.index(base) if base in ARTICLE else len(ARTICLE)
+        return numbers, article_rank, names[index]
 
     return np.array(sorted(range(len(names)), key=rank), dtype=np.intp)
 
@@ -67,12 +67,12 @@ def fleet_shares(
     share, resampled = [], []
     for fleet in fleets:
         require("fleets", fleet, minimum=LEAST, maximum=values.shape[1], whole=True)
-        each = rows[fleet - 1]
-        which = (start[:fleet, None] + np.arange(each)).ravel()
-        named = values[which, :fleet].argmax(axis=1).reshape(fleet, each)
-        right = named == np.arange(fleet)[:, None]
-        drawn = (uniforms[:fleet, :, :each] * each).astype(np.intp)
-        again = np.take_along_axis(right[:, None, :], drawn, axis=2)
+        count = rows[fleet - 1]
+        indices = (start[:fleet, None] + np.arange(count)).ravel()
+        predicted = values[indices, :fleet].argmax(axis=1).reshape(fleet, count)
+        right = predicted == np.arange(fleet)[:, None]
+        drawn = (uniforms[:fleet, :, :count] * count).astype(np.intp)
+        redrawn = np.take_along_axis(right[:, None, :], drawn, axis=2)
         share.append(right.mean())
-        resampled.append(again.mean(axis=(0, 2)))
+        resampled.append(redrawn.mean(axis=(0, 2)))
     return np.array(share), np.array(resampled)

@@ -48,9 +48,11 @@ def in_order(
     `arrays` (ship, view, ...) holds the `learned` templates first.
     """
     rows = views_of_ships(tests, len(ship))
-    ships = [arrays[k] for k in fleet_order([str(one) for one in ship])]
-    of_tests = [one[learned : learned + number] for one, number in zip(ships, rows, strict=True)]
-    return np.stack([one[:learned] for one in ships]), np.concatenate(of_tests)
+    ships = [arrays[k] for k in fleet_order([str(name) for name in ship])]
+    of_tests = [
+        views[learned : learned + number] for views, number in zip(ships, rows, strict=True)
+    ]
+    return np.stack([views[:learned] for views in ships]), np.concatenate(of_tests)
 
 
 def planned_views(
@@ -90,9 +92,9 @@ def match_silhouettes(
     rows, columns = shown["shape"][0].tolist()
     bits = np.unpackbits(shown["shown"], axis=-1, count=rows * columns).astype(bool)
     images = bits.reshape(*bits.shape[:2], rows, columns)
-    each = min(-(-CALIBRATION // len(ship)), LEFT_OUT)
-    others = images[fleet_order([str(one) for one in ship]), -each:]
-    return SilhouetteMatch(*in_order(images, ship, len(aspect), tests), others, rng)
+    count = min(-(-CALIBRATION // len(ship)), LEFT_OUT)
+    calibration = images[fleet_order([str(name) for name in ship]), -count:]
+    return SilhouetteMatch(*in_order(images, ship, len(aspect), tests), calibration, rng)
 
 
 def identify(
@@ -125,22 +127,24 @@ def identify(
     shape = (ships, views_of_ships(tests, 1)[0], 2, signatures["excess"].shape[-1])
     normals = rng.standard_normal(shape, dtype=np.float32)
     rows = views_of_ships(tests, ships)
-    drawn = np.concatenate([own[:number] for own, number in zip(normals, rows, strict=True)])
+    drawn = np.concatenate(
+        [ship_normals[:number] for ship_normals, number in zip(normals, rows, strict=True)]
+    )
     uniforms = bootstrap_uniforms(trial.resamples, tests, ships, rng)
 
     def matched(p: int, width: float) -> ProfileMatch:
-        templates, seen = in_order(signatures["excess"][p], ship, learned, tests)
+        templates, profiles = in_order(signatures["excess"][p], ship, learned, tests)
         mean, power = in_order(signatures["power"][p], ship, 1, tests)
         _, ifovs = in_order(signatures["ifovs"][p], ship, 0, tests)
         free = trial.target_free_ifovs + ifovs
         radar = Radar(width, trial.bin_width, cnr)
         mean = mean.mean(axis=(0, 1))
-        given = templates, seen, power, mean, free, drawn, radar
-        return ProfileMatch(*given, floor_sigma=trial.floor_sigma)
+        arguments = templates, profiles, power, mean, free, drawn, radar
+        return ProfileMatch(*arguments, floor_sigma=trial.floor_sigma)
 
     matches = [matched(p, width) for p, width in enumerate(pulse_width)]
-    whole = len(pulse_width), len(frame_count), len(fleet), len(CHANNELS)
-    share, resampled = np.empty(whole), np.empty((*whole, trial.resamples))
+    sizes = len(pulse_width), len(frame_count), len(fleet), len(CHANNELS)
+    share, resampled = np.empty(sizes), np.empty((*sizes, trial.resamples))
     gain = {"gain_sigma": trial.gain_sigma}
     for f, frames in enumerate(frame_count):
         silhouette = silhouettes.evidence(frames, imager=imager, slant_range=slant_range, **gain)
@@ -151,6 +155,6 @@ def identify(
             profile = relative_densities(match.evidence(frames, **gain), ships)
             of_profile, of_both = joint_evidence(profile), joint_evidence(profile, anywhere)
             for c, of_ships in enumerate((of_profile, of_silhouette, of_both)):
-                at = p, f, slice(None), c
-                share[at], resampled[at] = fleet_shares(of_ships, tests, fleet, uniforms)
+                index = p, f, slice(None), c
+                share[index], resampled[index] = fleet_shares(of_ships, tests, fleet, uniforms)
     return {"share": share, "resampled": resampled}

@@ -51,9 +51,9 @@ def relative_densities(evidence: NDArray[np.floating], ships: int) -> Densities:
     samples, templates = evidence.shape
     if ships < 1 or templates % ships:
         raise ValueError(f"ships is {ships}, but must divide the number of templates, {templates}")
-    each = np.asarray(evidence, dtype=np.float32).reshape(samples, ships, -1)
-    best = each.max(axis=2)
-    density = each - best[:, :, None]
+    by_ship = np.asarray(evidence, dtype=np.float32).reshape(samples, ships, -1)
+    best = by_ship.max(axis=2)
+    density = by_ship - best[:, :, None]
     np.exp(density, out=density)
     return best, density
 
@@ -113,13 +113,13 @@ def fit_inverse_temperature(
     ships. The search steps down from 1 by sqrt(1/2) to the first minimum, or to `least`: the
     sensor's noise is known, and errors of templates only add to it.
     """
-    own = np.arange(len(evidence)), np.asarray(truth)
+    true_ship = np.arange(len(evidence)), np.asarray(truth)
 
     def loss(factor: float) -> float:
         of_ships = ship_evidence(evidence * np.float32(factor), ships).astype(np.float64)
-        return float((np.logaddexp.reduce(of_ships, axis=1) - of_ships[own]).mean())
+        return float((np.logaddexp.reduce(of_ships, axis=1) - of_ships[true_ship]).mean())
 
-    factor, now = 1.0, loss(1.0)
-    while factor * STEP >= least and (lower := loss(factor * STEP)) < now:
-        factor, now = factor * STEP, lower
+    factor, current = 1.0, loss(1.0)
+    while factor * STEP >= least and (lower := loss(factor * STEP)) < current:
+        factor, current = factor * STEP, lower
     return factor

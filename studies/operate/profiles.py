@@ -69,16 +69,16 @@ def signatures(
     excess = np.empty((len(ratios), len(pulse_width), *shape), np.float32)
     power = np.empty((len(pulse_width), 1 + shape[0] - learned, bins), np.float32)
     for p, width in enumerate(pulse_width):
-        place, after = _after_pulse(seen, width, bin_width, bins)
+        index, after = _after_pulse(seen, width, bin_width, bins)
 
-        def summed(values: Floats, place: Places = place) -> Floats:
-            return np.bincount(place, values, math.prod(shape)).astype(np.float64).reshape(shape)
+        def summed(values: Floats, index: Places = index) -> Floats:
+            return np.bincount(index, values, math.prod(shape)).astype(np.float64).reshape(shape)
 
         for c, ratio in enumerate(ratios):
             above = summed(np.sqrt(ratio * after + noise) - math.sqrt(noise))
             excess[c, p] = math.sqrt(math.pi / 2) * above
-        whole = summed(after)
-        power[p, 0], power[p, 1:] = whole[:learned].mean(axis=0), whole[learned:]
+        total = summed(after)
+        power[p, 0], power[p, 1:] = total[:learned].mean(axis=0), total[learned:]
     along = len(ratios), len(pulse_width)
     ifovs = seen.ifovs[learned:]
     return {
@@ -91,7 +91,7 @@ def signatures(
 def _after_pulse(
     seen: Seen, pulse_width: float, bin_width: float, bins: int
 ) -> tuple[Places, Floats]:
-    """Return the power of every IFOV in the bins that it reaches, and places in (view, bin)."""
+    """Return the power of every IFOV in its bins, and their flat indices in (view, bin)."""
     # Imported here because scipy takes a tenth of a second.
     from scipy.sparse import csr_array, diags_array
 
@@ -108,8 +108,8 @@ def _after_pulse(
     start = np.concatenate([[0], np.cumsum(seen.samples)])
     extent = csr_array((density, seen.range_bin, start), shape=(len(seen.samples), bins))
     after = (extent @ kernel).tocsr()
-    place = np.repeat(seen.view, np.diff(after.indptr)) * bins + after.indices
-    return place, after.data
+    index = np.repeat(seen.view, np.diff(after.indptr)) * bins + after.indices
+    return index, after.data
 
 
 @lru_cache(maxsize=32)
@@ -124,7 +124,7 @@ def correlations(*, pulse_width: float, bin_width: float, bins: int) -> tuple[Fl
 
 @lru_cache(maxsize=32)
 def factors(*, pulse_width: float, bin_width: float, bins: int) -> tuple[Floats, Floats]:
-    """Return matrices F of both correlations, F' F, of which F makes noise from white noise."""
+    """Return matrices F of both correlations, F' F; F turns white noise into correlated noise."""
     roots = []
     for correlation in correlations(pulse_width=pulse_width, bin_width=bin_width, bins=bins):
         values, vectors = np.linalg.eigh(correlation)
@@ -147,10 +147,10 @@ def frame_noise(
     normal = np.asarray(normals, dtype=np.float64)
     roots = factors(**pulse, bins=normal.shape[-1])
     noise = float(noise_by_lag(**pulse, bin_count=1)[0])
-    own = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(power, dtype=np.float64))
+    of_target = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(power, dtype=np.float64))
     free = np.sqrt(RAYLEIGH * noise * np.asarray(ifovs, dtype=np.float64))
     of_noise: Floats = free[:, None] * (normal[:, 1] @ roots[1])
-    return own * (normal[:, 0] @ roots[0]) + of_noise
+    return of_target * (normal[:, 0] @ roots[0]) + of_noise
 
 
 class ProfileMatch:
@@ -193,15 +193,15 @@ class ProfileMatch:
         from scipy.linalg import eigh
 
         learned = np.asarray(templates, dtype=np.float64)
-        seen = np.asarray(tests, dtype=np.float64)
-        require_shape("templates", learned, (*learned.shape[:2], seen.shape[-1]))
+        measured = np.asarray(tests, dtype=np.float64)
+        require_shape("templates", learned, (*learned.shape[:2], measured.shape[-1]))
         require("floor_sigma", floor_sigma, minimum=0.0)
-        bins = seen.shape[-1]
+        bins = measured.shape[-1]
         pulse = {"pulse_width": radar.pulse_width, "bin_width": radar.bin_width}
         noise = float(noise_by_lag(**pulse, bin_count=1)[0])
         shapes = correlations(**pulse, bins=bins)
         ifovs = np.asarray(target_free, dtype=np.float64)
-        # Covariance of a frame, mean over templates, and what is unknown besides.
+        # Covariance of a frame, mean over templates, and that of unknown errors and floor.
         spread = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(template_power, dtype=np.float64))
         frame = np.outer(spread, spread) * shapes[0] + RAYLEIGH * noise * ifovs.mean() * shapes[1]
         variance = float(np.trace(frame)) / bins
@@ -213,7 +213,7 @@ class ProfileMatch:
         deviation = frame_noise(power, ifovs, normals, radar)
         flat = learned.reshape(-1, bins)
         self._templates, self._tests, self._noise = (
-            (rows @ directions).astype(np.float32) for rows in (flat, seen, deviation)
+            (rows @ directions).astype(np.float32) for rows in (flat, measured, deviation)
         )
         self._largest = np.square(self._templates).max(axis=0).astype(np.float64)
 
@@ -221,8 +221,8 @@ class ProfileMatch:
         """Return the (test, template) log likelihood of averages, as of `log_evidence`."""
         weight = 1.0 / (1.0 / frame_count + np.maximum(self._unknown, 0.0))
         energy = np.square(self._templates) @ weight.astype(np.float32)
-        # Directions that no template reaches above the noise tell nothing apart.
-        told = self._largest * weight > NEGLIGIBLE
-        seen = self._tests[:, told] + self._noise[:, told] * np.float32(frame_count**-0.5)
-        product = (seen * weight[told].astype(np.float32)) @ self._templates[:, told].T
+        # Directions in which every template lies below the noise carry no information.
+        used = self._largest * weight > NEGLIGIBLE
+        averages = self._tests[:, used] + self._noise[:, used] * np.float32(frame_count**-0.5)
+        product = (averages * weight[used].astype(np.float32)) @ self._templates[:, used].T
         return log_evidence(product, energy, gain_sigma=gain_sigma)

@@ -60,7 +60,7 @@ def sobol_indices(
     }
     points = sampling.sample(problem, samples, calc_second_order=False, seed=seed)
     values = np.asarray(figure(points), dtype=np.float64)
-    done = analysis.analyze(
+    indices = analysis.analyze(
         problem,
         values,
         calc_second_order=False,
@@ -68,7 +68,7 @@ def sobol_indices(
         conf_level=0.95,
         seed=seed,
     )
-    arrays = (np.asarray(done[name]) for name in ("S1", "ST", "S1_conf", "ST_conf"))
+    arrays = (np.asarray(indices[name]) for name in ("S1", "ST", "S1_conf", "ST_conf"))
     return SobolIndices(tuple(bounds), *arrays)
 
 
@@ -92,16 +92,16 @@ def interpolation_errors(axes: Sequence[ArrayLike], values: ArrayLike) -> Floats
     three places. With steps twice as wide it is, for smooth values, about four times that of the
     whole grid half-way between places.
     """
-    given = np.asarray(values, dtype=np.float64)
+    grid = np.asarray(values, dtype=np.float64)
     errors = np.full(len(axes), np.nan)
     for k, axis in enumerate(axes):
         logs = np.log(axis)
-        along = np.moveaxis(given, k, 0)
+        along = np.moveaxis(grid, k, 0)
         middle = np.arange(1, len(logs) - 1, 2)
         if not middle.size:
             continue
-        part = (logs[middle] - logs[middle - 1]) / (logs[middle + 1] - logs[middle - 1])
-        part = part.reshape(-1, *[1] * (along.ndim - 1))
-        between = along[middle - 1] * (1 - part) + along[middle + 1] * part
+        weight = (logs[middle] - logs[middle - 1]) / (logs[middle + 1] - logs[middle - 1])
+        weight = weight.reshape(-1, *[1] * (along.ndim - 1))
+        between = along[middle - 1] * (1 - weight) + along[middle + 1] * weight
         errors[k] = np.sqrt(np.mean((along[middle] - between) ** 2))
     return errors

@@ -28,7 +28,7 @@ def silhouettes(
     """Return (view, row, column) masks of the pixels that show a ship, in a window around it.
 
     The origin lies in the same pixel of every window. `footprint` is the side of a pixel on the
-    target [m], of which a ship must fill the share `coverage_rule`; `length` and `height` of the
+    target [m]; a ship must fill the share `coverage_rule` of a pixel. `length` and `height` of the
     largest ship [m] and `depression` [deg] set the window.
     """
     require("footprint", footprint, positive=True)
@@ -80,23 +80,24 @@ class SilhouetteMatch:
         require_shape(
             "left_out", left_out, (len(templates), *left_out.shape[1:2], *tests.shape[1:])
         )
-        # Only pixels that some template or test shows tell ships apart.
-        used = templates.any(axis=(0, 1)) | tests.any(axis=0)
-        learned = templates[..., used].astype(np.float32)
-        seen = tests[:, used].astype(np.float32)
+        # Only pixels that some template or test covers distinguish ships.
+        occupied = templates.any(axis=(0, 1)) | tests.any(axis=0)
+        template_pixels = templates[..., occupied].astype(np.float32)
+        test_pixels = tests[:, occupied].astype(np.float32)
         # Neighbours have the ship at other places on the pixels.
-        apart = np.abs(np.diff(learned, axis=1)).sum(axis=2, dtype=np.float64)
-        of_all = learned.reshape(-1, learned.shape[-1])
+        change = np.abs(np.diff(template_pixels, axis=1)).sum(axis=2, dtype=np.float64)
+        of_all = template_pixels.reshape(-1, template_pixels.shape[-1])
         self.size = of_all.sum(axis=1, dtype=np.float64)
-        nearest = np.minimum(apart[:, 1:], apart[:, :-1]) if apart.shape[1] > 1 else apart
-        some = float(nearest.mean()) if nearest.size else 0.0
-        self.between = some / max(float(self.size.mean()), 1.0)
+        nearest = np.minimum(change[:, 1:], change[:, :-1]) if change.shape[1] > 1 else change
+        mean_difference = float(nearest.mean()) if nearest.size else 0.0
+        self.between = mean_difference / max(float(self.size.mean()), 1.0)
         self._ships, views = left_out.shape[:2]
         self._truth = np.repeat(np.arange(self._ships), views)
-        others = left_out[..., used].reshape(-1, of_all.shape[1]).astype(np.float32)
-        # Of the silhouettes, the scene and the detector.
+        calibration = left_out[..., occupied].reshape(-1, of_all.shape[1]).astype(np.float32)
+        # Products with the silhouettes, the scene noise and the detector noise.
         self._tests, self._left_out = (
-            [rows @ of_all.T for rows in (these, *_normals(rng, these))] for these in (seen, others)
+            [rows @ of_all.T for rows in (masks, *_normals(rng, masks))]
+            for masks in (test_pixels, calibration)
         )
         self._fitted: dict[tuple[float, Imager, float, float], float] = {}
 
@@ -120,16 +121,16 @@ class SilhouetteMatch:
             energy = self.size * (contrast**2 / variance)
             return log_evidence(product, energy, gain_sigma=gain_sigma)
 
-        how = frame_count, imager, slant_range, gain_sigma
-        if how not in self._fitted:
+        key = frame_count, imager, slant_range, gain_sigma
+        if key not in self._fitted:
             # At worst, all pixels of a ship err together.
             least = variance / (noise + error * max(float(self.size.mean()), 1.0))
-            others = white(self._left_out)
-            self._fitted[how] = fit_inverse_temperature(
-                others, self._ships, self._truth, least=least
+            calibration = white(self._left_out)
+            self._fitted[key] = fit_inverse_temperature(
+                calibration, self._ships, self._truth, least=least
             )
         evidence = white(self._tests)
-        evidence *= np.float32(self._fitted[how])
+        evidence *= np.float32(self._fitted[key])
         return evidence
 
 

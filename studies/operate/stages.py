@@ -130,7 +130,7 @@ def operate_signatures(
     return library.signatures(
         views.restored(Seen, operate_seen),
         pulse_width=pulse_width,
-        cnr=[cnr_at_range.function(range, one, cnr_range, extinction) for one in cnr],
+        cnr=[cnr_at_range.function(range, decibels, cnr_range, extinction) for decibels in cnr],
         bin_width=bin_width,
         bins=round(window / bin_width),
         learned=len(aspect),
@@ -241,15 +241,15 @@ STAGES = (
     operate_channels,
 )
 TABLES = (
-    OPERATED.table("operate", lambda *given: tables.tabulate_frames(of_all(*given)), FRAMES),
+    OPERATED.table("operate", lambda *inputs: tables.tabulate_frames(of_all(*inputs)), FRAMES),
     OPERATED.table(
-        "operate_cheapest", lambda *given: tables.tabulate_cheapest(of_all(*given)), CHEAPEST
+        "operate_cheapest", lambda *inputs: tables.tabulate_cheapest(of_all(*inputs)), CHEAPEST
     ),
 )
 
 
 def check_first(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) more ships than there are, before any is built."""
+    """Refuse (`ConfigurationError`) fleets larger than the grid, before building any ship."""
     if looks(SENSOR)(choices):
         ships, largest = len(choices[Grid.ship]), max(choices[Operate.fleet])
         if largest > ships:

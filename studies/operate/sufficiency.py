@@ -24,12 +24,12 @@ def isotonic(values: ArrayLike) -> Floats:
     At k it is the largest, over i up to k, of the smallest mean from i to j, over j from k on (R.
     E. Barlow et al., Statistical Inference under Order Restrictions, Wiley, 1972, section 1.2).
     """
-    given = np.asarray(values, dtype=np.float64)
-    count = given.shape[-1]
-    fitted = np.full(given.shape, -np.inf)
+    series = np.asarray(values, dtype=np.float64)
+    count = series.shape[-1]
+    fitted = np.full(series.shape, -np.inf)
     for i in range(count):
-        means = np.cumsum(given[..., i:], axis=-1) / np.arange(1, count - i + 1)
-        # The smallest mean from i to j, for j from each place on.
+        means = np.cumsum(series[..., i:], axis=-1) / np.arange(1, count - i + 1)
+        # The smallest mean from i to j, over j from each index on.
         least = np.minimum.accumulate(means[..., ::-1], axis=-1)[..., ::-1]
         np.maximum(fitted[..., i:], least, out=fitted[..., i:])
     return fitted
@@ -42,16 +42,16 @@ def crossing(values: ArrayLike, places: ArrayLike, *, level: float = 0.95) -> Fl
     positive and increase. Between them the place is linear in its logarithm; it is the first of
     them where the level is reached from the start, and infinity where it is not reached at all.
     """
-    fitted, at = isotonic(values), np.asarray(places, dtype=np.float64)
-    log = np.log(at)
+    fitted, positions = isotonic(values), np.asarray(places, dtype=np.float64)
+    log = np.log(positions)
     reached = fitted >= level - ROUNDING
     first = reached.argmax(axis=-1)
     before = np.maximum(first - 1, 0)
     low, high = (np.take_along_axis(fitted, k[..., None], -1)[..., 0] for k in (before, first))
     with np.errstate(divide="ignore", invalid="ignore"):
-        part = np.where(first > 0, (level - low) / (high - low), 0.0)
-        place = np.exp(log[before] + part * (log[first] - log[before]))
-    return np.where(reached.any(axis=-1), np.where(first > 0, place, at[0]), np.inf)
+        fraction = np.where(first > 0, (level - low) / (high - low), 0.0)
+        position = np.exp(log[before] + fraction * (log[first] - log[before]))
+    return np.where(reached.any(axis=-1), np.where(first > 0, position, positions[0]), np.inf)
 
 
 def cheapest(cost: xr.DataArray, over: tuple[str, ...]) -> xr.Dataset:
@@ -70,9 +70,9 @@ def cheapest(cost: xr.DataArray, over: tuple[str, ...]) -> xr.Dataset:
 
     flat = cost.stack(setting=over).transpose(..., "resample", "setting")
     least = flat.min("setting")
-    place = flat.argmin("setting")
-    best, again = place.isel({"resample": 0}), place.isel({"resample": slice(1, None)})
-    there = np.isfinite(least.isel({"resample": 0}))
+    index = flat.argmin("setting")
+    best, resampled = index.isel({"resample": 0}), index.isel({"resample": slice(1, None)})
+    suffices = np.isfinite(least.isel({"resample": 0}))
     ends = [
         xr.apply_ufunc(
             lambda values, q=q: np.quantile(values, q, axis=-1, method="inverted_cdf"),
@@ -85,11 +85,11 @@ def cheapest(cost: xr.DataArray, over: tuple[str, ...]) -> xr.Dataset:
         "cost": least.isel({"resample": 0}),
         "cost_low": ends[0],
         "cost_high": ends[1],
-        "chosen": (again == best).mean("resample").where(there),
+        "chosen": (resampled == best).mean("resample").where(suffices),
     }
     for name in over:
         values = flat[name].values[best.values]
-        columns[name] = best.copy(data=values).where(there)
+        columns[name] = best.copy(data=values).where(suffices)
     bare = {
         name: column.drop_vars(["setting", *over], errors="ignore")
         for name, column in columns.items()

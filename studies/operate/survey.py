@@ -77,8 +77,8 @@ def draw_views(
     `depression` is that of the line of sight [deg], and the lines are `spacing` [m] apart on the
     target.
     """
-    several = require_all("aspects", aspects).ravel().tolist()
-    return [line_image(mesh, aspect=a, depression=depression, spacing=spacing) for a in several]
+    angles = require_all("aspects", aspects).ravel().tolist()
+    return [line_image(mesh, aspect=a, depression=depression, spacing=spacing) for a in angles]
 
 
 def seen_views(
@@ -97,12 +97,12 @@ def seen_views(
     curvature of the wavefront, 0.1 m at 25 km across half a ship, are ignored in learned and tested
     views.
     """
-    where = require_all("places", places)
-    if where.shape != (len(views), 2):
-        raise ValueError(f"places has shape {where.shape}, but must be ({len(views)}, 2)")
+    origins = require_all("places", places)
+    if origins.shape != (len(views), 2):
+        raise ValueError(f"places has shape {origins.shape}, but must be ({len(views)}, 2)")
     require("footprint", footprint, positive=True)
-    fraction, place, samples, cells, ifovs = [], [], [], [], []
-    for view, shift in zip(views, where.tolist(), strict=True):
+    fraction, range_bins, samples, cells, ifovs = [], [], [], [], []
+    for view, shift in zip(views, origins.tolist(), strict=True):
         extent = range_extent(
             view,
             slant_range=DRAWN_FOR,
@@ -114,13 +114,13 @@ def seen_views(
         )
         ifov, bins = np.nonzero(extent.fraction)
         fraction.append(extent.fraction[ifov, bins])
-        place.append(bins)
+        range_bins.append(bins)
         samples.append(np.bincount(ifov, minlength=len(extent.cell)))
         cells.append(extent.cell)
         ifovs.append(len(extent.cell))
     return Seen(
         np.concatenate(fraction).astype(np.float32),
-        np.concatenate(place).astype(np.int16),
+        np.concatenate(range_bins).astype(np.int16),
         np.concatenate(samples).astype(np.int32),
         np.concatenate(cells).astype(np.int16),
         np.array(ifovs, dtype=np.int32),

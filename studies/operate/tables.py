@@ -24,8 +24,9 @@ ENDS = ("low end of its 95 % interval", "high end of its 95 % interval")
 def frames_needed(operated: xr.Dataset) -> xr.DataArray:
     """Return the fewest frames by which `LEVEL` of the views are identified, interpolated.
 
-    The result keeps the other axes of `share`, and has `resample`, of which the first is all views
-    and the others are `resampled`; it is infinite where the largest frame count does not suffice.
+    The result keeps the other axes of `share`, and has `resample`: the first entry counts all
+    views, the others are `resampled`. It is infinite where the largest frame count does not
+    suffice.
     """
     import xarray as xr
 
@@ -41,10 +42,10 @@ def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
     """
     needed = frames_needed(operated.sel(ARTICLE, method="nearest"))
     columns = {"frames": (needed.isel(resample=0), f"frames by which {LEVEL:.0%} are identified")}
-    again = needed.isel(resample=slice(1, None))
+    resampled = needed.isel(resample=slice(1, None))
     for name, q, words in zip(("low", "high"), TAILS, ENDS, strict=True):
         end = partial(np.quantile, q=q, method="inverted_cdf")
-        columns[f"frames_{name}"] = again.reduce(end, "resample"), words
+        columns[f"frames_{name}"] = resampled.reduce(end, "resample"), words
     table = data_set(columns)
     table.frames.attrs["infinite"] = f"more than {operated.frame_count.values.max():g}"
     return table

@@ -60,12 +60,14 @@ class Posterior:
 
     def quantiles(self, values: ArrayLike, shares: ArrayLike) -> Floats:
         """Return (share, ...) weighted quantiles of (setting, ...) values."""
-        several = np.asarray(values, dtype=np.float64)
+        samples = np.asarray(values, dtype=np.float64)
         weights = np.broadcast_to(
-            self.weight.reshape(-1, *(1,) * (several.ndim - 1)), several.shape
+            self.weight.reshape(-1, *(1,) * (samples.ndim - 1)), samples.shape
         )
-        at = np.asarray(shares, dtype=np.float64)
-        quantiles: Floats = np.quantile(several, at, axis=0, weights=weights, method="inverted_cdf")
+        probabilities = np.asarray(shares, dtype=np.float64)
+        quantiles: Floats = np.quantile(
+            samples, probabilities, axis=0, weights=weights, method="inverted_cdf"
+        )
         return quantiles
 
 
@@ -85,18 +87,18 @@ def posterior_weights(chi_square: Floats, *, effective: float = 1.0) -> Posterio
     """
     excess = chi_square - chi_square.min()
 
-    def at(temperature: float) -> Posterior:
+    def posterior_at(temperature: float) -> Posterior:
         weight = np.exp(-excess / (2.0 * temperature))
         return Posterior(weight / weight.sum(), temperature)
 
     # The effective number rises with the temperature: bisection of its logarithm.
     low, high = COOLEST, HOTTEST
-    if at(low).effective >= effective:
-        return at(low)
+    if posterior_at(low).effective >= effective:
+        return posterior_at(low)
     for _ in range(HALVINGS):
         middle = (low * high) ** 0.5
-        low, high = (low, middle) if at(middle).effective >= effective else (middle, high)
-    return at(high)
+        low, high = (low, middle) if posterior_at(middle).effective >= effective else (middle, high)
+    return posterior_at(high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,7 @@ def reached(simulated: Floats, given: Floats, variance: Floats) -> Reach:
 
     `simulated` and `variance` (setting, figure) are as of `chi_square`.
     """
-    apart = np.abs(simulated - given) / variance**0.5
-    agrees = apart <= LEVEL
+    deviation = np.abs(simulated - given) / variance**0.5
+    agrees = deviation <= LEVEL
     ends = simulated.min(axis=0), simulated.max(axis=0)
-    return Reach(*ends, agrees.mean(axis=0), apart.min(axis=0), agrees.sum(axis=1))
+    return Reach(*ends, agrees.mean(axis=0), deviation.min(axis=0), agrees.sum(axis=1))

@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.article import SHIPS
 from ncti.checks import require
 
-"""The article's four ships."""
-
 CLASSES = 8
 """Equally probable classes of numbers, in which a posterior is compared with its prior."""
 

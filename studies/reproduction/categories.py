@@ -33,9 +33,10 @@ def presentation_orders(
 
 def category_counts(vectors: Floats, orders: Sequence[Indices], **how: Any) -> Indices:
     """Return the (order,) numbers of categories of (view, feature) vectors; `how` of `cluster`."""
-    alike = Similarities.of(vectors)
+    similarities = Similarities.of(vectors)
     counts = [
-        len(cluster(alike, order=order, max_passes=PASSES, **how).weights) for order in orders
+        len(cluster(similarities, order=order, max_passes=PASSES, **how).weights)
+        for order in orders
     ]
     return np.array(counts if len(counts) > 1 else 2 * counts)
 
@@ -73,16 +74,16 @@ def acn_scores(
             network.fit(templates[order], ship[order])
         names = network.category_labels_
         if label_rule == "first":
-            _, first = np.unique(network.labels_, return_index=True)
-            names = ship[order][first]
+            _, first_members = np.unique(network.labels_, return_index=True)
+            names = ship[order][first_members]
         learned = np.empty(len(order), dtype=bool)
         learned[order] = names[network.labels_] == ship[order]
         trained.append((network, order, names, learned))
     right = np.empty((len(tests), 1 + tests.shape[1], len(ship)), dtype=bool)
-    for draw, several in enumerate(tests):
+    for draw, tested in enumerate(tests):
         network, order, names, learned = trained[draw % len(trained)]
         right[draw, 0] = learned
-        for row, vectors in enumerate(several, start=1):
+        for row, vectors in enumerate(tested, start=1):
             category, _ = network.match(vectors[order], learning=learn_in_test)
             right[draw, row, order] = (category >= 0) & (names[category] == ship[order])
     return Simulated.of(percent_by_bin(right, aspect))

@@ -85,11 +85,13 @@ class Agreement:
         """
         frames = np.array([figure.frames for figure in self.figures])
         columns = [(figure.table, figure.name.rpartition(", ")[2]) for figure in self.figures]
-        alike = np.array([[one == other for other in columns] for one in columns])
-        alike &= np.minimum.outer(frames, frames) > 0
+        same_column = np.array([[column == other for other in columns] for column in columns])
+        same_column &= np.minimum.outer(frames, frames) > 0
         most = np.maximum.outer(frames, frames)
         ratio = np.minimum.outer(frames, frames) / np.maximum(most, 1)
-        correlation: Floats = np.where(alike, SHARED * 2 / np.pi * np.arcsin(np.sqrt(ratio)), 0.0)
+        correlation: Floats = np.where(
+            same_column, SHARED * 2 / np.pi * np.arcsin(np.sqrt(ratio)), 0.0
+        )
         np.fill_diagonal(correlation, 1.0)
         return correlation
 
@@ -99,10 +101,11 @@ class Agreement:
 
     def distance(self, tables: Sequence[int]) -> Floats:
         """Return the (setting,) chi-square of the figures of some tables; 0 of none."""
-        of = self.of(tables)
-        correlation = self.correlation[np.ix_(of, of)]
+        mask = self.of(tables)
+        correlation = self.correlation[np.ix_(mask, mask)]
         return chi_square(
-            *(self.mean[:, of], self.article[of], self.variance[:, of]), correlation=correlation
+            *(self.mean[:, mask], self.article[mask], self.variance[:, mask]),
+            correlation=correlation,
         )
 
     @cached_property
@@ -129,7 +132,7 @@ class Agreement:
         for prior, column in zip(PRIORS.values(), self.value.T, strict=True):
             classes = prior.classes(column)
             share, drawn = np.bincount(classes, posterior.weight), np.bincount(classes)
-            some = share > 0
-            odds = share[some] / drawn[some] * len(classes)
-            bits.append(float(share[some] @ np.log2(odds)))
+            probable = share > 0
+            odds = share[probable] / drawn[probable] * len(classes)
+            bits.append(float(share[probable] @ np.log2(odds)))
         return np.array(bits)

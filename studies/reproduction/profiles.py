@@ -73,7 +73,7 @@ def profile_tables(
 
     templates = {
         width: vectors(
-            np.array([expected_profile(one, pulse_width=width, **signal) for one in learned]),
+            np.array([expected_profile(extent, pulse_width=width, **signal) for extent in learned]),
             learned,
         )
         for width in PULSE_WIDTHS
@@ -81,16 +81,16 @@ def profile_tables(
     averages = np.stack(
         [
             averaged_profiles(
-                one, pulse_width=PULSE_WIDTH, frame_counts=FRAMES, draws=draws, rng=rng, **signal
+                extent, pulse_width=PULSE_WIDTH, frame_counts=FRAMES, draws=draws, rng=rng, **signal
             )
-            for one in tested
+            for extent in tested
         ],
         axis=2,
     )
     tests = vectors(averages, tested)
     orders = presentation_orders(assumed["order"], ship, aspect, draws, rng)
-    how = {"vigilance": VIGILANCE, "learning_rate": assumed["learning_rate"]}
-    counts = [category_counts(templates[width], orders, **how) for width in PULSE_WIDTHS]
+    options = {"vigilance": VIGILANCE, "learning_rate": assumed["learning_rate"]}
+    counts = [category_counts(templates[width], orders, **options) for width in PULSE_WIDTHS]
     table4 = acn_scores(
         templates[PULSE_WIDTH],
         tests,
@@ -99,7 +99,7 @@ def profile_tables(
         aspect=aspect,
         label_rule=assumed["label_rule"],
         learn_in_test=assumed["learn_in_test"],
-        **how,
+        **options,
     )
     table2 = mnn_scores(templates[PULSE_WIDTH], tests, assumed, ship=ship, aspect=aspect, rng=rng)
     return {"table2": table2, "table3": Simulated.of(np.transpose(counts)), "table4": table4}
@@ -193,6 +193,8 @@ def mnn_scores(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # a short training is one of the values
         network.fit(templates, truth)
-    named = network.predict(tests.reshape(-1, tests.shape[-1])).reshape(tests.shape[:-1])
+    predicted = network.predict(tests.reshape(-1, tests.shape[-1])).reshape(tests.shape[:-1])
     trained = np.broadcast_to(network.predict(templates), (len(tests), 1, len(truth)))
-    return Simulated.of(percent_by_bin(np.concatenate([trained, named], axis=1) == truth, aspect))
+    return Simulated.of(
+        percent_by_bin(np.concatenate([trained, predicted], axis=1) == truth, aspect)
+    )

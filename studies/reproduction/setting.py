@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 ALTITUDE = 6705.6  # m, 22,000 ft
 SPACING = 1.0  # m between lines
-"""Place of a ship that moved in its pixel, relative to that of the training [pixel]."""
 
 
 def reproduce(
@@ -51,9 +50,11 @@ def reproduce(
     require("draws", draws, whole=True, minimum=2)
     angles = require_all("aspects", aspects, minimum=0.0, maximum=90.0)
     ships = [_variant(name, assumed[f"variant_{name}"]) for name in SHIPS]
-    seen = _drawn if view is None else view
+    draw_view = _drawn if view is None else view
     place = assumed["place_right"], assumed["place_up"]
-    moved = tuple((at + off) % 1.0 for at, off in zip(place, spread_place(1), strict=True))
+    moved = tuple(
+        (coordinate + off) % 1.0 for coordinate, off in zip(place, spread_place(1), strict=True)
+    )
     views: dict[float, Sequence[Any]] = {}
     depressions = {
         slant_range: DEPRESSION
@@ -62,19 +63,21 @@ def reproduce(
         for slant_range in (SLANT_RANGE, *(look.slant_range for look in LOOKS))
     }
     drawn = {
-        depression: [seen(ship, aspect, depression) for ship in ships for aspect in angles.tolist()]
+        depression: [
+            draw_view(ship, aspect, depression) for ship in ships for aspect in angles.tolist()
+        ]
         for depression in set(depressions.values())
     }
     views = {slant_range: drawn[depression] for slant_range, depression in depressions.items()}
-    how: dict[str, Any] = {
+    options: dict[str, Any] = {
         "places": (place, moved if assumed["moved"] else place),
         "ship": np.repeat(np.arange(len(SHIPS)), angles.size),
         "aspect": np.tile(angles, len(SHIPS)),
         "draws": int(draws),
         "rng": rng,
     }
-    profiles = profile_tables(views.pop(SLANT_RANGE), assumed, **how)
-    return profiles | silhouette_table(views, assumed, **how)
+    profiles = profile_tables(views.pop(SLANT_RANGE), assumed, **options)
+    return profiles | silhouette_table(views, assumed, **options)
 
 
 def draw(mesh: trimesh.Trimesh, aspect: float, depression: float) -> LineImage:

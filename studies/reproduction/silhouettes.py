@@ -57,7 +57,7 @@ def silhouette_table(
     learned, tested = places
     # Views are the same ones where depressions are, and targets where views, pixels and places are.
     patches = {
-        id(several): [Hits.of(image).patches() for image in several] for several in images.values()
+        id(views): [Hits.of(image).patches() for image in views] for views in images.values()
     }
     drawn: dict[Any, Masks] = {}
 
@@ -65,8 +65,10 @@ def silhouette_table(
         key = id(images[look.slant_range]), look.pixels_of, place
         if key not in drawn:
             side = footprint(look.pixels_of, IFOV)
-            covered = [one.covering(side, place) for one in patches[key[0]]]
-            drawn[key] = _on_one_canvas([one.target(assumed["coverage_rule"]) for one in covered])
+            covered = [patch.covering(side, place) for patch in patches[key[0]]]
+            drawn[key] = _on_one_canvas(
+                [patch.target(assumed["coverage_rule"]) for patch in covered]
+            )
         return drawn[key]
 
     imager = Imager(
@@ -83,7 +85,7 @@ def silhouette_table(
         axis=1,
     )
     orders = presentation_orders(assumed["order"], ship, aspect, draws, rng)
-    how = {"vigilance": VIGILANCE, "learning_rate": assumed["learning_rate"]}
+    options = {"vigilance": VIGILANCE, "learning_rate": assumed["learning_rate"]}
     scores = acn_scores(
         templates,
         tests,
@@ -92,9 +94,9 @@ def silhouette_table(
         aspect=aspect,
         label_rule=assumed["label_rule"],
         learn_in_test=assumed["learn_in_test"],
-        **how,
+        **options,
     )
-    counts = category_counts(templates, orders, **how)
+    counts = category_counts(templates, orders, **options)
     return {
         "table5": Simulated(scores.mean[1:], scores.spread[1:]),
         "categories5": Simulated.of(counts[:, None]),
@@ -103,10 +105,12 @@ def silhouette_table(
 
 def _on_one_canvas(targets: Sequence[Masks]) -> Masks:
     """Return (view, row, col) targets, with as much sea as the largest needs."""
-    rows, columns = (max(sizes) for sizes in zip(*(one.shape for one in targets), strict=True))
+    rows, columns = (
+        max(sizes) for sizes in zip(*(target.shape for target in targets), strict=True)
+    )
     canvas = np.zeros((len(targets), rows, columns), dtype=bool)
-    for whole, one in zip(canvas, targets, strict=True):
-        whole[: one.shape[0], : one.shape[1]] = one
+    for view, target in zip(canvas, targets, strict=True):
+        view[: target.shape[0], : target.shape[1]] = target
     return canvas
 
 

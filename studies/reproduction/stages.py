@@ -103,7 +103,7 @@ def parameter_names() -> NDArray[np.str_]:
 )
 def figure_names(aspect: tuple[float, ...]) -> NDArray[np.str_]:
     """Return the names of the article's figures."""
-    return np.array([f"Table {one.table}, {one.name}" for one in article.figures(aspect)])
+    return np.array([f"Table {figure.table}, {figure.name}" for figure in article.figures(aspect)])
 
 
 def check(choices: Choices) -> Choices:
@@ -123,8 +123,8 @@ def check(choices: Choices) -> Choices:
 
 def compared(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, library.Agreement]:
     """Return the settings of a group that did not fail, and their agreement with the article."""
-    done = np.flatnonzero(reproduction["mean"].notnull().all("figure"))
-    settings = reproduction.isel(setting=done).transpose("setting", ...)
+    complete = np.flatnonzero(reproduction["mean"].notnull().all("figure"))
+    settings = reproduction.isel(setting=complete).transpose("setting", ...)
     figures, draws = article.figures(choices[Grid.aspect]), choices.value(Reproduce.draws)
     arrays = {name: settings[name].values for name in VARIABLES}
     return settings.setting, library.Agreement(figures, draws=draws, **arrays)
@@ -134,17 +134,17 @@ def tabulate_figures(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the article's figures beside those of settings, by the tables these are fitted to."""
     _, settings = compared(reproduction, choices)
     fits, reach = settings.fits.values(), settings.reach
-    by, each = ("fitted", "figure"), ("figure",)
-    low, high = np.stack([one.quantiles(settings.mean, ENDS) for one in fits], axis=1)
+    fit_dims, dims = ("fitted", "figure"), ("figure",)
+    low, high = np.stack([fit.quantiles(settings.mean, ENDS) for fit in fits], axis=1)
     columns = {
-        "percent": ((by, [one.mean(settings.mean) for one in fits]), "mean of the posterior"),
-        "percent_low": ((by, low), "2.5 % quantile of the posterior"),
-        "percent_high": ((by, high), "97.5 % quantile of the posterior"),
-        "article": ((each, settings.article), "the article's figure"),
-        "least": ((each, reach.low), "least of all settings"),
-        "largest": ((each, reach.high), "largest of all settings"),
-        "agreeing": ((each, reach.share), "share of settings within two standard deviations"),
-        "nearest": ((each, reach.nearest), "standard deviations that the nearest setting is off"),
+        "percent": ((fit_dims, [fit.mean(settings.mean) for fit in fits]), "mean of the posterior"),
+        "percent_low": ((fit_dims, low), "2.5 % quantile of the posterior"),
+        "percent_high": ((fit_dims, high), "97.5 % quantile of the posterior"),
+        "article": ((dims, settings.article), "the article's figure"),
+        "least": ((dims, reach.low), "least of all settings"),
+        "largest": ((dims, reach.high), "largest of all settings"),
+        "agreeing": ((dims, reach.share), "share of settings within two standard deviations"),
+        "nearest": ((dims, reach.nearest), "standard deviations that the nearest setting is off"),
     }
     return _labelled(columns, reproduction)
 
@@ -153,16 +153,16 @@ def tabulate_parameters(reproduction: xr.Dataset, choices: Choices) -> xr.Datase
     """Return quantiles of the posterior of each parameter, and its information on the prior."""
     _, settings = compared(reproduction, choices)
     fits = settings.fits.values()
-    by = ("fitted", "parameter")
+    fit_dims = ("fitted", "parameter")
     low, median, high = np.stack(
-        [one.quantiles(settings.value, (ENDS[0], 0.5, ENDS[1])) for one in fits], axis=1
+        [fit.quantiles(settings.value, (ENDS[0], 0.5, ENDS[1])) for fit in fits], axis=1
     )
     columns = {
-        "median": ((by, median), "median of the posterior; of words, their number"),
-        "median_low": ((by, low), "2.5 % quantile of the posterior"),
-        "median_high": ((by, high), "97.5 % quantile of the posterior"),
+        "median": ((fit_dims, median), "median of the posterior; of words, their number"),
+        "median_low": ((fit_dims, low), "2.5 % quantile of the posterior"),
+        "median_high": ((fit_dims, high), "97.5 % quantile of the posterior"),
         "information": (
-            (by, [settings.information(one) for one in fits]),
+            (fit_dims, [settings.information(fit) for fit in fits]),
             "information of the posterior on the prior",
             "bit",
         ),
@@ -174,19 +174,25 @@ def tabulate_fits(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the distance to each table, by the tables that settings are fitted to."""
     numbers, settings = compared(reproduction, choices)
     fits = settings.fits.values()
-    apart = np.transpose(
+    distances = np.transpose(
         [settings.distance((table,)) / settings.of((table,)).sum() for table in JUDGED]
     )
-    by, each = ("fitted", "table"), ("fitted",)
-    best = [apart[one.weight.argmax()] for one in fits]
+    fit_dims, dims = ("fitted", "table"), ("fitted",)
+    best = [distances[fit.weight.argmax()] for fit in fits]
     columns = {
-        "distance": ((by, [one.mean(apart) for one in fits]), "chi-square per figure, mean"),
-        "best": ((by, best), "chi-square per figure of the setting of the largest weight"),
-        "least": ((("table",), apart.min(axis=0)), "least chi-square per figure of all settings"),
-        "temperature": ((each, [one.temperature for one in fits]), "factor of all variances"),
+        "distance": (
+            (fit_dims, [fit.mean(distances) for fit in fits]),
+            "chi-square per figure, mean",
+        ),
+        "best": ((fit_dims, best), "chi-square per figure of the setting of the largest weight"),
+        "least": (
+            (("table",), distances.min(axis=0)),
+            "least chi-square per figure of all settings",
+        ),
+        "temperature": ((dims, [fit.temperature for fit in fits]), "factor of all variances"),
         "together": (((), settings.reach.together.max()), "figures that one setting agrees with"),
-        "weight": ((("fitted", "setting"), [one.weight for one in fits]), "weight of a setting"),
-        "effective": ((each, [one.effective for one in fits]), "effective number of settings"),
+        "weight": ((("fitted", "setting"), [fit.weight for fit in fits]), "weight of a setting"),
+        "effective": ((dims, [fit.effective for fit in fits]), "effective number of settings"),
     }
     table = _labelled(columns, reproduction)
     return table.assign_coords(table=list(JUDGED), setting=numbers)
@@ -196,7 +202,9 @@ def _labelled(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.Dataset:
     """Return columns as a data set, with the names of fits, figures and parameters."""
     import xarray as xr
 
-    table = data_set({name: (xr.Variable(*of), *label) for name, (of, *label) in columns.items()})
+    table = data_set(
+        {name: (xr.Variable(*variable), *label) for name, (variable, *label) in columns.items()}
+    )
     names: dict[Any, Any] = {
         name: reproduction[name] for name in ("figure", "parameter") if name in table.dims
     }

@@ -64,14 +64,14 @@ def _process(parent: int, engine: str) -> subprocess.Popen[bytes]:
 def serve() -> None:
     """Read calls from stdin and write their results to stdout until stdin is closed."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is no answer
+    os.dup2(2, 1)  # keep prints of libraries out of the answers
     while True:
         try:
-            function, arguments, named = pickle.load(sys.stdin.buffer)
+            function, arguments, keywords = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
         try:
-            answer: tuple[Any, Exception | None] = function(*arguments, **named), None
+            answer: tuple[Any, Exception | None] = function(*arguments, **keywords), None
         except Exception as error:
             answer = None, error
         pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)

@@ -79,8 +79,8 @@ def reference_range_extent(
     if slant_range is not None:
         corners = _divided(corners, np.asarray(bin_edges), curvature)
     pieces, slab = _slice(corners, np.append(-np.inf, bin_edges), curvature)
-    # Slab by slab from the near end: the area of its outlines that nothing nearer covers.
-    seen = CrossSection()
+    # Slab by slab from the near end: the area of its outlines that no nearer one covers.
+    covered = CrossSection()
     added: list[list[tuple[tuple[int, int], float]]] = []
     starts = np.searchsorted(slab, np.arange(len(bin_edges) + 1))
     for first, last in pairwise(starts):
@@ -88,10 +88,10 @@ def reference_range_extent(
             added.append([])
             continue
         outline = CrossSection(list(pieces[first:last]), FillRule.Positive)
-        added.append(_areas(outline - seen, side))
-        seen = seen + outline
+        added.append(_areas(outline - covered, side))
+        covered = covered + outline
 
-    # added[0] lies in front of the first edge: it obscures what is behind but is in no bin.
+    # added[0] lies in front of the first edge: it obscures surfaces behind it but is in no bin.
     cells = sorted({cell for areas in added[1:] for cell, _ in areas})
     row = {cell: k for k, cell in enumerate(cells)}
     area = np.zeros((len(cells), len(bin_edges) - 1))
@@ -133,15 +133,15 @@ def _divided(corners: Floats, edges: Floats, curvature: float) -> Floats:
         below = np.cumsum(wrong[order])
         if not below[-1:].sum() > limit:
             return corners
-        # Those that put most; the others may use up half of the limit.
-        whole, corners = np.split(corners[order], [np.searchsorted(below, 0.5 * limit)])
+        # Halve the facets that misplace most; the others may use up half of the limit.
+        accurate, corners = np.split(corners[order], [np.searchsorted(below, 0.5 * limit)])
         # The longest edge first: from corner a to corner b, and c opposite.
         length = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
         turn = (length.argmax(axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(corners, turn[..., None], axis=1).swapaxes(0, 1)
         middle = (a + b) / 2.0
         halves = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
-        corners = np.concatenate([whole, *halves])
+        corners = np.concatenate([accurate, *halves])
 
 
 def _misplaced(corners: Floats, edges: Floats, curvature: float) -> Floats:
@@ -190,26 +190,26 @@ def _slice(corners: Floats, edges: Floats, curvature: float) -> tuple[Floats, ND
     (near, middle, far), p = ranges[facet].T, corners[facet]
     start, stop = np.maximum(edges[slab], near), np.minimum(edges[slab + 1], far)
 
-    def between(i: int, j: int, at: Floats, low: Floats, high: Floats) -> Floats:
-        """Return where the range `at` is on the edge from corner i to corner j."""
-        run, reach = p[:, j] - p[:, i], at - low
+    def between(i: int, j: int, cut: Floats, low: Floats, high: Floats) -> Floats:
+        """Return the point at the range `cut` on the edge from corner i to corner j."""
+        run, reach = p[:, j] - p[:, i], cut - low
         if curvature == 0.0:
             span = high - low
-            t = np.divide(reach, span, out=(at > low).astype(float), where=span > 0.0)
+            t = np.divide(reach, span, out=(cut > low).astype(float), where=span > 0.0)
         else:
-            # |sensor to corner i + t run|^2 = (R + at)^2, divided by R.
+            # |sensor to corner i + t run|^2 = (R + cut)^2, divided by R.
             away = p[:, i] * curvature + [0.0, 0.0, 1.0]
             square, slope = curvature * np.sum(run**2, axis=1), np.sum(away * run, axis=1)
-            excess = reach * (2.0 + curvature * (at + low))
+            excess = reach * (2.0 + curvature * (cut + low))
             root = slope + np.sqrt(np.maximum(slope**2 + square * excess, 0.0))
-            t = np.divide(excess, root, out=(at > low).astype(float), where=root > 0.0)
-            t = np.where(at >= high, 1.0, np.clip(t, 0.0, 1.0)) * (at > low)
+            t = np.divide(excess, root, out=(cut > low).astype(float), where=root > 0.0)
+            t = np.where(cut >= high, 1.0, np.clip(t, 0.0, 1.0)) * (cut > low)
         return _seen(p[:, i] + run * t[:, None], curvature)
 
-    def along(at: Floats) -> Floats:
-        """Return the point at the range `at` on the path through the middle corner."""
-        before, after = between(0, 1, at, near, middle), between(1, 2, at, middle, far)
-        return np.where((at < middle)[:, None], before, after)
+    def along(cut: Floats) -> Floats:
+        """Return the point at the range `cut` on the path through the middle corner."""
+        before, after = between(0, 1, cut, near, middle), between(1, 2, cut, middle, far)
+        return np.where((cut < middle)[:, None], before, after)
 
     # The piece between two ranges: along the longest edge and back through the middle corner.
     bend = along(np.clip(middle, start, stop))
@@ -219,9 +219,9 @@ def _slice(corners: Floats, edges: Floats, curvature: float) -> tuple[Floats, ND
     pieces[flat] = _seen(p[flat][:, [0, 1, 2, 2, 2]], curvature)
     area = _signed_area(pieces)
     pieces[area < 0.0] = pieces[area < 0.0, ::-1]
-    kept = np.flatnonzero(area != 0.0)
-    kept = kept[np.argsort(slab[kept], kind="stable")]
-    return pieces[kept], slab[kept]
+    nonempty = np.flatnonzero(area != 0.0)
+    nonempty = nonempty[np.argsort(slab[nonempty], kind="stable")]
+    return pieces[nonempty], slab[nonempty]
 
 
 def _areas(outline: CrossSection, side: float | None) -> list[tuple[tuple[int, int], float]]:

@@ -173,13 +173,13 @@ def timed(
     Samplings take turns, forwards and backwards, so that a temporary slowdown of the machine
     affects all of them; and the reference is timed beside each pixel in every turn.
     """
-    several = [
+    samplings = [
         (Sampling(engine, side, samples, angle), share)
         for side, angle, share in product(pixel, roll, spread)
     ]
-    taken = call_apart(engine, _times, mesh, several, repeats, timed_view, timed_beam)
+    measurements = call_apart(engine, _times, mesh, samplings, repeats, timed_view, timed_beam)
     shape = len(pixel), len(roll), len(spread)
-    run_time, ratio = (np.median(times, axis=0).reshape(shape) for times in taken)
+    run_time, ratio = (np.median(times, axis=0).reshape(shape) for times in measurements)
     return {"run_time": run_time, "ratio": ratio}
 
 
@@ -190,7 +190,7 @@ def _times(
     view: Keywords,
     beam: Keywords,
 ) -> tuple[Floats, Floats]:
-    """(turn, sampling) times [s], and ratios to the reference of the same turn and pixel."""
+    """Return (turn, sampling) times [s] and ratios to the reference of the same turn and pixel."""
 
     def stopwatch(sampling: Sampling, spread: float) -> float:
         start = time.perf_counter()
@@ -202,12 +202,12 @@ def _times(
     seconds, beside = np.empty((2, repeats, len(samplings)))
     for turn in range(repeats):
         pixel = None
-        for place in list(range(len(samplings)))[:: 1 if turn % 2 == 0 else -1]:
-            if samplings[place][0].pixel != pixel:
-                pixel = samplings[place][0].pixel
+        for index in list(range(len(samplings)))[:: 1 if turn % 2 == 0 else -1]:
+            if samplings[index][0].pixel != pixel:
+                pixel = samplings[index][0].pixel
                 standard = stopwatch(STANDARD, SPREAD)
-            seconds[turn, place] = stopwatch(*samplings[place])
-            beside[turn, place] = standard
+            seconds[turn, index] = stopwatch(*samplings[index])
+            beside[turn, index] = standard
     return seconds, seconds / beside
 
 
@@ -227,7 +227,7 @@ def changed(
 ) -> Floats:
     """Return the (ship, aspect) shares of answers that change with the sampling."""
 
-    def named(signature: Floats) -> NDArray[np.integer]:
+    def predicted(signature: Floats) -> NDArray[np.integer]:
         noisy = np.moveaxis(signature[..., None, :] + profile_noise, -2, 0)  # draws lead
         vectors, templates = map(profile_vectors, (noisy, signature))
         answers = (
@@ -235,7 +235,7 @@ def changed(
         )
         return np.array([answer["predicted"] for answer in answers])
 
-    differ = named(sampled["signature"]) != named(exact_signature)
+    differ = predicted(sampled["signature"]) != predicted(exact_signature)
     return np.where(valid, differ.mean(axis=0), np.nan)
 
 
@@ -258,8 +258,10 @@ def check(choices: Choices) -> Choices:
     narrowest = Ladar.ifov.in_si(beam) * Grid.range.in_si(nearest)
     if narrowest < widest:
         refuse(Render.pixel, widest, f"at most {narrowest:.3g} m, the width of an IFOV")
-    asked, absent = choices[Render.engine], missing_engines()
-    return choices.replace(Render.engine, tuple(e for e in asked if e not in absent) or asked)
+    requested, absent = choices[Render.engine], missing_engines()
+    return choices.replace(
+        Render.engine, tuple(e for e in requested if e not in absent) or requested
+    )
 
 
 def missing_engines() -> list[str]:
@@ -283,10 +285,10 @@ def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
     import xarray as xr
 
     def over_views(names: list[str], suffix: str, word: str, reduce: Any) -> xr.Dataset:
-        part = reduce(measured[names].astype("f8"), VIEWS, keep_attrs=True)
-        for array in part.data_vars.values():
+        reduced = reduce(measured[names].astype("f8"), VIEWS, keep_attrs=True)
+        for array in reduced.data_vars.values():
             array.attrs["long_name"] += f", {word} of views"
-        return part.rename({name: name + suffix for name in names})
+        return reduced.rename({name: name + suffix for name in names})
 
     errors = ["extent_error", "ifov_error", "profile_error"]
     parts = (
@@ -301,9 +303,9 @@ def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
 def tabulate_nominal(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the table by engine and pixel, at the default sampling or the nearest to it."""
     table = tabulate(measured, choices)
-    wanted = {"roll": ROLL, "spread": SPREAD, "bin_width": BIN_WIDTH}
-    at = {name: value for name, value in wanted.items() if name in table.dims}
-    return table.sel(at, method="nearest").assign_attrs(title="Run time against error")
+    nominal = {"roll": ROLL, "spread": SPREAD, "bin_width": BIN_WIDTH}
+    selection = {name: value for name, value in nominal.items() if name in table.dims}
+    return table.sel(selection, method="nearest").assign_attrs(title="Run time against error")
 
 
 def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -330,7 +332,8 @@ def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
 def at_error(figure: Floats, error: Floats) -> float:
     """Return a figure where the error is `TARGET`, by the power law between the pixels around it.
 
-    That of the coarsest pixel if all errors are less, and NaN if all are more, or one is not known.
+    Return the coarsest pixel's figure if all errors are smaller, and NaN if all are larger or one
+    is unknown.
     """
     order = np.argsort(error)
     if not (np.isfinite(error).all() and np.isfinite(figure).all()) or error[order[0]] > TARGET:

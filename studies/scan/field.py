@@ -123,17 +123,17 @@ def thermal_field(
 ) -> NDArray[np.float64]:
     """Return a (row, column) thermal image of targets on the sea, against the mean sea [K].
 
-    `targets` are (pixel, 2) columns and rows, of which those outside the field are ignored; each
-    has one of the `contrasts` [K], the later one in a shared pixel. Row 0 is the lowest. Noise is
-    that of `ncti.infrared.thermal_images`.
+    `targets` are (pixel, 2) columns and rows; pixels outside the field are ignored. Each target has
+    one of the `contrasts` [K]; in a shared pixel the later target counts. Row 0 is the lowest. The
+    noise model is that of `ncti.infrared.thermal_images`.
     """
-    signal, shown = np.zeros(field.shape), np.zeros(field.shape, dtype=bool)
+    signal, covered = np.zeros(field.shape), np.zeros(field.shape, dtype=bool)
     for pixel, contrast in zip(targets, contrasts, strict=True):
         require("contrasts", contrast)
         column, row = pixel[field.box.holds(pixel)].T
-        signal[row, column], shown[row, column] = contrast, True
+        signal[row, column], covered[row, column] = contrast, True
     [image] = thermal_images(
-        shown,
+        covered,
         contrast=0.0,
         frame_counts=[frame_count],
         rng=rng,
@@ -187,10 +187,10 @@ def cue(box: Box, *, reach: tuple[int, int], detector: int) -> Box:
     gives 2 reach + 1 columns, a ship detected from end to end reach + 1.
     """
     require("detector", detector, minimum=1, whole=True)
-    first, last = [], []
+    lower, upper = [], []
     for low, high, steps in zip(box[:2], box[2:], reach, strict=True):
         begin = min(low, high - 1 - steps)
         size = max(high, low + 1 + steps) - begin
-        first.append(begin)
-        last.append(begin + -(-size // detector) * detector)
-    return Box(*first, *last)
+        lower.append(begin)
+        upper.append(begin + -(-size // detector) * detector)
+    return Box(*lower, *upper)

@@ -76,15 +76,15 @@ def observe(
     the sea; `box` and `visit` (detection, 4), edges of its pixels and of the visit.
     """
     origins = places(field, targets, survey, rng=rng)
-    shown, contrasts, probabilities = [], [], []
+    visible, contrasts, probabilities = [], [], []
     for target, origin in zip(targets, origins, strict=True):
         pixels = target.shown(imager.coverage_rule) + origin
-        shown.append(pixels[field.box.holds(pixels)])
+        visible.append(pixels[field.box.holds(pixels)])
         contrasts.append(imager.contrast(target.extent.slant_range))
-        probabilities.append(imager.detection_probability(len(shown[-1]), contrasts[-1]))
+        probabilities.append(imager.detection_probability(len(visible[-1]), contrasts[-1]))
     image = thermal_field(
         field,
-        shown,
+        visible,
         contrasts,
         frame_count=imager.frame_count,
         rng=rng,
@@ -97,7 +97,7 @@ def observe(
     )
     detections = detect(image, threshold=threshold, reach=survey.reach)
     owners = np.full(field.shape, -1)
-    for number, pixels in enumerate(shown):
+    for number, pixels in enumerate(visible):
         owners[pixels[:, 1], pixels[:, 0]] = number
     hot = np.bincount(owners[image > threshold] + 1, minlength=len(targets) + 1)
     boxes = [detection.box for detection in detections]
@@ -107,7 +107,7 @@ def observe(
         "row": origins[:, 1],
         "true_aspect": np.array([target.aspect for target in targets]),
         "slant_range": np.array([target.extent.slant_range for target in targets]),
-        "shown": np.array([len(pixels) for pixels in shown]),
+        "shown": np.array([len(pixels) for pixels in visible]),
         "hot": hot[1:],
         "detection_probability": np.array(probabilities),
         "alarms": hot[0],

@@ -87,9 +87,9 @@ def imaging_time(
     """
     require("frame_rate", frame_rate, positive=True)
     require("slew_time", slew_time, minimum=0.0)
-    places = position_count(width, height, element=ifov, detector=pixels)
-    staring = dwell(places, frame_count=frame_count, pulse_rate=frame_rate)
-    return staring + (places - 1) * slew_time
+    positions = position_count(width, height, element=ifov, detector=pixels)
+    staring = dwell(positions, frame_count=frame_count, pulse_rate=frame_rate)
+    return staring + (positions - 1) * slew_time
 
 
 def schedule(

@@ -148,10 +148,10 @@ def scan_decoy(
 def targets(survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Target]:
     """Return the ships of the field, and the decoy behind them if there is one."""
     ships = len(scan_target["fraction"])
-    several = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
+    target_arrays = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
     if scan_decoy["fraction"].any():
-        several.append(scan_decoy)
-    return [survey.restored(arrays) for arrays in several]
+        target_arrays.append(scan_decoy)
+    return [survey.restored(arrays) for arrays in target_arrays]
 
 
 # Detections of the imager
@@ -287,13 +287,13 @@ def check(choices: Choices) -> Choices:
     check_window(choices)
     _check_decoy(choices)
     views.check_ranges(choices, Grid.range, Ladar.ifov)
-    for where in choices[Grid.range]:
-        _check_field(choices, where)
+    for slant_range in choices[Grid.range]:
+        _check_field(choices, slant_range)
     return choices
 
 
 def _check_decoy(choices: Choices) -> None:
-    """Refuse a decoy that is larger than the largest ship may be."""
+    """Refuse a decoy larger than the largest allowed ship."""
     across = math.hypot(max(choices[Scan.decoy_length]), max(choices[Scan.decoy_beam]))
     for setting, needed, limit in (
         (Scan.decoy_length, across, Infrared.window_length),
@@ -306,29 +306,29 @@ def _check_decoy(choices: Choices) -> None:
             refuse(setting, max(choices[setting]), f"less {reason}")
 
 
-def _check_field(choices: Choices, where: float) -> None:
-    """Refuse a field that does not hold its targets [km] side by side, or is not as high."""
+def _check_field(choices: Choices, slant_range: float) -> None:
+    """Refuse ranges [km] at which the field is too narrow or too low for its targets."""
     targets = len(choices[Grid.ship]) + (BARGE in choices[Scan.decoy])
     width, longest = min(choices[Scan.width]), choices.value(Infrared.window_length)
     nearest = 2e-3 * longest * targets / math.radians(width)
-    if where < nearest:
+    if slant_range < nearest:
         side_by_side = f"for {targets} targets to lie side by side in a field of {width:g} deg"
-        refuse(Grid.range, where, f"at least {nearest:.3g} km {side_by_side}")
+        refuse(Grid.range, slant_range, f"at least {nearest:.3g} km {side_by_side}")
     # On a flat sea the nearest target is lowest in the field.
     deep, height = max(choices[Scan.depth]), min(choices[Scan.height])
-    for depression in depressions(choices, where):
+    for depression in depressions(choices, slant_range):
         steep = math.sin(math.radians(depression)) / (1 - deep)
         low = math.degrees(math.asin(steep)) - depression if steep < 1 else math.inf
         if low > height / 2:
-            reason = f"for targets at {where:g} km to lie in a field {height:g} deg high"
+            reason = f"for targets at {slant_range:g} km to lie in a field {height:g} deg high"
             refuse(Scan.depth, deep, f"less {reason}")
 
 
 def depressions(choices: Choices, slant_range: float) -> set[float]:
     """Return the depressions [deg] of the field's middle, in every geometry."""
     scenes = (Scene.geometry, Scene.depression, Scene.altitude, Scene.earth_radius)
-    several = product(*(choices[scene] for scene in scenes))
-    return {views.depression(Grid.range.in_si(slant_range), *scene) for scene in several}
+    combinations = product(*(choices[scene] for scene in scenes))
+    return {views.depression(Grid.range.in_si(slant_range), *scene) for scene in combinations}
 
 
 # The table
@@ -358,12 +358,12 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
         scan = scan.expand_dims(DRAW)
     ships = len(choices[Grid.ship])
     whole_field = xr.full_like(scan.detected, ships).assign_attrs(long_name="all ships")
-    done = scan.detected >= 0  # -1: the cell failed
-    scan = scan.assign(ships=whole_field).drop_dims("detection").where(done)
+    complete = scan.detected >= 0  # -1: the cell failed
+    scan = scan.assign(ships=whole_field).drop_dims("detection").where(complete)
     totals, detectable = scan[[*COUNTS, "ships"]].sum(DRAW), scan.detection_probability
     detected = detectable.isel(target=slice(ships)).mean("target").mean(DRAW)
     arrays: dict[str, tuple[Any, ...]] = {
-        "draws": (done.sum(DRAW), "draws of the field"),
+        "draws": (complete.sum(DRAW), "draws of the field"),
         "detection_probability": (detected, "share of ships detected, in closed form"),
     }
     for name, parts in SHARES.items():

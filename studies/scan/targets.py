@@ -38,8 +38,8 @@ class Target:
 
     def inside(self, box: Box) -> RangeExtent:
         """Return its range extent in the IFOVs of a box, both counted from its origin."""
-        held = box.holds(self.extent.cell)
-        parts = {"fraction": self.extent.fraction[held], "cell": self.extent.cell[held]}
+        mask = box.holds(self.extent.cell)
+        parts = {"fraction": self.extent.fraction[mask], "cell": self.extent.cell[mask]}
         return RangeExtent(**{**vars(self.extent), **parts})
 
 
@@ -85,7 +85,7 @@ class Survey:
         far = self.slant_range * (1 + self.depth * deep)
         below = math.degrees(math.radians(self.depression) - self.elevation(far))
         image = self.sampling.draw(mesh, aspect=aspect, depression=below, slant_range=far)
-        seen = range_extent(
+        extent = range_extent(
             image,
             slant_range=far,
             ifov=self.ifov,
@@ -93,11 +93,11 @@ class Survey:
             window=self.window,
             spread=self.spread,
         )
-        # In the precision that it is kept in, so that what is kept is the same.
-        fraction = seen.fraction.astype(np.float32)
+        # In the precision of the cache, so that a cached target equals a new one.
+        fraction = extent.fraction.astype(np.float32)
         return self.restored(
             {"true_aspect": aspect, "offset": offset, "slant_range": far}
-            | {"fraction": fraction, "cell": seen.cell}
+            | {"fraction": fraction, "cell": extent.cell}
         )
 
     def arrays(self, target: Target) -> dict[str, NDArray[Any]]:
@@ -114,12 +114,12 @@ class Survey:
 
     def restored(self, arrays: Mapping[str, Any]) -> Target:
         """Return the target of some `arrays`, without its empty IFOVs."""
-        seen = arrays["fraction"].any(axis=1)
+        visible = arrays["fraction"].any(axis=1)
         extent = RangeExtent(
-            fraction=arrays["fraction"][seen].astype(np.float64),
+            fraction=arrays["fraction"][visible].astype(np.float64),
             down_range=bin_centres(self.window, self.bin_width),
             bin_width=self.bin_width,
-            cell=arrays["cell"][seen].astype(np.int64),
+            cell=arrays["cell"][visible].astype(np.int64),
             ifov=self.ifov,
             slant_range=float(arrays["slant_range"]),
         )

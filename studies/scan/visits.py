@@ -132,8 +132,8 @@ def visit_templates(
 ) -> VisitTemplates:
     """Return the templates of all valid views at one range.
 
-    `moments` are mean, band and ifovs, each with leading axes (ship, aspect), of which `valid`
-    exist; bands, and that of the noise, are filled up to as many lags. Other arguments are those of
+    `moments` are mean, band and ifovs, each with leading axes (ship, aspect); `valid` marks the
+    views that exist. All bands are padded to the same number of lags. Other arguments are those of
     `VisitTemplates` and `Laser`, the carrier-to-noise ratio as a power ratio.
     """
     mean, noise = banded_frame_moments(
@@ -174,23 +174,23 @@ def identify_visits(
     origins = np.stack([detected["column"], detected["row"]], axis=1)
     visits, sources = detected["visit"].tolist(), detected["source"].tolist()
     shape = len(frame_count), len(visits)
-    named, similarity = np.full(shape, -1), np.full(shape, np.nan)
+    predicted, similarity = np.full(shape, -1), np.full(shape, np.nan)
     run: dict[int, list[tuple[int, Floats]]] = {}  # visits of one number of IFOVs
     streams = rng.spawn(len(visits))
     for number, (edges, source, noise) in enumerate(zip(visits, sources, streams, strict=True)):
         visit = Box(*edges)
         ifovs = visit.size[0] * visit.size[1]
-        seen = no_return(survey.window, survey.bin_width)
+        extent = no_return(survey.window, survey.bin_width)
         if source >= 0:
-            seen = targets[source].inside(visit.less(*origins[source]))
-        averages = laser.averages(seen, ifovs, frame_count, noise)
+            extent = targets[source].inside(visit.less(*origins[source]))
+        averages = laser.averages(extent, ifovs, frame_count, noise)
         run.setdefault(ifovs, []).append((number, averages))
-    for ifovs, several in run.items():
-        at = [number for number, _ in several]
+    for ifovs, group in run.items():
+        numbers = [number for number, _ in group]
         for f, count in enumerate(frame_count):
-            frames = np.stack([averages[f] for _, averages in several])
-            named[f, at], similarity[f, at] = templates.identify(frames, count, ifovs)
-    return {"named": named, "similarity": similarity}
+            frames = np.stack([averages[f] for _, averages in group])
+            predicted[f, numbers], similarity[f, numbers] = templates.identify(frames, count, ifovs)
+    return {"named": predicted, "similarity": similarity}
 
 
 def known_similarity(
@@ -260,7 +260,7 @@ def outcomes(
         "false": sea,
         "false_rejected": sea & ~accepted,
     }
-    return {name: np.array(np.count_nonzero(which)) for name, which in flags.items()}
+    return {name: np.array(np.count_nonzero(mask)) for name, mask in flags.items()}
 
 
 def search_outcome(

@@ -17,10 +17,10 @@ MOST_ROWS, MOST_ACROSS, WIDEST = 12, 6, 80
 
 
 def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
-    """Return the main table of a store, of at most 12 rows, no wider than 80 cells or a width.
+    """Return the main table of a store: at most 12 rows, no wider than `width` and 80 cells.
 
-    Several classifiers stand across, the best first, or down where there is no axis; of a single
-    one, and of other results, the figures stand across.
+    Several classifiers are columns, the best first, or rows without an axis. For one classifier,
+    and for other results, the figures are columns.
     """
     axis, width = main_axis(frame, swept), min(width, WIDEST)
     rivals = contest(frame, axis)
@@ -36,41 +36,45 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
         table, lines=tuple(thinned(table.lines, MOST_ROWS) if axis else table.lines[:MOST_ROWS])
     )
     table, left_out = _narrowed(table, width)
-    # The headline has the level of chance, and the setting of the first.
-    said = (*notes, left_out, _other_settings(frame, rivals))
-    return replace(table, notes=tuple(text for text in said if text))
+    # The headline states the level of chance, and the setting of the best classifier.
+    sentences = (*notes, left_out, _other_settings(frame, rivals))
+    return replace(table, notes=tuple(text for text in sentences if text))
 
 
 def _other_settings(frame: Frame, rivals: Sequence[Rival]) -> str:
-    """Return a sentence on the settings of the others that are not those of the first."""
-    first, others = settings_of(frame, rivals[0]) if rivals else {}, dict[str, list[str]]()
+    """Return a sentence on settings of the other rivals that differ from the best one's."""
+    best, differing = settings_of(frame, rivals[0]) if rivals else {}, dict[str, list[str]]()
     for rival in rivals[1:]:
         for words, value in settings_of(frame, rival).items():
-            if first.get(words) != value and value not in others.setdefault(words, []):
-                others[words].append(value)
-    listed = [f"{words} {' or '.join(values)}" for words, values in others.items() if values]
+            if best.get(words) != value and value not in differing.setdefault(words, []):
+                differing[words].append(value)
+    listed = [f"{words} {' or '.join(values)}" for words, values in differing.items() if values]
     return f"The others at {', '.join(listed)}, where it applies." if listed else ""
 
 
 def thinned(lines: Sequence[Line], most: int) -> list[Line]:
-    """Return at most so many rows, spaced evenly, the first and the last among them."""
+    """Return at most `most` rows, evenly spaced, including the first and the last."""
     if len(lines) <= most:
         return list(lines)
     step = (len(lines) - 1) / (most - 1)
-    return [lines[round(step * place)] for place in range(most)]
+    return [lines[round(step * index)] for index in range(most)]
 
 
 def _along(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
     """Return the main figure by an axis, one column for each rival that depends on it."""
     along, column = [rival for rival in rivals if rival.axis], frame.columns[axis]
     labels = [dict(zip(r.frame.rows[axis], r.frame.rows.index, strict=True)) for r in along]
-    values = [v for v in values_of(frame.rows, axis) if any(v in of for of in labels)]
+    values = [v for v in values_of(frame.rows, axis) if any(v in by_value for by_value in labels)]
     lines = [
-        Line((value,), (column.text(value),), tuple(_cell(frame, of.get(value)) for of in labels))
+        Line(
+            (value,),
+            (column.text(value),),
+            tuple(_cell(frame, by_value.get(value)) for by_value in labels),
+        )
         for value in values
     ]
-    others = [f"{r.name} {_text(frame, r)}" for r in rivals if not r.axis]
-    notes = [f"Whatever the {column.words}: {'; '.join(others)}."] if others else []
+    independent = [f"{r.name} {_text(frame, r)}" for r in rivals if not r.axis]
+    notes = [f"Whatever the {column.words}: {'; '.join(independent)}."] if independent else []
     return Table(
         frame.name, frame.title, (column,), tuple(r.name for r in along), tuple(lines), tuple(notes)
     )
@@ -89,25 +93,25 @@ def _of_rivals(frame: Frame, rivals: Sequence[Rival]) -> Table:
 
 def _of_figures(frame: Frame, axis: str) -> Table:
     """Return the figures by an axis, or the main one by the axis across."""
-    at = _at_overall(at_main(frame, [axis] * bool(axis)))
-    table = laid_out(at.of_axes([axis, at.across]))
+    overall = _at_overall(at_main(frame, [axis] * bool(axis)))
+    table = laid_out(overall.of_axes([axis, overall.across]))
     return _without_article(table, table.lines)
 
 
 def _without_article(table: Table, lines: Sequence[Line]) -> Table:
-    """Return a table of some lines, without notes and the article's figures."""
+    """Return a table with these lines, without notes and the article's figures."""
     cells = [tuple(replace(cell, article="") for cell in line.cells) for line in lines]
-    lines = [replace(line, cells=of) for line, of in zip(lines, cells, strict=True)]
+    lines = [replace(line, cells=entries) for line, entries in zip(lines, cells, strict=True)]
     return replace(table, lines=tuple(lines), notes=())
 
 
 def _with_second(frame: Frame, axis: str) -> Frame:
-    """Return a frame of a single figure with another axis of few values across."""
+    """Return a frame with one figure and a second axis of few values across."""
     if not axis or frame.across or len(frame.figures) > 1:
         return frame
-    others = [name for name in frame.varying_axes if name not in (axis, *frame.down)]
-    few = [name for name in others if frame.rows[name].nunique() <= MOST_ACROSS]
-    return replace(frame, across=next(iter(few), ""))
+    candidates = [name for name in frame.varying_axes if name not in (axis, *frame.down)]
+    short_axes = [name for name in candidates if frame.rows[name].nunique() <= MOST_ACROSS]
+    return replace(frame, across=next(iter(short_axes), ""))
 
 
 def _at_overall(frame: Frame) -> Frame:
@@ -129,21 +133,23 @@ def _fewer(table: Table, frame: Frame, axis: str) -> list[str]:
 
 
 def _narrowed(table: Table, width: int) -> tuple[Table, str]:
-    """Return a table cut to a width, by its intervals, then last columns, and a note on the cut."""
+    """Return a table cut to a width, dropping intervals, then last columns; and a note on it."""
     if fitting(table, width) == len(table.heads):
         return table, ""
     cells = [tuple(Entry(cell.text) for cell in line.cells) for line in table.lines]
-    lines = [replace(line, cells=of) for line, of in zip(table.lines, cells, strict=True)]
-    plain = replace(table, lines=tuple(lines))
-    count = fitting(plain, width)
+    lines = [replace(line, cells=entries) for line, entries in zip(table.lines, cells, strict=True)]
+    without_intervals = replace(table, lines=tuple(lines))
+    count = fitting(without_intervals, width)
     lines = [replace(line, cells=line.cells[:count]) for line in lines]
-    left = len(table.heads) - count
-    what = "Intervals" if any(cell.interval for line in table.lines for cell in line.cells) else ""
-    more = f"{left} more column{'s' * (left > 1)}" if left else ""
-    said = " and ".join(filter(None, [what, more]))
-    verb = "is" if said.startswith("1 ") else "are"
-    return replace(plain, heads=table.heads[:count], lines=tuple(lines)), (
-        f"{said} {verb} in {table.name}.csv." if said else ""
+    dropped = len(table.heads) - count
+    intervals = (
+        "Intervals" if any(cell.interval for line in table.lines for cell in line.cells) else ""
+    )
+    columns = f"{dropped} more column{'s' * (dropped > 1)}" if dropped else ""
+    omitted = " and ".join(filter(None, [intervals, columns]))
+    verb = "is" if omitted.startswith("1 ") else "are"
+    return replace(without_intervals, heads=table.heads[:count], lines=tuple(lines)), (
+        f"{omitted} {verb} in {table.name}.csv." if omitted else ""
     )
 
 

@@ -1,4 +1,4 @@
-"""What stands beside a sweep's figures: the article's, and the bound of the best classifier."""
+"""Columns beside a sweep's figures: the article's, and the bound of the best classifier."""
 
 from __future__ import annotations
 
@@ -48,42 +48,47 @@ OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns tha
 
 @lru_cache
 def _beside() -> list[dict[str, Any]]:
-    """Return where figures of the article stand beside those of a sweep."""
+    """Return the article's figures that tables print beside a sweep's, as declared in YAML."""
     text = files("sweeps.report").joinpath("article_columns.yaml").read_text(encoding="utf-8")
-    where: list[dict[str, Any]] = yaml.safe_load(text)["beside"]
-    return where
+    comparisons: list[dict[str, Any]] = yaml.safe_load(text)["beside"]
+    return comparisons
 
 
 def article() -> Iterator[tuple[str, str, dict[str, Any], float]]:
-    """Yield the article's figures: their table, column, and values of axes, and the number.
+    """Yield the article's figures as table, column, values of axes and number.
 
     Aspect bins are named by their lowest aspect [deg].
     """
     source = article_figures()
-    for given in _beside():
-        figures = source[given["of"]][given["figures"]]
-        for at, value in _nested(figures, given["by"], given["at"]):
-            column = given.get("column") or at.pop("column").partition("_")[0]
-            yield given["table"], column, at, float(value) if isinstance(value, str) else value
+    for comparison in _beside():
+        figures = source[comparison["of"]][comparison["figures"]]
+        for axis_values, value in _nested(figures, comparison["by"], comparison["at"]):
+            column = comparison.get("column") or axis_values.pop("column").partition("_")[0]
+            yield (
+                comparison["table"],
+                column,
+                axis_values,
+                float(value) if isinstance(value, str) else value,
+            )
 
 
 def _nested(
-    figures: Any, axes: Sequence[str], at: Mapping[str, Any]
+    figures: Any, axes: Sequence[str], axis_values: Mapping[str, Any]
 ) -> Iterator[tuple[dict[str, Any], Any]]:
-    """Yield the values of axes, and the number, of figures that are nested by some axes."""
+    """Yield the values of axes and the number of each figure in mappings nested by `axes`."""
     if not axes:
-        yield dict(at), figures
+        yield dict(axis_values), figures
         return
     values = zip(BINS, figures, strict=True) if axes[0] == "bin" else figures.items()
     for value, inner in values:
-        yield from _nested(inner, axes[1:], {**at, axes[0]: value})
+        yield from _nested(inner, axes[1:], {**axis_values, axes[0]: value})
 
 
 def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     """Return a frame with the article's figures where they may be compared, and the bound."""
     frame = _with_bound(_with_frames_in_all(frame))
     axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
-    theirs: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
+    article_numbers: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
     for number, part in enumerate(frame.parts):
         values_of = _article_values(part, attributes)
         if values_of is None:
@@ -92,14 +97,16 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
         for label in frame.rows.index[frame.rows["part"] == number]:
             values = frame.records[label]
             row = {axis: values[name] for axis, name in axes.items() if not missing(values[name])}
-            if any(row.get(name) not in (None, *given) for name, given in values_of.items()):
+            if any(row.get(name) not in (None, *allowed) for name, allowed in values_of.items()):
                 continue
             row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
             row["bin"] = _bin_start(str(row.get("aspect_bin")))
-            for _, figure, at, value in printed:
-                if figure in theirs and all(row.get(name) == value for name, value in at.items()):
-                    theirs[figure][label] = value
-    for name, values in theirs.items():
+            for _, figure, axis_values, value in printed:
+                if figure in article_numbers and all(
+                    row.get(name) == value for name, value in axis_values.items()
+                ):
+                    article_numbers[figure][label] = value
+    for name, values in article_numbers.items():
         if values:
             numbers = pd.Series(values).reindex(frame.rows.index)
             frame = _with_column(frame, name, f"article_{name}", "article", numbers)
@@ -107,7 +114,7 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
 
 
 def _bin_start(label: str) -> Any:
-    """Return the lowest aspect [deg] of the article's bin in which one of ours begins."""
+    """Return the lowest aspect [deg] of the article's bin that contains the start of ours."""
     lowest = re.match(r"[\d.]+", label)
     if lowest is None or float(lowest[0]) > BINS[-1] + BIN_WIDTH:
         return label
@@ -115,9 +122,9 @@ def _bin_start(label: str) -> Any:
 
 
 def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] | None:
-    """Return the article's values of settings that a part has with others, too, by name.
+    """Return the article's values, by name, of settings that a part sweeps beyond them.
 
-    None if the part cannot be compared, or has other values only.
+    None if the part cannot be compared, or a setting lacks the article's values.
     """
     source = part.display.source
     if source == SENSOR:
@@ -126,34 +133,35 @@ def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[
         return None
     settings = {setting.key: setting for group in GROUPS[source] for setting in group.declared}
     values_of = {}
-    for key, written in flatten(settings.values(), attributes.get("configuration", {})).items():
+    for key, value in flatten(settings.values(), attributes.get("configuration", {})).items():
         setting = settings[key]
         derived = setting.fallback is not None or isinstance(setting.kind, Draws)
         if derived or setting is Classifier.name:
             continue
-        given = set(setting.values(written))
-        theirs = set(setting.values(ARTICLE.get(setting, setting.default)))
-        if not given & theirs:
+        values = set(setting.values(value))
+        article_values = set(setting.values(ARTICLE.get(setting, setting.default)))
+        if not values & article_values:
             return None
-        if given - theirs:
-            values_of[setting.name] = theirs
+        if values - article_values:
+            values_of[setting.name] = article_values
     return values_of
 
 
 def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:
-    """Return whether a table is of the article's own ships, as packaged, and of its aspects."""
-    given = flatten(
+    """Return whether a table covers the packaged ships of the article and its aspects."""
+    configured = flatten(
         (Grid.aspect, RandomAspects.random_aspects), attributes.get("configuration", {})
     )
-    aspects = set(Grid.aspect.values(given.get(Grid.aspect.key, Grid.aspect.default)))
-    theirs = set(Grid.aspect.values(Grid.aspect.default))
-    drawn = given.get(
+    aspects = set(Grid.aspect.values(configured.get(Grid.aspect.key, Grid.aspect.default)))
+    article_aspects = set(Grid.aspect.values(Grid.aspect.default))
+    drawn = configured.get(
         RandomAspects.random_aspects.key, RandomAspects.random_aspects.default
     )  # tested apart from the others
     return (
-        part.attrs.get("views") in (None, len(_packaged()) * len(theirs))  # fewer if some failed
-        and theirs <= aspects
-        and len(aspects) == len(theirs) + drawn
+        part.attrs.get("views")
+        in (None, len(_packaged()) * len(article_aspects))  # fewer if some failed
+        and article_aspects <= aspects
+        and len(aspects) == len(article_aspects) + drawn
         and sorted(attributes.get("mesh_digests", {}).values()) == sorted(_packaged())
     )
 
@@ -166,24 +174,24 @@ def _packaged() -> tuple[str, ...]:
 
 def _with_column(frame: Frame, figure: str, name: str, role: str, values: pd.Series) -> Frame:
     """Return a frame with a column that belongs to a figure."""
-    of, words = frame.columns[figure], name.replace("_", " ")
-    column = replace(of, name=name, axis=figure, words=words, meaning="", role=role)
+    figure_column, words = frame.columns[figure], name.replace("_", " ")
+    column = replace(figure_column, name=name, axis=figure, words=words, meaning="", role=role)
     return replace(
         frame, rows=frame.rows.assign(**{name: values}), columns={**frame.columns, name: column}
     )
 
 
 def _with_frames_in_all(frame: Frame) -> Frame:
-    """Return a frame with all frames of an image: those at every position of the detector."""
+    """Return a frame with the number of frames of an image over all detector positions."""
     axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
     if "super_resolution" not in axes:
         return frame
     counts = frame.rows[axes.get("infrared_frame_count", axes["frame_count"])]
-    places = frame.rows[axes["super_resolution"]].map(lambda way: POSITIONS.get(way, 1))
+    positions = frame.rows[axes["super_resolution"]].map(lambda way: POSITIONS.get(way, 1))
     if "infrared_frame_count" in axes and "frame_count" in axes:
         counts = counts.fillna(frame.rows[axes["frame_count"]])
-    whole = (counts * places).where(frame.rows[axes["super_resolution"]].notna())
-    return _with_column(frame, frame.of_role("figure")[0], "frames_in_all", "beside", whole)
+    totals = (counts * positions).where(frame.rows[axes["super_resolution"]].notna())
+    return _with_column(frame, frame.of_role("figure")[0], "frames_in_all", "beside", totals)
 
 
 def _with_bound(frame: Frame) -> Frame:

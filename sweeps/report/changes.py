@@ -1,4 +1,4 @@
-"""The answer of a comparison: what changed most, where, whether by chance, and along the axis."""
+"""The answer of a comparison: the largest change, its setting, significance and course."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ABOUT = ("seed", "version")  # attributes of a store that its results may depend
 
 
 def sentences(compared: Comparison) -> list[str]:
-    """Return in words what changed most, at which setting, and whether chance alone would do it."""
+    """Return sentences on the largest change, its setting, and whether it is significant."""
     first, *others = compared.names
     if not compared.frames:
         common = " in all that they have in common" if compared.partial else ""
@@ -33,11 +33,11 @@ def sentences(compared: Comparison) -> list[str]:
     label, row = _largest(frame)
     figure = frame.figures[0]
     column, store = frame.columns[figure], row.get(STORE, others[0])
-    where = _place(frame, row)
-    at = f", at {where}" if where else ""
-    who = ", ".join(_names(frame, row)) or column.words
-    one, other = (_end(frame, row, end) for end in (FIRST, SECOND))
-    course = f"from {one} in {first} to {other} in {store}"
+    setting = _place(frame, row)
+    suffix = f", at {setting}" if setting else ""
+    subject = ", ".join(_names(frame, row)) or column.words
+    before, after = (_end(frame, row, end) for end in (FIRST, SECOND))
+    course = f"from {before} in {first} to {after} in {store}"
     if not missing(row[figure]):
         changed = _signed(entry(frame, label, figure))
         interval = f" [{changed.interval}]" if changed.interval else ""
@@ -45,71 +45,71 @@ def sentences(compared: Comparison) -> list[str]:
     if frame.name != NAME:
         table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [
-            f"Of {table}, {who} changed most{at}: {course}.",
+            f"Of {table}, {subject} changed most{suffix}: {course}.",
             "Without intervals it is not known whether chance alone would do so.",
         ]
-    begin = who[0].upper() + who[1:]
+    begin = subject[0].upper() + subject[1:]
     if row[figure] == 0:
         even = f"from {first} to {store} as many answers became wrong as right"
-        said = f"{begin}{at}: {even}."
+        sentence = f"{begin}{suffix}: {even}."
     elif row["significant"] == 1:
-        said = f"The largest difference beyond chance is that of {who}{at}: {course}."
+        sentence = f"The largest difference beyond chance is that of {subject}{suffix}: {course}."
     else:
-        said = f"{begin} changed most{at}: {course}."
+        sentence = f"{begin} changed most{suffix}: {course}."
     if not compared.number:
-        return [said, "All answers of tests are equal; only those at learned aspects changed."]
-    counted = f"{compared.significant:,} of {compared.number:,}"
+        return [sentence, "All answers of tests are equal; only those at learned aspects changed."]
+    significance = f"{compared.significant:,} of {compared.number:,}"
     return [
-        said,
-        f"Comparisons significant by Holm's correction at {100 * LEVEL:.0f} %: {counted}.",
+        sentence,
+        f"Comparisons significant by Holm's correction at {100 * LEVEL:.0f} %: {significance}.",
     ]
 
 
 def answer(compared: Comparison, swept: Sequence[str]) -> Table:
-    """Return a table of at most ten lines of what changed most, along an axis.
+    """Return a table of the largest changes along an axis, at most ten lines.
 
-    Of two stores it has the figures of both and the difference; of more, the differences from the
-    first, whose figures are of other views beside each of the others. Without an axis, the lines
+    For two stores it has both figures and their difference. For more stores it has only the
+    differences from the first, since each pair shares different views. Without an axis, the lines
     are the curves that changed most.
     """
     frame = next(iter(compared.frames.values()))
     _, largest = _largest(frame)
     figure, rows = frame.figures[0], _rows(frame)
     curve = [name for name in _curve(frame) if name != STORE]
-    same = _same(rows, largest, curve)
-    axis = main_axis(frame.where(same.index), swept)
-    several = [name for name in frame.varying_axes if name not in (STORE, axis)]
+    curve_rows = _same(rows, largest, curve)
+    axis = main_axis(frame.where(curve_rows.index), swept)
+    varying = [name for name in frame.varying_axes if name not in (STORE, axis)]
     if axis:
-        rows = _same(same, largest, [name for name in several if name not in curve])
+        rows = _same(curve_rows, largest, [name for name in varying if name not in curve])
         down, keys = frame.columns[axis], rows[axis]
     else:
-        rows = _same(rows, largest, [name for name in several if name not in curve])
+        rows = _same(rows, largest, [name for name in varying if name not in curve])
         keys = pd.Series([", ".join(_names(frame, row)) for _, row in rows.iterrows()], rows.index)
         down = Column("", "", ", ".join(frame.columns[n].words for n in curve) or "figure")
     order = rows[figure].abs().groupby(keys).max().sort_values(ascending=False, kind="stable")
-    places = sorted(order.index) if axis and rows[axis].dtype.kind in "fiu" else [*order.index]
+    line_keys = sorted(order.index) if axis and rows[axis].dtype.kind in "fiu" else [*order.index]
     lines, two = [], len(compared.names) == 2
-    for place in places:
-        at = rows[keys == place]
-        labels = {row.get(STORE, compared.names[1]): label for label, row in at.iterrows()}
+    for key in line_keys:
+        key_rows = rows[keys == key]
+        labels = {row.get(STORE, compared.names[1]): label for label, row in key_rows.iterrows()}
         cells = [
             _signed(entry(frame, labels[name], figure)) if name in labels else Entry("")
             for name in compared.names[1:]
         ]
         if two:
-            row = at.iloc[0]
+            row = key_rows.iloc[0]
             cells = [*(Entry(_end(frame, row, end, unit=False)) for end in (FIRST, SECOND)), *cells]
-        text = down.text(place) if axis else str(place)
-        lines.append(Line((place,), (text,), tuple(cells)))
+        text = down.text(key) if axis else str(key)
+        lines.append(Line((key,), (text,), tuple(cells)))
     count = len(lines)
     lines = thinned(lines, MOST_LINES) if axis else lines[:MOST_LINES]
     title = frame.title.partition(":")[0].replace("[points]", "[%]") if two else frame.title
-    where = [*_names(frame, largest), _place(frame, largest, but=axis)] if axis else []
+    subtitle = [*_names(frame, largest), _place(frame, largest, but=axis)] if axis else []
     heads = (*compared.names, "difference") if two else compared.names[1:]
     fewer = f"{len(lines)} of {count} lines." if count > len(lines) else ""
     return Table(
         frame.name,
-        ", ".join(filter(None, [title, *where])),
+        ", ".join(filter(None, [title, *subtitle])),
         (down,),
         heads,
         tuple(lines),
@@ -118,49 +118,51 @@ def answer(compared: Comparison, swept: Sequence[str]) -> Table:
 
 
 def settings_that_differ(compared: Comparison) -> list[tuple[str, list[str]]]:
-    """Return the settings that differ between stores: keys, and values in words of each store."""
-    about = [attributes(opened(path)) for path in compared.paths]
-    given: list[Mapping[str, Any]] = [
-        dict(flat(one.get("configuration", {}))) | {key: one.get(key) for key in ABOUT}
-        for one in about
+    """Return the settings that differ between stores: keys, and each store's value in words."""
+    all_attrs = [attributes(opened(path)) for path in compared.paths]
+    configurations: list[Mapping[str, Any]] = [
+        dict(flat(attrs.get("configuration", {}))) | {key: attrs.get(key) for key in ABOUT}
+        for attrs in all_attrs
     ]
-    keys = dict.fromkeys(key for settings in given for key in settings)
+    keys = dict.fromkeys(key for settings in configurations for key in settings)
     return [
-        (key, [_written(settings.get(key)) for settings in given])
+        (key, [_written(settings.get(key)) for settings in configurations])
         for key in keys
-        if len({json.dumps(settings.get(key), default=str) for settings in given}) > 1
+        if len({json.dumps(settings.get(key), default=str) for settings in configurations}) > 1
     ]
 
 
 def settings_sentence(compared: Comparison) -> str:
-    """Return what settings differ, and what ships of one name, at most three of each."""
+    """Return a sentence on the settings and ships that differ, at most three of each."""
     settings, ships = list[str](), ships_that_differ(compared)
     for key, values in settings_that_differ(compared):
-        named = zip(values, compared.names, strict=True)
-        *most, last = (f"{value} in {name}" for value, name in named)
+        by_store = zip(values, compared.names, strict=True)
+        *most, last = (f"{value} in {name}" for value, name in by_store)
         settings.append(f"{key} {', '.join(most)} and {last}")
-    said = f"Settings that differ: {_few(settings)}." if settings else "All settings are the same."
-    return said + (f" Ships that differ: {_few(ships)}." if ships else "")
+    sentence = (
+        f"Settings that differ: {_few(settings)}." if settings else "All settings are the same."
+    )
+    return sentence + (f" Ships that differ: {_few(ships)}." if ships else "")
 
 
 def ships_that_differ(compared: Comparison) -> list[str]:
-    """Return the names of ships whose meshes or transforms are not the same in all stores."""
+    """Return the names of ships whose meshes or transforms differ between stores."""
     meshes: dict[str, set[tuple[str, str]]] = {}
-    for about in (attributes(opened(path)) for path in compared.paths):
-        transforms = about.get("mesh_transforms", {})
-        for name, digest in about.get("mesh_digests", {}).items():
+    for attrs in (attributes(opened(path)) for path in compared.paths):
+        transforms = attrs.get("mesh_transforms", {})
+        for name, digest in attrs.get("mesh_digests", {}).items():
             meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
-    return [printable(name) for name, several in meshes.items() if len(several) > 1]
+    return [printable(name) for name, digests in meshes.items() if len(digests) > 1]
 
 
 def _few(listed: Sequence[str]) -> str:
-    """Return the first texts of a list, and how many more there are."""
+    """Return the first texts of a list and the number of the others."""
     more = len(listed) - MOST_LISTED
     return "; ".join(listed[:MOST_LISTED]) + (f"; and {more} more" if more > 0 else "")
 
 
 def _signed(cell: Entry) -> Entry:
-    """Return a difference whose interval has no dash beside a sign."""
+    """Return a difference with 'to' between the signed ends of its interval."""
     return replace(cell, interval=cell.interval.replace("–", " to "))
 
 
@@ -169,7 +171,7 @@ def _written(value: Any) -> str:
 
 
 def _rows(frame: Frame) -> pd.DataFrame:
-    """Return the rows of differences that are answers: over all aspects, of tests."""
+    """Return the rows of differences over all aspects, of tests where there are any."""
     ends = [_end_name(frame, end) for end in (FIRST, SECOND)]
     rows = frame.rows[frame.rows[ends].notna().any(axis=1)]
     overall = MAIN["aspect_bin"]
@@ -181,9 +183,9 @@ def _rows(frame: Frame) -> pd.DataFrame:
 
 
 def _largest(frame: Frame) -> tuple[Any, pd.Series]:
-    """Return label and row of the largest difference, of the significant ones if any are.
+    """Return label and row of the largest difference, among significant ones if there are any.
 
-    If none is a number other than 0, of those where only one store has a value.
+    If no difference is a number other than 0, take a row where only one store has a value.
     """
     rows = _rows(frame)
     if "significant" in rows and (rows.significant == 1).any():
@@ -195,10 +197,12 @@ def _largest(frame: Frame) -> tuple[Any, pd.Series]:
     return label, rows.loc[label]
 
 
-def _same(rows: pd.DataFrame, of: pd.Series, names: Sequence[str]) -> pd.DataFrame:
-    """Return the rows that have the values of one row in some columns."""
+def _same(rows: pd.DataFrame, reference: pd.Series, names: Sequence[str]) -> pd.DataFrame:
+    """Return the rows that equal a reference row in some columns."""
     for name in names:
-        rows = rows[rows[name].isna() if missing(of[name]) else rows[name] == of[name]]
+        rows = rows[
+            rows[name].isna() if missing(reference[name]) else rows[name] == reference[name]
+        ]
     return rows
 
 
@@ -207,15 +211,15 @@ def _curve(frame: Frame) -> list[str]:
 
 
 def _names(frame: Frame, row: pd.Series) -> list[str]:
-    """Return the words of what a row is of, such as its classifier and sensor."""
+    """Return the words that identify a row, such as its classifier and sensor."""
     names = [n for n in frame.down if n != STORE and frame.rows[n].dtype == object]
-    several = [n for n in names if n in frame.varying_axes or n in ("classifier", "channel")]
-    words = [(name, row[name]) for name in several if not missing(row[name])]
+    varying = [n for n in names if n in frame.varying_axes or n in ("classifier", "channel")]
+    words = [(name, row[name]) for name in varying if not missing(row[name])]
     return [frame.columns[name].text(value) for name, value in words if value != SHIP]
 
 
 def _place(frame: Frame, row: pd.Series, *, but: str = "") -> str:
-    """Return the setting of a row: values of the axes along which rows differ."""
+    """Return the setting of a row: its values of the axes that vary between rows."""
     words = [n for n in frame.down if frame.rows[n].dtype == object]
     names = [n for n in frame.varying_axes if n not in (*words, but, STORE, "kind")]
     names = [n for n in names if not missing(row[n]) and row[n] != MAIN["aspect_bin"]]

@@ -25,8 +25,8 @@ def main() -> None:
     from sweeps.report.screen import complain
 
     status = _reported(arguments)
-    if why := flush_output():
-        complain(f"tables cannot be printed: {why}")
+    if fault := flush_output():
+        complain(f"tables cannot be printed: {fault}")
         status = status or 1
     if status:
         sys.exit(status)
@@ -40,7 +40,7 @@ def script() -> NoReturn:
 
 
 def _reported(arguments: argparse.Namespace) -> int:
-    """Print and write what a command line asks for; return the status."""
+    """Print and write the requested tables; return the exit status."""
     # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.declare.errors import ConfigurationError
     from sweeps.report.own import sentence_of
@@ -54,25 +54,25 @@ def _reported(arguments: argparse.Namespace) -> int:
         if others:
             if arguments.pictures:
                 raise ConfigurationError("--pictures draws one store, but several are given")
-            shown = {"table": arguments.table, "html": arguments.html}
-            kept = comparison(path, *others, console=console, **shown)
+            options = {"table": arguments.table, "html": arguments.html}
+            blocked = comparison(path, *others, console=console, **options)
         else:
-            kept = report(path, console, table=arguments.table, html=arguments.html)
+            blocked = report(path, console, table=arguments.table, html=arguments.html)
         if arguments.pictures:
-            kept += write_pictures(path, console)
+            blocked += write_pictures(path, console)
     except ConfigurationError as error:
         complain(str(error))
         return 2
     except OSError as error:
         complain(f"tables are not written: {error}")
         return 2
-    if kept:
-        complain(sentence_of(kept))
-    return 1 if kept else 0
+    if blocked:
+        complain(sentence_of(blocked))
+    return 1 if blocked else 0
 
 
 def answer(store: Any) -> list[str]:
-    """Return the headline of a store, for the end of a sweep of any experiment."""
+    """Return the headline of a store, which a sweep of any experiment prints at its end."""
     from sweeps.report.frames import read_frames
     from sweeps.report.headline import headline
     from sweeps.report.stores import attributes, opened
@@ -80,12 +80,12 @@ def answer(store: Any) -> list[str]:
     return headline(read_frames(store), attributes(opened(store)))
 
 
-def _place(given: str) -> Any:
+def _place(argument: str) -> Any:
     """Return a store's URL, or its absolute path; refuse other URLs."""
     from sweeps.engine.declare.paths import path_or_url
 
-    place = path_or_url("store", given)
-    return place.absolute() if isinstance(place, Path) else place
+    store = path_or_url("store", argument)
+    return store.absolute() if isinstance(store, Path) else store
 
 
 class _Explain(argparse.Action):

@@ -77,7 +77,7 @@ class Comparison:
 
 
 def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
-    """Return differences by table, other stores less the first, those of percent correct first.
+    """Return differences by table, other stores less the first, percent correct first.
 
     Answers are paired: of the settings, ships, aspects and draws that both stores have. A setting
     of one value in each store is compared whatever these are. Other tables have the differences of
@@ -89,34 +89,38 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
         If a store is given twice, has no tables, or has nothing in common with the first.
     """
     paths = first, *others
-    names, ours = names_of(paths), read_frames(first)
-    found: list[tuple[Display, Pairs]] = []
+    names, first_frames = names_of(paths), read_frames(first)
+    comparisons: list[tuple[Display, Pairs]] = []
     tables: dict[str, list[Frame]] = {NAME: []}
     partial = False
     for path, name in zip(others, names[1:], strict=True):
-        theirs, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
-        pairs, incomplete = _paired(first, ours, path, theirs, labels)
-        partial |= incomplete or {*ours} != {*theirs}
-        rest = []
-        for shared in (table for table in theirs if table in ours and table != SCORES):
-            both = ours[shared], theirs[shared]
-            less = _subtracted(*both, labels)
-            partial |= any(len(frame.rows) > len(less.rows) for frame in both)
-            partial |= {*both[0].figures} != {*both[1].figures}
-            rest += [less] if len(less.rows) and less.figures else []
-        if not pairs and not rest:
-            raise ConfigurationError(_nothing_in_common(names[0], ours, name, theirs))
-        found += pairs
-        for table in rest:
+        second_frames, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
+        pairs, incomplete = _paired(first, first_frames, path, second_frames, labels)
+        partial |= incomplete or {*first_frames} != {*second_frames}
+        subtracted = []
+        for shared in (
+            table for table in second_frames if table in first_frames and table != SCORES
+        ):
+            pair = first_frames[shared], second_frames[shared]
+            difference = _subtracted(*pair, labels)
+            partial |= any(len(frame.rows) > len(difference.rows) for frame in pair)
+            partial |= {*pair[0].figures} != {*pair[1].figures}
+            subtracted += [difference] if len(difference.rows) and difference.figures else []
+        if not pairs and not subtracted:
+            raise ConfigurationError(
+                _nothing_in_common(names[0], first_frames, name, second_frames)
+            )
+        comparisons += pairs
+        for table in subtracted:
             tables.setdefault(table.name, []).append(table)
-    significant, number = holm([of for display, of in found if _of_tests(display)])
+    significant, number = holm([answers for display, answers in comparisons if _of_tests(display)])
     of_tests = iter(significant)
-    for display, of in found:
-        dataset = of.tabulate(next(of_tests) if _of_tests(display) else None)
+    for display, answers in comparisons:
+        dataset = answers.tabulate(next(of_tests) if _of_tests(display) else None)
         part = tidy(dataset, display, "")
         tables[NAME] += [part] if part is not None else []
-    whole = [_changed(stacked(parts)) for parts in tables.values() if parts]
-    frames = {frame.name: _in_words(frame, names) for frame in whole if frame is not None}
+    changed = [_changed(stacked(parts)) for parts in tables.values() if parts]
+    frames = {frame.name: _in_words(frame, names) for frame in changed if frame is not None}
     count = sum(int(cells.sum()) for cells in significant)
     return Comparison(paths, names, frames, number, count, partial)
 
@@ -127,70 +131,72 @@ def _of_tests(display: Display) -> bool:
 
 def _paired(
     first: PathOrUrl,
-    ours: Mapping[str, Frame],
+    first_frames: Mapping[str, Frame],
     second: PathOrUrl,
-    theirs: Mapping[str, Frame],
+    second_frames: Mapping[str, Frame],
     labels: Mapping[str, str],
 ) -> tuple[list[tuple[Display, Pairs]], bool]:
-    """Return the answers in common of each part of two stores' scores, and if these are not all."""
-    known, others = (
+    """Return the common answers of each part of two stores' scores, and whether any are missing."""
+    first_parts, second_parts = (
         {_key(part): part for part in _scored(path, frames)}
-        for path, frames in ((first, ours), (second, theirs))
+        for path, frames in ((first, first_frames), (second, second_frames))
     )
-    found, partial = [], known.keys() != others.keys()
-    for key in (key for key in others if key in known):
-        pairs = paired(answers_of(first, known[key]), answers_of(second, others[key]))
+    common, partial = [], first_parts.keys() != second_parts.keys()
+    for key in (key for key in second_parts if key in first_parts):
+        pairs = paired(answers_of(first, first_parts[key]), answers_of(second, second_parts[key]))
         partial |= pairs is None or pairs.partial
-        display = replace(DISPLAY, labels={**labels, **others[key].display.labels})
-        found += [(display, pairs)] if pairs is not None else []
-    return found, partial
+        display = replace(DISPLAY, labels={**labels, **second_parts[key].display.labels})
+        common += [(display, pairs)] if pairs is not None else []
+    return common, partial
 
 
 def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
-    """Return names of stores that differ: with as many folders before them as that needs.
+    """Return distinct names of stores, preceded by as many folders as distinguish them.
 
     Raises ConfigurationError if a store is given twice.
     """
-    places = [path_beside(path) if isinstance(path, Path) else Path(str(path)) for path in paths]
-    whole = [place.resolve() for place in places]
-    for one in whole:
-        if whole.count(one) > 1:
-            raise ConfigurationError(f"{str(one)!r} is given twice; give two different stores")
-    for count in range(1, max(len(place.parts) for place in places) + 1):
-        names = tuple(printable("/".join(place.parts[-count:])) for place in places)
+    stores = [path_beside(path) if isinstance(path, Path) else Path(str(path)) for path in paths]
+    resolved = [store.resolve() for store in stores]
+    for path in resolved:
+        if resolved.count(path) > 1:
+            raise ConfigurationError(f"{str(path)!r} is given twice; give two different stores")
+    for count in range(1, max(len(store.parts) for store in stores) + 1):
+        names = tuple(printable("/".join(store.parts[-count:])) for store in stores)
         if len(set(names)) == len(names):
             break
     return names
 
 
 def _nothing_in_common(
-    first: str, ours: Mapping[str, Frame], second: str, theirs: Mapping[str, Frame]
+    first: str, first_frames: Mapping[str, Frame], second: str, second_frames: Mapping[str, Frame]
 ) -> str:
-    """Return why stores cannot be compared: no table, or no value of an axis is in common."""
-    both = [name for name in theirs if name in ours]
-    for table in both:
-        one, other = ours[table], theirs[table]
-        for axis in (name for name in other.of_role("axis") if name in one.of_role("axis")):
-            values = [values_of(frame.rows, axis) for frame in (one, other)]
+    """Return why stores cannot be compared: they share no table or no value of an axis."""
+    common = [name for name in second_frames if name in first_frames]
+    for table in common:
+        first_frame, second_frame = first_frames[table], second_frames[table]
+        for axis in (
+            name for name in second_frame.of_role("axis") if name in first_frame.of_role("axis")
+        ):
+            values = [values_of(frame.rows, axis) for frame in (first_frame, second_frame)]
             if all(values) and not {*values[0]} & {*values[1]}:
-                column = one.columns[axis]
-                has, have = (", ".join(map(column.text, of[:3])) for of in values)
+                column = first_frame.columns[axis]
+                has, have = (", ".join(map(column.text, axis_values[:3])) for axis_values in values)
                 return (
                     f"stores must have a value of {column.words} in common, but {first} has {has} "
                     f"and {second} has {have}"
                 )
-    if both:
+    if common:
         return (
             f"stores must have answers to the same views in common, as {first} and {second} do not"
         )
     return (
-        f"stores must have a table in common, but {first} has {', '.join(ours)} "
-        f"and {second} has {', '.join(theirs)}"
+        f"stores must have a table in common, but {first} has {', '.join(first_frames)} "
+        f"and {second} has {', '.join(second_frames)}"
     )
 
 
 def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame:
-    """Return the figures of a table, second less first, at the places that both have.
+    """Return the figures of a table, second less first, at the places that both frames have.
 
     An axis of one value in each is no place, unless it is a label, such as the classifier.
     """
@@ -200,20 +206,21 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
         if name in first.figures and second.rows[name].dtype.kind in "fiu"
     ]
     axes = [name for name in second.of_role("axis") if name in first.of_role("axis")]
-    told = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
-    several = {*first.varying_axes, *second.varying_axes, *told}
-    shared = [name for name in axes if name in several]
-    rest = [
+    labelled = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
+    varying = {*first.varying_axes, *second.varying_axes, *labelled}
+    shared = [name for name in axes if name in varying]
+    unshared = [
         (frame, [name for name in frame.of_role("axis") if name not in axes])
         for frame in (first, second)
     ]
-    ours, theirs = (
-        frame.rows.assign(**{PART: 0})[[PART, *shared, *own, *figures]] for frame, own in rest
+    first_rows, second_rows = (
+        frame.rows.assign(**{PART: 0})[[PART, *shared, *extra, *figures]]
+        for frame, extra in unshared
     )
-    rows = theirs.merge(ours, on=[PART, *shared], suffixes=("", f"_{FIRST}"))
+    rows = second_rows.merge(first_rows, on=[PART, *shared], suffixes=("", f"_{FIRST}"))
     columns = {name: Column(name, name, name) for name in labels}
-    for frame, own in reversed(rest):
-        columns |= {name: frame.columns[name] for name in (*shared, *own)}
+    for frame, extra in reversed(unshared):
+        columns |= {name: frame.columns[name] for name in (*shared, *extra)}
     for name in figures:
         column, ends = second.columns[name], (f"{name}_{FIRST}", f"{name}_{SECOND}")
         rows[ends[1]] = rows[name]
@@ -240,25 +247,25 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
 def _changed(frame: Frame) -> Frame | None:
     """Return a table of differences without the figures and curves in which nothing differs."""
     if frame.name == NAME:
-        kept, changed = frame.figures, frame.rows.discordant > 0
+        figures, changed = frame.figures, frame.rows.discordant > 0
     else:
         values = pd.DataFrame({name: differs(frame, name) for name in frame.figures})
-        kept = [name for name in frame.figures if values[name].any()]
+        figures = [name for name in frame.figures if values[name].any()]
         changed = values.any(axis=1)
     if not changed.any():
         return None
     curves = [name for name in (*frame.down, "kind") if name in frame.columns]
-    left = frame.rows
+    rows = frame.rows
     if curves:
-        by = [frame.rows[name] for name in curves]
-        left = left[changed.groupby(by, dropna=False).transform("any").astype(bool)]
-    dropped = {*frame.figures} - {*kept}
+        curve_keys = [frame.rows[name] for name in curves]
+        rows = rows[changed.groupby(curve_keys, dropna=False).transform("any").astype(bool)]
+    dropped = {*frame.figures} - {*figures}
     columns = {n: c for n, c in frame.columns.items() if not {n, c.axis} & dropped}
-    return replace(frame, rows=left[[PART, *columns]].reset_index(drop=True), columns=columns)
+    return replace(frame, rows=rows[[PART, *columns]].reset_index(drop=True), columns=columns)
 
 
 def differs(frame: Frame, figure: str) -> pd.Series:
-    """Return in which rows a figure differs between stores, or only one of them has a value."""
+    """Return a mask of rows in which a figure differs, or only one store has a value."""
     first, second = (frame.rows[f"{figure}_{end}"] for end in (FIRST, SECOND))
     return (first != second) & (first.notna() | second.notna())
 
@@ -272,12 +279,12 @@ def _in_words(frame: Frame, names: Sequence[str]) -> Frame:
         words = first, others[0] if len(others) == 1 else "the other store"
         for end, name in zip((FIRST, SECOND), words, strict=True):
             columns[end] = replace(columns[end], words=name)
-    whose = others[0] if len(others) == 1 else "other stores"
-    return replace(frame, title=f"{frame.title}: {whose} less {first}", columns=columns)
+    minuend = others[0] if len(others) == 1 else "other stores"
+    return replace(frame, title=f"{frame.title}: {minuend} less {first}", columns=columns)
 
 
 def _scored(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
-    """Return the parts of the scores of a store that count answers."""
+    """Return the parts of a store's scores that count answers."""
     answered = groups(opened(path), "classification")
     return [
         part

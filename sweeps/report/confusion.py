@@ -1,4 +1,4 @@
-"""Confusion: how often each ship is named each ship, as a frame."""
+"""Confusion matrix of ships, as a frame."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ DISPLAY = Display(
 
 
 def read_predictions(store: Any) -> dict[str, xr.DataArray]:
-    """Return the ships named by each classifier of a store, unless these are too many to count."""
-    found = {}
+    """Return each classifier's predictions, except those with too many answers to count."""
+    predictions = {}
     for name in groups(store, "classification"):
         answers = read(store, f"classification/{name}")
         if "predicted" in answers and answers.predicted.size <= LARGEST:
-            found[name] = answers.predicted.load()
-    return found
+            predictions[name] = answers.predicted.load()
+    return predictions
 
 
 def confusion_of(
     predictions: Mapping[str, xr.DataArray], frames: Mapping[str, Frame]
 ) -> Frame | None:
-    """Return the share of the answers to each true ship that name each ship; None without any.
+    """Return the share of each predicted ship among the answers to each true ship, or None.
 
-    Rows have the classifier and channel of the tables of a group's scores, among the `frames`.
+    Rows take classifier and channel from the tables of scores of their group, among `frames`.
     """
     tables = [part for frame in frames.values() for part in frame.parts]
     labels = {part.group.removeprefix("tables/"): part.display.labels for part in tables}
     parts = []
     for name, predicted in predictions.items():
         counted = _counted(predicted)
-        given = labels.get(name) or {"classifier": name}
-        kept = {*DISPLAY.rows} - {*counted.coords}
-        own = {key: text for key, text in given.items() if key in kept}
-        parts.append(tidy(counted, replace(DISPLAY, labels=own), ""))
+        group_labels = labels.get(name) or {"classifier": name}
+        label_names = {*DISPLAY.rows} - {*counted.coords}
+        row_labels = {key: text for key, text in group_labels.items() if key in label_names}
+        parts.append(tidy(counted, replace(DISPLAY, labels=row_labels), ""))
     answered = [part for part in parts if part is not None]
     return stacked(answered) if answered else None
 
@@ -57,9 +57,9 @@ def confusion_of(
 def most_confused(
     predictions: Mapping[str, xr.DataArray],
 ) -> tuple[tuple[str, str], float] | None:
-    """Return the two ships that are named each other most often, and the aspect where most so.
+    """Return the two ships most often confused with each other, and their worst aspect.
 
-    Over all classifiers and settings, by the share of the answers to both. None without any.
+    Over all classifiers and settings, by the share of the answers to both. None if no pair is.
     """
     counts = [
         _named(predicted, ("ship", "aspect"))
@@ -68,31 +68,31 @@ def most_confused(
     ]
     if not counts:
         return None
-    whole = xr.concat(counts, "group", join="outer", fill_value=0).sum("group")
-    ships = whole.ship_named.values.tolist()
-    total = whole.sel(true_ship=ships).transpose("true_ship", "ship_named", "aspect").values
+    pooled = xr.concat(counts, "group", join="outer", fill_value=0).sum("group")
+    ships = pooled.ship_named.values.tolist()
+    total = pooled.sel(true_ship=ships).transpose("true_ship", "ship_named", "aspect").values
     share = total / np.maximum(total.sum(axis=1, keepdims=True), 1)
     mutual = share + share.transpose(1, 0, 2)
-    over = np.triu(mutual.mean(axis=2), 1)
-    one, other = np.unravel_index(over.argmax(), over.shape)
-    if not over[one, other] > 0:
+    pair_share = np.triu(mutual.mean(axis=2), 1)
+    first, second = np.unravel_index(pair_share.argmax(), pair_share.shape)
+    if not pair_share[first, second] > 0:
         return None
-    aspect = float(whole.aspect.values[mutual[one, other].argmax()])
-    return (str(ships[one]), str(ships[other])), aspect
+    aspect = float(pooled.aspect.values[mutual[first, second].argmax()])
+    return (str(ships[first]), str(ships[second])), aspect
 
 
 def _counted(predicted: xr.DataArray) -> xr.Dataset:
-    """Return the answers of a group by true and named ship, counted over aspects and draws."""
-    kept = [dim for dim in predicted.dims if dim not in (*DRAWS, "aspect")]
-    counts = _named(predicted, kept)
+    """Return counts of a group's answers by true and predicted ship, over aspects and draws."""
+    dims = [dim for dim in predicted.dims if dim not in (*DRAWS, "aspect")]
+    counts = _named(predicted, dims)
     total = counts.sum("ship_named")
     return xr.Dataset({"share": counts / total.where(total > 0), "count": counts})
 
 
-def _named(predicted: xr.DataArray, kept: Sequence[Hashable]) -> xr.DataArray:
-    """Return how often each ship is named, with the true ship among the dimensions kept."""
+def _named(predicted: xr.DataArray, dims: Sequence[Hashable]) -> xr.DataArray:
+    """Return counts of each predicted ship along `dims`, which include the true ship."""
     ships = np.atleast_1d(predicted.ship.values).tolist()
-    named = xr.DataArray(range(len(ships)), {"ship_named": ships}, ("ship_named",))
-    pooled = [dim for dim in predicted.dims if dim not in kept]
-    counts: xr.DataArray = (predicted == named).sum(pooled)
+    candidates = xr.DataArray(range(len(ships)), {"ship_named": ships}, ("ship_named",))
+    pooled = [dim for dim in predicted.dims if dim not in dims]
+    counts: xr.DataArray = (predicted == candidates).sum(pooled)
     return counts.rename(ship="true_ship").reset_coords(drop=True)

@@ -14,7 +14,7 @@ from sweeps.report.pivot import at_main, in_words
 from sweeps.report.words import SIMPLEST, missing, preferred
 
 SCORES, SHIP = "scores", "ship"
-UNTESTED = ("training", "learned")  # kinds of scores that are none of tests
+UNTESTED = ("training", "learned")  # kinds of scores that are not of tests
 FALLBACK = "frame_count"  # the axis of scores where nothing was swept
 
 
@@ -27,8 +27,8 @@ def is_test(kind: Any) -> bool:
 class Rival:
     """One classifier's results at the preferred setting, in the order of an axis.
 
-    `axis` is empty if the results do not depend on it. `shared` are the values of the axis that all
-    rivals have, and `count` is that of the values that any has.
+    `axis` is empty if the results do not depend on it. `shared` holds the values of the axis that
+    all rivals have; `count` is the number of values that any rival has.
     """
 
     of: Mapping[str, Any]  # the classifier, by the columns that name it
@@ -53,13 +53,13 @@ class Rival:
 
     @property
     def complexity(self) -> tuple[Any, ...]:
-        """Where the classifier, then its sensor, stand among others, the simplest first."""
+        """Rank of the classifier, then of its sensor, by simplicity."""
         ranks = [SIMPLEST.index(v) if v in SIMPLEST else len(SIMPLEST) for v in self.of.values()]
         return ("both" in self.of.values(), *ranks)
 
 
 def main_frame(frames: Mapping[str, Frame]) -> Frame:
-    """Return the table that the first answer is about: of scores those of tests, else the first."""
+    """Return the table of the headline: the scores of tests, or else the first table."""
     if SCORES not in frames:
         return next(iter(frames.values()))
     scores = frames[SCORES]
@@ -67,7 +67,7 @@ def main_frame(frames: Mapping[str, Frame]) -> Frame:
 
 
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:
-    """Return the column of the axis that results run along; empty if there is none.
+    """Return the column of the axis that results vary along; empty if there is none.
 
     The first of the swept axes, or that of most values where no axes are declared, numbers before
     words; without any, the number of frames, then the axis of most numbers.
@@ -75,12 +75,14 @@ def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     axes = [name for name in frame.varying_axes if name not in (frame.across, *in_words(frame))]
     axes.sort(key=lambda name: name in frame.down)
     numeric = [name for name in axes if frame.rows[name].dtype.kind in "fiu"]
-    asked = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
+    swept_axes = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
     if not frame.down:
-        asked.sort(key=lambda name: -frame.rows[name].nunique())
+        swept_axes.sort(key=lambda name: -frame.rows[name].nunique())
     most = sorted(numeric, key=lambda name: -frame.rows[name].nunique())
     usual = [name for name in numeric if name == FALLBACK]
-    return next(iter([*(n for n in asked if n in numeric), *asked, *usual, *most, *axes]), "")
+    return next(
+        iter([*(n for n in swept_axes if n in numeric), *swept_axes, *usual, *most, *axes]), ""
+    )
 
 
 def contest(frame: Frame, axis: str) -> list[Rival]:
@@ -91,24 +93,24 @@ def contest(frame: Frame, axis: str) -> list[Rival]:
     order, after the one that is shown first.
     """
     figure, names = frame.figures[0], _names(frame, axis)
-    at = at_main(frame, [*names, *[axis] * bool(axis)])
-    if across := at.across:
-        at = at.at({across: preferred(at.columns[across].axis, values_of(at.rows, across))})
-    at = at.where(at.rows[figure].notna())
-    if "scored" in names and (at.rows.scored == SHIP).any():
-        at = at.where(at.rows.scored == SHIP)
-    groups = at.rows.groupby(names, dropna=False, sort=False) if names else [((), at.rows)]
-    shown = [name for name in names if name in at.varying_axes]
+    main = at_main(frame, [*names, *[axis] * bool(axis)])
+    if across := main.across:
+        main = main.at({across: preferred(main.columns[across].axis, values_of(main.rows, across))})
+    main = main.where(main.rows[figure].notna())
+    if "scored" in names and (main.rows.scored == SHIP).any():
+        main = main.where(main.rows.scored == SHIP)
+    groups = main.rows.groupby(names, dropna=False, sort=False) if names else [((), main.rows)]
+    varying = [name for name in names if name in main.varying_axes]
     rivals = []
-    for of, rows in groups:
-        named = {name: value for name, value in zip(names, of, strict=True) if name in shown}
+    for key, rows in groups:
+        identity = {name: value for name, value in zip(names, key, strict=True) if name in varying}
         rivals.append(
-            _rival(at.where(rows.index), named or dict(zip(names, of, strict=True)), axis)
+            _rival(main.where(rows.index), identity or dict(zip(names, key, strict=True)), axis)
         )
     rivals = [rival for rival in rivals if len(rival.frame.rows)]
     if not frame.of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
-        first = {n: preferred(frame.columns[n].axis, values_of(at.rows, n)) for n in shown}
-        return sorted(rivals, key=lambda rival: rival.of != first)
+        leader = {n: preferred(frame.columns[n].axis, values_of(main.rows, n)) for n in varying}
+        return sorted(rivals, key=lambda rival: rival.of != leader)
     rivals = _with_shared(rivals)
     return sorted(rivals, key=lambda rival: (-round(rival.mean, 6), rival.complexity))
 
@@ -123,7 +125,7 @@ def _with_shared(rivals: Sequence[Rival]) -> list[Rival]:
 
 
 def _names(frame: Frame, axis: str) -> list[str]:
-    """Return the columns that name a rival: declared ones of words, else the first of words."""
+    """Return the columns that name a rival: declared columns of words, else the first one."""
     names = [name for name in frame.down if frame.rows[name].dtype == object and name != axis]
     if names or frame.down:
         return names
@@ -131,12 +133,12 @@ def _names(frame: Frame, axis: str) -> list[str]:
     return [name for name in words if name not in (axis, frame.across)][:1]
 
 
-def _rival(frame: Frame, of: Mapping[str, Any], axis: str) -> Rival:
+def _rival(frame: Frame, identity: Mapping[str, Any], axis: str) -> Rival:
     """Return a rival with one row for each value of the axis that its results depend on."""
     applies = bool(axis) and bool(frame.rows[axis].notna().any())
     if not applies:
-        return Rival(of, frame.where(frame.rows.index[:1]), "")
+        return Rival(identity, frame.where(frame.rows.index[:1]), "")
     rows = frame.rows[frame.rows[axis].notna()].drop_duplicates(axis)
     if pd.api.types.is_numeric_dtype(rows[axis]):
         rows = rows.sort_values(axis)
-    return Rival(of, frame.where(rows.index), axis)
+    return Rival(identity, frame.where(rows.index), axis)

@@ -1,4 +1,4 @@
-"""Meanings of the words of tables: the glossary, which `--explain` prints and pages point to."""
+"""The glossary of the words of tables, which `--explain` prints and pages link to."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _MARKUP = (
 
 @cache
 def glossary() -> dict[tuple[str, ...], str]:
-    """Return the meaning of each term by its names, the first of which is the usual one."""
-    found = _ENTRY.findall(GLOSSARY.read_text(encoding="utf-8"))
-    return {tuple(names.splitlines()): _plain(text) for names, text in found}
+    """Return the meaning of each term by its names, the usual name first."""
+    entries = _ENTRY.findall(GLOSSARY.read_text(encoding="utf-8"))
+    return {tuple(names.splitlines()): _plain(text) for names, text in entries}
 
 
 def meaning(word: str) -> str:
@@ -54,11 +54,11 @@ def said(command: str, word: str) -> int:
 
 
 def _near(word: str) -> str:
-    """Return the terms that are spelt like a word, or have it among their words."""
-    by_word, asked = _by_word(), _folded(word)
-    close = difflib.get_close_matches(asked, by_word, NEAR)
-    close += [one for one in by_word if set(asked.split()) & set(one.split())]
-    terms = list(dict.fromkeys(by_word[one][0] for one in close))[:NEAR]
+    """Return the terms with a similar spelling or with a word in common."""
+    by_word, folded = _by_word(), _folded(word)
+    close = difflib.get_close_matches(folded, by_word, NEAR)
+    close += [name for name in by_word if set(folded.split()) & set(name.split())]
+    terms = list(dict.fromkeys(by_word[name][0] for name in close))[:NEAR]
     return f"such as {', '.join(terms)}" if terms else "which --explain alone lists"
 
 

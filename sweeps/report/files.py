@@ -44,12 +44,12 @@ def csv_of(frame: Frame) -> bytes:
 
 
 def rounded(value: float, digits: int) -> float:
-    """Return a number rounded to some decimals; an infinite one as it is missing."""
+    """Return a number rounded to some decimals, and NaN for an infinite one."""
     return round(value, digits) if math.isfinite(value) else math.nan
 
 
 def neutral(value: Any) -> Any:
-    """Return a cell that no spreadsheet reads as a formula, with an apostrophe if needed."""
+    """Return a cell with an apostrophe before a text that a spreadsheet would run as a formula."""
     if not isinstance(value, str) or missing(value) or not value.startswith(FORMULA):
         return value
     with suppress(ValueError):

@@ -44,18 +44,18 @@ def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
 
     Its first draw, at the preferred value of all other axes.
     """
-    others = [str(dim) for dim in flights.looks.dims if dim != "ship"]
-    flown = flights.ship.values[flights.looks.notnull().any(others)]
-    swept = [dim for dim in others if dim not in VIEW and flights.sizes[dim] > 1]
+    dims = [str(dim) for dim in flights.looks.dims if dim != "ship"]
+    flown = flights.ship.values[flights.looks.notnull().any(dims)]
+    swept = [dim for dim in dims if dim not in VIEW and flights.sizes[dim] > 1]
     titled = {}
-    for ship, *at in product(flown, *(flights[name].values for name in VIEW)):
-        here = flights.sel(dict(zip(("ship", *VIEW), (ship, *at), strict=True)))
-        flight = nominal(here, keep=("source", "kind", "pulse_width"))
-        place = [f"{ship} at {at[0]:g} km", f"aspect {at[1]:g}°", "simulated"]
-        place += [
+    for ship, *view in product(flown, *(flights[name].values for name in VIEW)):
+        flown_view = flights.sel(dict(zip(("ship", *VIEW), (ship, *view), strict=True)))
+        flight = nominal(flown_view, keep=("source", "kind", "pulse_width"))
+        words = [f"{ship} at {view[0]:g} km", f"aspect {view[1]:g}°", "simulated"]
+        words += [
             f"{dim.replace('_', ' ')} {flight[dim].item()}" for dim in swept if dim in flight.coords
         ]
-        titled[", ".join(place)] = flight
+        titled[", ".join(words)] = flight
     return titled
 
 
@@ -72,15 +72,15 @@ def scan_of(
     attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
 ) -> dict[str, Any]:
     """Return noisy raw images of one flight of a store, and its corrections: see `stages`."""
-    given = attributes["configuration"]
-    reflectance = _setting(flight, given["ladar"], "reflectance")
+    configuration = attributes["configuration"]
+    reflectance = _setting(flight, configuration["ladar"], "reflectance")
     values = {setting.name: _setting(flight, {}, setting.name) for setting in (*FLOWN, *RECORDED)}
-    place = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
-    place["seed"] = _setting(flight, given, "seed")
+    view = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
+    view["seed"] = _setting(flight, configuration, "seed")
     methods = {name: flight[name].item() for name in ("chain", "azimuth", "mirror", "range_filter")}
-    threshold = _setting(flight, given["irar"], "segmentation_threshold")
+    threshold = _setting(flight, configuration["irar"], "segmentation_threshold")
     return {
-        "scan": scan_again(values, mesh, **place, reflectance=reflectance),
+        "scan": scan_again(values, mesh, **view, reflectance=reflectance),
         "chain": Chain(**methods, segmentation_threshold=threshold),
         "autofocus": flight.autofocus.item(),
         **surface(mesh, values, reflectance),
@@ -131,17 +131,17 @@ def stages(
     return images | {TRUTH: truth}
 
 
-def _parts(whole: Chain) -> dict[str, Chain]:
+def _parts(chain: Chain) -> dict[str, Chain]:
     """Return the chain up to each of its corrections, by title."""
-    if whole.chain != EXACT:
-        return {f"all corrections as printed,\nf the {RATES[whole.chain]} rate": whole}
-    combined = "" if whole.range_filter == Chain.range_filter else f" by {whole.range_filter}"
+    if chain.chain != EXACT:
+        return {f"all corrections as printed,\nf the {RATES[chain.chain]} rate": chain}
+    combined = "" if chain.range_filter == Chain.range_filter else f" by {chain.range_filter}"
     averaged = f"averaged, range corrected{combined}, segmented"
-    parts = {averaged: replace(whole, azimuth="none", mirror="none")}
-    if whole.azimuth != "none":
-        parts[f"shifted in azimuth{SHIFTS[whole.azimuth]}"] = replace(whole, mirror="none")
-    if whole.mirror != "none":
-        parts[TURNS[whole.mirror]] = whole
+    parts = {averaged: replace(chain, azimuth="none", mirror="none")}
+    if chain.azimuth != "none":
+        parts[f"shifted in azimuth{SHIFTS[chain.azimuth]}"] = replace(chain, mirror="none")
+    if chain.mirror != "none":
+        parts[TURNS[chain.mirror]] = chain
     *_, last = parts
     return {title + ": all corrections" * (title == last): part for title, part in parts.items()}
 
@@ -152,13 +152,13 @@ def draw_stages(images: Mapping[str, Snapshot], title: str, slant_range: float) 
     panels = figure.subplots(len(images), len(KINDS), squeeze=False)
     for row, (name, image) in zip(panels, images.items(), strict=True):
         extent = (*image.column[[0, -1]], *image.row[[0, -1]])
-        how: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
-        how["aspect"] = "auto" if name == RAW else "equal"
-        shown = (image.intensity, np.mod(image.range - slant_range, STRIPES), image.infrared)
-        for axes, values, (label, colours) in zip(row, shown, KINDS.items(), strict=True):
-            known = values[np.isfinite(values)]
-            top = np.percentile(known, BRIGHTEST) if known.size else None
-            drawn = axes.imshow(values, colours, vmax=top, **how)
+        style: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
+        style["aspect"] = "auto" if name == RAW else "equal"
+        layers = (image.intensity, np.mod(image.range - slant_range, STRIPES), image.infrared)
+        for axes, values, (label, colours) in zip(row, layers, KINDS.items(), strict=True):
+            finite = values[np.isfinite(values)]
+            top = np.percentile(finite, BRIGHTEST) if finite.size else None
+            drawn = axes.imshow(values, colours, vmax=top, **style)
             figure.colorbar(drawn, ax=axes, label=label)
         row[0].set_title(name, loc="left", fontsize=SMALL)
     figure.suptitle(title)

@@ -67,7 +67,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Part:
-    """The rows of a frame that are of one group: variable and dimensions of each column."""
+    """The rows of a frame from one group: variable and dimensions of each column."""
 
     group: str
     display: Display
@@ -79,7 +79,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Frame:
-    """A table: its tidy rows, and what its columns are."""
+    """A table: its tidy rows and their columns."""
 
     name: str
     title: str
@@ -118,19 +118,19 @@ class Frame:
         return replace(self, rows=self.rows.loc[rows])
 
     def of_axes(self, names: Sequence[str]) -> Frame:
-        """Return the frame with some of its axes alone."""
-        kept = {
+        """Return the frame with only some of its axes."""
+        columns = {
             n: column for n, column in self.columns.items() if column.role != "axis" or n in names
         }
-        return replace(self, columns=kept)
+        return replace(self, columns=columns)
 
     def at(self, place: Mapping[str, Any]) -> Frame:
-        """Return the frame at some values of axes; rows without a value there stay."""
-        kept = pd.Series(True, index=self.rows.index)
+        """Return the rows at some values of axes, including rows without a value there."""
+        mask = pd.Series(True, index=self.rows.index)
         for name, value in place.items():
             column = self.rows[name]
-            kept &= column.isna() | (column == value).fillna(False).astype(bool)
-        return self.where(kept)
+            mask &= column.isna() | (column == value).fillna(False).astype(bool)
+        return self.where(mask)
 
 
 def frame(path: PathOrUrl, name: str) -> pd.DataFrame:
@@ -176,17 +176,17 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
     try:
         store = opened(path)
         parts: dict[str, list[Frame]] = {}
-        given = attributes(store)
-        named = {f"tables/{name}": name for name in groups(store, "tables")}
-        if not named and given.get("title") in groups(store):  # of one function over a grid
-            named = {given["title"]: given["title"]}
-        for group, name in named.items():
+        attrs = attributes(store)
+        group_names = {f"tables/{name}": name for name in groups(store, "tables")}
+        if not group_names and attrs.get("title") in groups(store):  # of one function over a grid
+            group_names = {attrs["title"]: attrs["title"]}
+        for group, name in group_names.items():
             table = read(store, group)
             for display in displays_of(table, name):
                 part = tidy(table, display, group)
                 if part is not None:
                     parts.setdefault(display.name, []).append(part)
-        frames = {name: with_comparisons(stacked(of), given) for name, of in parts.items()}
+        frames = {name: with_comparisons(stacked(tables), attrs) for name, tables in parts.items()}
     # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
         raise refusal(path, error) from error
@@ -197,10 +197,10 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
 
 
 def displays_of(table: xr.Dataset, name: str) -> list[Display]:
-    """Return the displays of a group: those it was stored with, or one of all its variables."""
-    written = attributes(table).get(ATTRIBUTE)
-    if written:
-        return [parse_display(display) for display in written]
+    """Return the displays stored with a group, or one display of all its variables."""
+    declared = attributes(table).get(ATTRIBUTE)
+    if declared:
+        return [parse_display(display) for display in declared]
     return [Display(name, str(table.attrs.get("title", name.replace("_", " ").capitalize())))]
 
 
@@ -210,11 +210,11 @@ def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     if not declared or declared[0].variable not in table:
         return None
     figures = [_completed(figure, table) for figure in declared if figure.variable in table]
-    wanted = _columns_of_figures(table, figures)
-    data = table[list(dict.fromkeys(variable for variable, _ in wanted.values()))]
+    figure_columns = _columns_of_figures(table, figures)
+    data = table[list(dict.fromkeys(variable for variable, _ in figure_columns.values()))]
     data = data.drop_vars([name for name in (*HIDDEN, *DRAWS) if _is_extra(data, name)]).load()
-    whole = data if data.dims else data.expand_dims("row_number")
-    flat = whole.to_dataframe().reset_index().drop(columns="row_number", errors="ignore")
+    expanded = data if data.dims else data.expand_dims("row_number")
+    flat = expanded.to_dataframe().reset_index().drop(columns="row_number", errors="ignore")
     columns = {name: Column(name, name, name) for name in display.labels}
     rows: dict[str, Any] = {
         name: pd.Series(text, index=flat.index, dtype=object)
@@ -225,7 +225,7 @@ def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     for axis in axes:
         column = column_of_axis(data, axis)
         columns[column.name], rows[column.name] = column, _plain(flat[axis])
-    for name, (variable, column) in wanted.items():
+    for name, (variable, column) in figure_columns.items():
         values = _plain(flat[variable])
         columns[name] = column
         rows[name] = values if column.factor == 1 else column.factor * values
@@ -234,18 +234,18 @@ def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
         name = f"{main}_by_chance"
         columns[name] = Column(name, main, "chance", columns[main].unit, "", "chance", ".0f")
         rows[name] = pd.Series(float(display.chance), index=flat.index)  # type: ignore[arg-type]
-    named = {column.axis: name for name, column in columns.items() if column.role == "axis"}
+    column_names = {column.axis: name for name, column in columns.items() if column.role == "axis"}
     views = {"views": int(table.view_count.max())} if "view_count" in table else {}
-    variables = {name: variable for name, (variable, _) in wanted.items()}
+    variables = {name: variable for name, (variable, _) in figure_columns.items()}
     dims = {name: tuple(map(str, table[variable].dims)) for name, variable in variables.items()}
     return Frame(
         display.name,
         display.title,
         pd.DataFrame(rows | {PART: 0}),
         columns,
-        (Part(group, display, variables, dims, named, attributes(table) | views),),
-        down=tuple(named[name] for name in display.rows if name in named),
-        across=named.get(display.columns, ""),
+        (Part(group, display, variables, dims, column_names, attributes(table) | views),),
+        down=tuple(column_names[name] for name in display.rows if name in column_names),
+        across=column_names.get(display.columns, ""),
         notes=display.notes,
     )
 
@@ -253,7 +253,7 @@ def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
 def _columns_of_figures(
     table: xr.Dataset, figures: Sequence[Figure]
 ) -> dict[str, tuple[str, Column]]:
-    """Return the variable and the column of each figure, and of what belongs to it, by name."""
+    """Return variable and column, by name, of each figure, its interval and its other columns."""
     bounded = sum(bool(figure.low) for figure in figures)
     columns: dict[str, tuple[str, Column]] = {}
     for main in figures:
@@ -264,20 +264,20 @@ def _columns_of_figures(
         for name, (role, variable) in variables.items():
             if variable not in table:
                 continue
-            about = table[variable].attrs
+            attrs = table[variable].attrs
             is_percent = main.percent and (role != "beside" or name == "spread")
             column = Column(
                 name,
                 main.column,
                 printable(name.replace("_", " ")),
-                "%" if is_percent else unit_of(str(about.get("units", "1"))),
-                printable(str(about.get("long_name", ""))),
+                "%" if is_percent else unit_of(str(attrs.get("units", "1"))),
+                printable(str(attrs.get("long_name", ""))),
                 role,
                 main.format,
                 main.listed,
                 TENTHS if is_percent else main.digits,
                 100 if is_percent else 1,
-                printable(str(about.get("infinite", "inf"))),
+                printable(str(attrs.get("infinite", "inf"))),
             )
             columns[name] = variable, column
     return columns
@@ -285,9 +285,9 @@ def _columns_of_figures(
 
 def column_of_axis(data: xr.Dataset, name: str) -> Column:
     """Return the column of an axis, with the label and unit of its setting."""
-    about = data[name].attrs
-    units = str(about.get("units", UNITS.get(name, "1")))
-    meaning = printable(str(about.get("long_name", "")))
+    attrs = data[name].attrs
+    units = str(attrs.get("units", UNITS.get(name, "1")))
+    meaning = printable(str(attrs.get("long_name", "")))
     return Column(file_name(name, units), name, words_of(name), unit_of(units), meaning)
 
 
@@ -306,7 +306,7 @@ def _all_figures(table: xr.Dataset) -> Iterator[Figure]:
 
 
 def _completed(figure: Figure, table: xr.Dataset) -> Figure:
-    """Return a figure with variables that belong to it by their names, unless it has others."""
+    """Return a figure with an interval and columns found by name, where it declares none."""
     name = figure.variable
     pairs = [pair for low, high in ENDS if {*(pair := (name + low, name + high))} <= {*table}]
     low, high = (pairs or [("", "")])[0]
@@ -327,7 +327,7 @@ def _plain(values: pd.Series) -> pd.Series:
 
 
 def stacked(parts: Sequence[Frame]) -> Frame:
-    """Return one frame of several: labels first, then axes, the one across last, then figures."""
+    """Concatenate frames: labels first, then axes, the one across last, then figures."""
     columns = {name: column for part in parts for name, column in part.columns.items()}
     across = next((part.across for part in parts if part.across), "")
     labels = [name for part in parts for name in part.parts[0].display.labels]

@@ -53,16 +53,18 @@ def accuracy(store: Any) -> list[str]:
 def headline_for_script(
     frames: Mapping[str, Frame], attributes: Mapping[str, Any], most: int
 ) -> dict[str, Any] | None:
-    """Return what the page's script makes the headline of another selection from.
+    """Return the data from which the page's script writes the headline of another selection.
 
-    None of a store without scores, or with more rows than the page has.
+    None for a store without scores, or with more rows than the page has.
     """
     if SCORES not in frames or len(frames[SCORES].rows) > most:
         return None
     frame = main_frame(frames)
     figure, axes = frame.figures[0], frame.of_role("axis")
-    one = {role: next(iter(frame.of_role(role, figure)), "") for role in ("low", "high", "chance")}
-    return one | {
+    beside = {
+        role: next(iter(frame.of_role(role, figure)), "") for role in ("low", "high", "chance")
+    }
+    return beside | {
         "table": SCORES,
         "figure": figure,
         "ships": ships_in_words(attributes),
@@ -77,36 +79,38 @@ def headline_for_script(
 
 
 def settings_of(whole: Frame, rival: Rival) -> dict[str, str]:
-    """Return the setting of a rival, besides its axis: values by the words of their axes."""
-    columns, given = rival.frame.columns, constants(rival.frame)
+    """Return the setting of a rival, except on its axis: values by the words of their axes."""
+    columns, values = rival.frame.columns, constants(rival.frame)
     names = [n for n in _setting_columns(whole) if n not in (rival.axis, *rival.of)]
     words = [columns[name].words for name in names]
-    return {one: given[one] for one in words if one in given}
+    return {axis: values[axis] for axis in words if axis in values}
 
 
-def _setting_columns(whole: Frame) -> list[str]:
-    """Return the columns of `NAMED` axes, and those along which rows differ."""
-    by_words = {whole.columns[name].words: name for name in whole.of_role("axis")}
-    named = [by_words[words] for words in NAMED if words in by_words]
-    left_out = (*whole.down, whole.across, "kind")
-    return list(dict.fromkeys([*named, *(n for n in whole.varying_axes if n not in left_out)]))
+def _setting_columns(frame: Frame) -> list[str]:
+    """Return the columns of `NAMED` axes and of axes that vary between rows."""
+    by_words = {frame.columns[name].words: name for name in frame.of_role("axis")}
+    listed = [by_words[words] for words in NAMED if words in by_words]
+    left_out = (*frame.down, frame.across, "kind")
+    return list(dict.fromkeys([*listed, *(n for n in frame.varying_axes if n not in left_out)]))
 
 
-def _of_scores(whole: Frame, rivals: Sequence[Rival], ships: str) -> str:
+def _of_scores(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
     """Return a sentence on the best classifier: percent correct, interval, setting and chance."""
     best = rivals[0]
-    frame, figure = best.frame, whole.figures[0]
+    frame, figure = best.frame, scores.figures[0]
     row = frame.rows.iloc[0]
     classifier = frame.columns["classifier"].text(row.classifier)
     name = f"{classifier} on {BY.get(row.channel, row.channel)}"
     start = f"Best of {len(rivals)}: {name}" if len(rivals) > 1 else name[0].upper() + name[1:]
     first, *last = (_percent(frame, label) for label in _ends(best))
-    at, *then = (_at(best, label, whole_words=not k) for k, label in enumerate(_ends(best)))
-    ends = f"{first[0]} of {ships}{at}{first[1]}"
-    for (words, chance), there in zip(last, then, strict=True):
-        ends += f"{',' * bool(first[1])} and {words}{there}{chance}"
-    where = ", ".join(f"{words} {value}" for words, value in settings_of(whole, best).items())
-    sentence = f"{start} identifies {ends}{f' ({where})' if where else ''}"
+    first_place, *last_places = (
+        _at(best, label, whole_words=not k) for k, label in enumerate(_ends(best))
+    )
+    ends = f"{first[0]} of {ships}{first_place}{first[1]}"
+    for (words, chance), place in zip(last, last_places, strict=True):
+        ends += f"{',' * bool(first[1])} and {words}{place}{chance}"
+    setting = ", ".join(f"{words} {value}" for words, value in settings_of(scores, best).items())
+    sentence = f"{start} identifies {ends}{f' ({setting})' if setting else ''}"
     levels = frame.of_role("chance", figure)
     sentence += f"; chance {row[levels[0]]:.0f} %." if levels else "."
     sentence += _ranked(rivals)
@@ -117,7 +121,7 @@ def _of_scores(whole: Frame, rivals: Sequence[Rival], ships: str) -> str:
 
 
 def _ranked(rivals: Sequence[Rival]) -> str:
-    """Return a sentence on the values that rivals are ranked by, unless all have all."""
+    """Return a sentence on the values that rank rivals, unless all rivals have all values."""
     rival = next((rival for rival in rivals if rival.axis), None)
     if rival is None or len(rival.shared) == rival.count:
         return ""
@@ -125,31 +129,31 @@ def _ranked(rivals: Sequence[Rival]) -> str:
     if not rival.shared:
         return f" Ranked by means over different values of {words}, since none is shared."
     count = len(rival.shared)
-    those = "those" if count > 1 else "the one"
-    return f" Ranked by {count} of {rival.count} values of {words}, {those} that all have."
+    pronoun = "those" if count > 1 else "the one"
+    return f" Ranked by {count} of {rival.count} values of {words}, {pronoun} that all have."
 
 
-def _of_any(whole: Frame, rival: Rival) -> str:
+def _of_any(table: Frame, rival: Rival) -> str:
     """Return a sentence on the main figure of any table, between the ends of its axis."""
-    frame, column = rival.frame, whole.columns[whole.figures[0]]
+    frame, column = rival.frame, table.columns[table.figures[0]]
     row, numeric = frame.rows.iloc[0], pd.api.types.is_numeric_dtype(frame.rows[column.name])
-    named = {frame.columns[name].words: name for name in rival.of if name in whole.varying_axes}
-    settings = [frame.columns[n].in_words(row[n]) for n in named.values() if not missing(row[n])]
+    identity = {frame.columns[name].words: name for name in rival.of if name in table.varying_axes}
+    settings = [frame.columns[n].in_words(row[n]) for n in identity.values() if not missing(row[n])]
     settings += [
         frame.columns[name].in_words(row[name])
-        for name in whole.varying_axes
-        if name not in (rival.axis, *named.values()) and not missing(row[name])
+        for name in table.varying_axes
+        if name not in (rival.axis, *identity.values()) and not missing(row[name])
     ]
     name = column.words[0].upper() + column.words[1:]
     ends = _ends(rival)
     if len(ends) == 2 and numeric:
-        said = f"{name} {_course(rival, column)}"
+        clause = f"{name} {_course(rival, column)}"
     else:
         words, no_better = _percent(frame, ends[0])
-        said = f"{name} is {words}{_at(rival, ends[0])}{no_better}"
+        clause = f"{name} is {words}{_at(rival, ends[0])}{no_better}"
     levels = frame.of_role("chance", column.name)
     level = f"; chance {row[levels[0]]:.0f} %" if levels else ""
-    return f"{', '.join([said, *settings])}{level}."
+    return f"{', '.join([clause, *settings])}{level}."
 
 
 def _course(rival: Rival, column: Column) -> str:
@@ -162,17 +166,17 @@ def _course(rival: Rival, column: Column) -> str:
     unit = axis.unit or axis.words
     start, stop = _of_axis([rows.at[label, rival.axis] for label in ends], axis)
     interval = {label: entry(frame, label, column.name).interval for label in ends}
-    one, other = (
+    first_text, last_text = (
         " ".join(filter(None, [texts[k], column.unit, f"[{interval[k]}]" * bool(interval[k])]))
         for k in ends
     )
     if texts[ends[0]] == texts[ends[1]]:
-        said = f"is {one} at {start} and at {stop} {unit}"
+        clause = f"is {first_text} at {start} and at {stop} {unit}"
     else:
         verb = "falls" if last < first else "rises"
-        said = f"{verb} from {one} at {start} to {other} at {stop} {unit}"
+        clause = f"{verb} from {first_text} at {start} to {last_text} at {stop} {unit}"
     if not np.isfinite(values).all():
-        return said
+        return clause
     # An extreme between the ends is part of the answer.
     least, most = values.min(), values.max()
     for word, label, beyond in (
@@ -181,12 +185,12 @@ def _course(rival: Rival, column: Column) -> str:
     ):
         if beyond > 0.1 * (most - least):
             text = _apart(float(values.loc[label]), last, column)[0]
-            said += f", {word} {text} at {axis.text(rows.at[label, rival.axis])}"
-    return said
+            clause += f", {word} {text} at {axis.text(rows.at[label, rival.axis])}"
+    return clause
 
 
 def _apart(first: float, last: float, column: Column) -> tuple[str, str]:
-    """Return two numbers to two digits, or to as many as tell them apart."""
+    """Return two numbers to two digits, or to as many digits as distinguish them."""
     largest = max(abs(first), abs(last))
     if column.unit == "%" or not (math.isfinite(largest) and 1e-4 <= largest < 1e6):
         return column.text(first), column.text(last)
@@ -215,13 +219,13 @@ def _of_axis(values: Sequence[Any], column: Column) -> list[str]:
 
 
 def _ends(rival: Rival) -> list[Any]:
-    """Return the labels of the first and the last row; of one only without an axis."""
+    """Return the labels of the first and the last row; only the first without an axis."""
     labels = rival.frame.rows.index
     return list(dict.fromkeys([labels[0], labels[-1]])) if rival.axis else [labels[0]]
 
 
 def _percent(frame: Frame, label: Any) -> tuple[str, str]:
-    """Return a figure with unit and interval, and a remark if this holds the level of chance."""
+    """Return a figure with unit and interval, and a remark if it may be chance."""
     figure = frame.columns[frame.figures[0]]
     cell, row = entry(frame, label, figure.name), frame.rows.loc[label]
     words = [cell.text, figure.unit, f"[{cell.interval}]" * bool(cell.interval)]
@@ -232,7 +236,7 @@ def _percent(frame: Frame, label: Any) -> tuple[str, str]:
 
 
 def _at(rival: Rival, label: Any, *, whole_words: bool = True) -> str:
-    """Return the place of a row on its axis, with the name of the axis unless it was said."""
+    """Return the position of a row on its axis, with the name of the axis if `whole_words`."""
     if not rival.axis:
         return ""
     column, value = rival.frame.columns[rival.axis], rival.frame.rows.at[label, rival.axis]
@@ -241,9 +245,12 @@ def _at(rival: Rival, label: Any, *, whole_words: bool = True) -> str:
 
 
 def ships_in_words(attributes: Mapping[str, Any]) -> str:
-    """Return the number of ships that are learned, in words."""
-    given = attributes.get("configuration", {})
-    ships, unknown = given.get("grid", {}).get("ship"), given.get("classifier", {}).get("unknown")
+    """Return the number of learned ships in words."""
+    configuration = attributes.get("configuration", {})
+    ships, unknown = (
+        configuration.get("grid", {}).get("ship"),
+        configuration.get("classifier", {}).get("unknown"),
+    )
     if ships is None:
         return "ships"
     count = len([ships] if isinstance(ships, str) else ships) - len(unknown or ())

@@ -95,18 +95,18 @@ def _display_of(table: xr.Dataset, variable: str) -> Display:
     displays = displays_of(table, NAME)
     figures = [(display, figure) for display in displays for figure in display.figures]
     numeric = [str(name) for name in table if table[name].dtype.kind in "fiu" and table[name].ndim]
-    wanted = (
+    selected = (
         variable or next((figure.variable for _, figure in figures), "") or next(iter(numeric), "")
     )
     if not numeric:
         raise ValueError("the data set has no numeric variable")
-    if wanted not in numeric:
+    if selected not in numeric:
         raise ValueError(f"y is {variable!r}, but must be {_one_of(numeric)}")
     for display, figure in figures:
-        if figure.variable == wanted:
+        if figure.variable == selected:
             return replace(display, name=NAME, figures=(figure,))
-    title = str(table[wanted].attrs.get("long_name", wanted.replace("_", " ")))
-    return Display(NAME, title[:1].upper() + title[1:], (Figure(wanted),))
+    title = str(table[selected].attrs.get("long_name", selected.replace("_", " ")))
+    return Display(NAME, title[:1].upper() + title[1:], (Figure(selected),))
 
 
 def _one_of(names: Sequence[str]) -> str:

@@ -45,7 +45,7 @@ def write_own(folder: Path, contents: Mapping[str, bytes], *, instead_of: str = 
     Returns
     -------
     list of Path
-        What is in the way, so that it was not replaced: files, the list, or the folder itself.
+        Paths in the way, which were not replaced: files, the list, or the folder itself.
 
     Raises
     ------
@@ -59,26 +59,28 @@ def write_own(folder: Path, contents: Mapping[str, bytes], *, instead_of: str = 
         listed = _read_list(folder / WRITTEN)
         if listed is None:
             return [folder / WRITTEN]
-        given = {name: _digest(content) for name, content in contents.items()}
+        digests = {name: _digest(content) for name, content in contents.items()}
         for name in [name for name in listed if instead_of and name.endswith(instead_of)]:
-            if name not in given and _has(folder / name, listed.pop(name)):
+            if name not in digests and _has(folder / name, listed.pop(name)):
                 (folder / name).unlink()
-        changed = [name for name, digest in given.items() if not _has(folder / name, (digest,))]
+        changed = [name for name, digest in digests.items() if not _has(folder / name, (digest,))]
         free = [
             name
             for name in changed
             if not os.path.lexists(folder / name) or _has(folder / name, listed.get(name, ()))
         ]
         # Listed before and after with both digests: an interrupt leaves own files.
-        _write_list(folder, listed | {name: (*listed.get(name, ()), given[name]) for name in free})
+        _write_list(
+            folder, listed | {name: (*listed.get(name, ()), digests[name]) for name in free}
+        )
         for name in free:
             write_whole(folder / name, contents[name])
-        _write_list(folder, listed | {name: (given[name],) for name in free})
+        _write_list(folder, listed | {name: (digests[name],) for name in free})
     return [folder / name for name in changed if name not in free]
 
 
 def _write_list(folder: Path, listed: Listed) -> None:
-    """Write the list of a folder, unless it is the same."""
+    """Write the list of a folder, unless it is unchanged."""
     lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
     path, content = folder / WRITTEN, "".join(lines).encode()
     if (content or path.exists()) and not _has(path, (_digest(content),)):
@@ -122,30 +124,30 @@ def is_free(path: Path) -> bool:
 
 def sentence_of(kept: Sequence[Path]) -> str:
     """Return a sentence on files that are in the way."""
-    named = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
-    if (more := len(kept) - NAMED) > 0:
-        named += f" and {more} more"
-    why = (
+    names = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
+    if (unlisted := len(kept) - NAMED) > 0:
+        names += f" and {unlisted} more"
+    reason = (
         "stay as they are, since no report wrote them or they were changed since"
         if len(kept) > 1
         else "stays as it is, since no report wrote it or it was changed since"
     )
-    return f"{named} {why}; everything else is written"
+    return f"{names} {reason}; everything else is written"
 
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file under another name, then move it, so that it is never seen incomplete."""
-    made = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
-        made.touch(FILE, exist_ok=False)
-        made.write_bytes(content)
-        made.replace(path)
+        temporary.touch(FILE, exist_ok=False)
+        temporary.write_bytes(content)
+        temporary.replace(path)
     finally:
-        made.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def _read_list(path: Path) -> Listed | None:
-    """Return digests by name as a list has them; None if it is anything else."""
+    """Read digests by name from a list; None if the path is anything else."""
     if not os.path.lexists(path):
         return {}
     if path.is_symlink() or not path.is_file():

@@ -53,83 +53,86 @@ class Pairs:
     def differences(self) -> AspectAccuracy:
         """Return the second fraction of right answers less the first, with 95 % intervals."""
         right = self.first.values == 1, self.second.values == 1
-        about: dict[str, Any] = {"answered": self._asked, "draws": len(self._draws)}
-        return paired_difference(*right, self.first.aspect.values, **about)
+        options: dict[str, Any] = {"answered": self._asked, "draws": len(self._draws)}
+        return paired_difference(*right, self.first.aspect.values, **options)
 
     def excludes_zero(self, confidence: float, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return whether the intervals over all aspects of some cells exclude 0, (cell,)."""
         right = self.first.values[cells] == 1, self.second.values[cells] == 1
-        about: dict[str, Any] = {"answered": self._asked[cells], "confidence": confidence}
+        options: dict[str, Any] = {"answered": self._asked[cells], "confidence": confidence}
         # Bins do not matter to the interval over all aspects: one is the quickest.
         one_bin = np.zeros(self.first.sizes["aspect"])
-        found = paired_difference(*right, one_bin, draws=len(self._draws), **about)
-        return (found.ci_low[..., -1] > 0) | (found.ci_high[..., -1] < 0)
+        interval = paired_difference(*right, one_bin, draws=len(self._draws), **options)
+        return (interval.ci_low[..., -1] > 0) | (interval.ci_high[..., -1] < 0)
 
     def tabulate(self, significant: NDArray[np.bool_] | None) -> xr.Dataset:
-        """Return differences by aspect bin, and which are significant over all, if known."""
-        found = self.differences()
+        """Return differences by aspect bin, and their significance over all aspects if known."""
+        difference = self.differences()
         second = replicated_accuracy(
             self.second.values == 1,
             self.first.aspect.values,
             draws=len(self._draws),
             answered=self._asked,
         ).fraction
-        whole = np.full(found.fraction.shape, np.nan)
-        whole[..., -1] = np.nan if significant is None else significant
-        discordant = np.broadcast_to(self.discordant[..., None], found.fraction.shape)
+        overall = np.full(difference.fraction.shape, np.nan)
+        overall[..., -1] = np.nan if significant is None else significant
+        discordant = np.broadcast_to(self.discordant[..., None], difference.fraction.shape)
         figures = {
-            "difference": (found.fraction, "fraction of ships identified, second less first"),
-            "ci_low": (found.ci_low, "lower end of its 95 % interval"),
-            "ci_high": (found.ci_high, "upper end of its 95 % interval"),
-            "first": (second - found.fraction, "fraction of ships identified in the first store"),
+            "difference": (difference.fraction, "fraction of ships identified, second less first"),
+            "ci_low": (difference.ci_low, "lower end of its 95 % interval"),
+            "ci_high": (difference.ci_high, "upper end of its 95 % interval"),
+            "first": (
+                second - difference.fraction,
+                "fraction of ships identified in the first store",
+            ),
             "second": (second, "fraction of ships identified in the second store"),
-            "n": (found.n, "number of pairs of answers"),
+            "n": (difference.n, "number of pairs of answers"),
             "discordant": (discordant, "number of pairs, at all aspects, with one right answer"),
-            "significant": (whole, "1 where the difference is significant (Holm, 5 %), else 0"),
+            "significant": (overall, "1 where the difference is significant (Holm, 5 %), else 0"),
         }
-        return by_bin(self.first, found.labels, figures)
+        return by_bin(self.first, difference.labels, figures)
 
 
 def holm(family: Sequence[Pairs]) -> tuple[list[NDArray[np.bool_]], int]:
-    """Return which differences over all aspects are significant, and the number of comparisons.
+    """Return masks of significant differences over all aspects, and the number of comparisons.
 
     Holm's step-down procedure: the intervals are those of `LEVEL` over the number of comparisons
     that are not significant so far. Cells in which all answers are equal are not counted, since
     the number of discordant pairs says nothing about the direction of a difference.
     """
     # np.asarray: a cell alone is else a scalar, which cannot be assigned to.
-    left = [np.asarray(pairs.discordant > 0) for pairs in family]
-    significant = [np.zeros_like(cells) for cells in left]
-    number, before = sum(int(cells.sum()) for cells in left), -1
+    undecided = [np.asarray(pairs.discordant > 0) for pairs in family]
+    significant = [np.zeros_like(cells) for cells in undecided]
+    number, before = sum(int(cells.sum()) for cells in undecided), -1
     # Each significant difference leaves fewer to correct the others for. Intervals only shrink
     # from round to round, so significant cells need not be computed again.
-    while before != (remaining := sum(int(cells.sum()) for cells in left)) > 0:
+    while before != (remaining := sum(int(cells.sum()) for cells in undecided)) > 0:
         confidence, before = 1 - LEVEL / remaining, remaining
-        for pairs, cells, those in zip(family, left, significant, strict=True):
+        for pairs, cells, decided in zip(family, undecided, significant, strict=True):
             if cells.any():
-                those[cells] = pairs.excludes_zero(confidence, cells)
-                cells &= ~those
+                decided[cells] = pairs.excludes_zero(confidence, cells)
+                cells &= ~decided
     return significant, number
 
 
 def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
-    """Return the answers that a part of the scores counts, by kind of aspect.
+    """Return the answers behind a part of the scores, by kind of aspect.
 
-    1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds that there are.
+    1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds present.
     """
     store = opened(path)
     group = part.group.replace("tables/", "classification/", 1)
     answers = read(store, group)[ANSWERS[part.display.figures[0].variable]].load()
-    given, marked = attributes(store), [group for group in MARKED if group in groups(store)]
+    attrs, marked = attributes(store), [group for group in MARKED if group in groups(store)]
     if not marked:
         return answers
     learned = read(store, marked[0])["learned"].load().reset_coords(drop=True)
     ends = float(answers.aspect.min()), float(answers.aspect.max())
-    number = given["configuration"]["grid"].get("random_aspects", 0)
-    drawn = answers.aspect.isin(drawn_aspects(*ends, number, given["seed"]))
+    number = attrs["configuration"]["grid"].get("random_aspects", 0)
+    drawn = answers.aspect.isin(drawn_aspects(*ends, number, attrs["seed"]))
     kinds = kinds_of_aspects(learned, drawn)
     along = xr.DataArray(list(kinds), dims="aspects", name="aspects", attrs=OF_ASPECTS)
-    return xr.concat([answers.where(where, -1) for where in kinds.values()], along)
+    return xr.concat([answers.where(mask, -1) for mask in kinds.values()], along)
 
 
 def paired(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
@@ -144,21 +147,21 @@ def paired(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
     ]
     first, second = (answers.squeeze(single) for answers in (first, second))
     common = xr.align(first, second, join="inner")
-    former, other = xr.broadcast(*(answers.reset_coords(drop=True) for answers in common))
+    former, latter = xr.broadcast(*(answers.reset_coords(drop=True) for answers in common))
     if 0 in former.shape or not {*VIEW} <= {*former.dims}:
         return None
     draws = [dim for dim in DRAWS if dim in former.dims]
-    partial = bool(((former >= 0) != (other >= 0)).any()) or any(
+    partial = bool(((former >= 0) != (latter >= 0)).any()) or any(
         answers.sizes[dim] > former.sizes[dim]
         for answers in (first, second)
         for dim in answers.dims
     )
     order = ..., *draws, *VIEW
-    return Pairs(former.transpose(*order), other.transpose(*order), partial)
+    return Pairs(former.transpose(*order), latter.transpose(*order), partial)
 
 
 def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:
-    """Return answers with dimensions that another store has, where they have one value there."""
+    """Return answers expanded by another store's dimensions that are scalar coordinates here."""
     return answers.expand_dims(
         [dim for dim in dims if dim in answers.coords and dim not in answers.dims]
     )

@@ -52,36 +52,38 @@ def draw_profiles(store: PathOrUrl) -> Figure:
     from matplotlib.figure import Figure  # here, since it takes long to import
 
     profiles = read(opened(store), "range_profile")[["expected", "averaged"]]
-    kept = ("ship", "aspect", "frame_count", "down_range")
-    profiles = nominal(profiles, keep=kept)
+    dims = ("ship", "aspect", "frame_count", "down_range")
+    profiles = nominal(profiles, keep=dims)
     quarter = profiles.sel(aspect=ASPECT, method="nearest").load()  # and no other views
     ship, angle = profiles.ship.values[0], f"{float(quarter.aspect):g}°"
-    first = profiles.expected.sel(ship=ship)
-    turned = first.sel(aspect=list(TURNED), method="nearest").drop_duplicates("aspect").load()
+    ship_profiles = profiles.expected.sel(ship=ship)
+    turned = (
+        ship_profiles.sel(aspect=list(TURNED), method="nearest").drop_duplicates("aspect").load()
+    )
     averaged = quarter.averaged.sel(ship=ship)
     figure = Figure(figsize=(11.0, 4.6), dpi=150)
-    # Places are given, since finding them takes as long as drawing.
+    # Fixed margins, since a layout engine takes as long as drawing.
     figure.subplots_adjust(left=0.01, right=0.99, bottom=0.11, top=0.86, wspace=0.04)
     panels = figure.subplots(1, 3)
     _stack(panels[0], turned, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
     _stack(panels[1], quarter.expected, "ship", "{}", f"ships at {angle}")
     _stack(panels[2], averaged, "frame_count", "{} frames", f"{ship} at {angle}, averages")
-    place = f"{profiles.range.item():g} km, {profiles.pulse_width.item():g} ns pulses"
-    figure.suptitle(f"Range profiles at {place}")
+    setting = f"{profiles.range.item():g} km, {profiles.pulse_width.item():g} ns pulses"
+    figure.suptitle(f"Range profiles at {setting}")
     return figure
 
 
 def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str) -> None:
     """Draw profiles above one another, each above its noise floor and relative to its peak."""
-    for place, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
+    for index, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
         profile = profiles.sel({over: value}) if profiles[over].ndim else profiles
         floor = profile.quantile(0.2).item()
-        height = (profile.values - floor) / ((profile.max().item() - floor) or 1.0) - STEP * place
+        height = (profile.values - floor) / ((profile.max().item() - floor) or 1.0) - STEP * index
         axes.plot(profile.down_range, height, lw=1.1)
-        at = profile.down_range[-1].item(), 0.15 - STEP * place
+        anchor = profile.down_range[-1].item(), 0.15 - STEP * index
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
         words = printable(label.format(value))
-        axes.annotate(words, at, ha="right", fontsize=SMALL, bbox=behind)  # noise may cross it
+        axes.annotate(words, anchor, ha="right", fontsize=SMALL, bbox=behind)  # noise may cross it
     axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
     axes.spines[["left", "right", "top"]].set_visible(False)
 
@@ -92,20 +94,20 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
     from matplotlib.patches import Rectangle
 
     images = read(opened(store), "infrared")
-    kept = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
-    view = nominal(images, keep=kept).sel(aspect=SEEN, method="nearest")
+    dims = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
+    view = nominal(images, keep=dims).sel(aspect=SEEN, method="nearest")
     ship = "spruance" if "spruance" in view.ship.values else view.ship.values[0]
     view = view.sel(ship=ship)[["image", "log_polar"]].load()
     ranges, ways = view.range.values, view.super_resolution.values
     shots = [[_shot(view.sel(range=r, super_resolution=way)) for way in ways] for r in ranges]
-    # All show what the smallest does, on one scale, so that the ship is as long in each.
+    # Crop all images to the smallest, on one scale, so that the ship has one length in all.
     extents = np.array([extent for row in shots for _, extent, _ in row])
     (left, low), (right, high) = extents[:, ::2].max(axis=0), extents[:, 1::2].min(axis=0)
     width, height, gap = right - left, high - low, 0.04 * (right - left)
     tall, margin = 1.5 * height, 3 * gap  # with the map, which is below the image
     size = np.array([len(ways) * (width + gap) + margin, len(ranges) * (tall + gap) + margin])
     figure = Figure(figsize=10.0 * size / size[0], dpi=130)
-    # One frame for all: the ticks of many take longer to draw than the images.
+    # One pair of axes for all: drawing the ticks of many takes longer than the images.
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     text = partial(axes.annotate, fontsize=SMALL, ha="center", va="center")
     for n, row in enumerate(shots):
@@ -152,16 +154,16 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
     """Draw two ships side by side at an aspect: range profiles, and images of each."""
     from matplotlib.figure import Figure
 
-    whole = opened(store)
-    rows = [name for name in PICTURED if name in groups(whole)]
+    root = opened(store)
+    rows = [name for name in PICTURED if name in groups(root)]
     figure = Figure(figsize=(5.6, 1.7 * len(rows) + 0.5), layout="constrained")
     panels = figure.subplots(len(rows), 2, sharex="row", sharey="row", squeeze=False)
     for row, group in zip(panels, rows, strict=True):
         for axes, ship in zip(row, ships, strict=True):
             if group == "infrared":
-                _silhouette(axes, whole, ship, aspect)
+                _silhouette(axes, root, ship, aspect)
             else:
-                _profile(axes, whole, ship, aspect)
+                _profile(axes, root, ship, aspect)
     for axes, ship in zip(panels[0], ships, strict=True):
         axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=SMALL + 1)
     return figure
@@ -170,8 +172,8 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
 def _profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     """Draw the expected range profile of one view."""
     profiles = nominal(read(store, "range_profile")[["expected"]], keep=("ship", "aspect"))
-    seen = profiles.expected.sel(ship=ship).sel(aspect=aspect, method="nearest").load()
-    axes.plot(seen.down_range, seen, lw=1.1)
+    profile = profiles.expected.sel(ship=ship).sel(aspect=aspect, method="nearest").load()
+    axes.plot(profile.down_range, profile, lw=1.1)
     axes.set_xlabel("down-range [m]", fontsize=SMALL)
     axes.set_yticks([])
 
@@ -199,17 +201,17 @@ def draw_flights(
     # Imported here, since only flights need it and it is slow to import.
     from sweeps.report.flights import draw_stages, flights_of, known_ship, scan_of, stages
 
-    whole = opened(store)
-    if "validation" not in whole:
+    root = opened(store)
+    if "validation" not in root:
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
-    given, load = attributes(whole), ship or partial(known_ship, attributes(whole))
-    flights = flights_of(read(whole, "validation"))
+    attrs, load = attributes(root), ship or partial(known_ship, attributes(root))
+    flights = flights_of(read(root, "validation"))
     meshes = {label: load(label) for label in {flight.ship.item() for flight in flights.values()}}
 
     def drawn(title: str, flight: xr.Dataset) -> Figure:
         mesh = meshes[flight.ship.item()]
-        again = scan_of(given, flight, mesh)
-        return draw_stages(stages(mesh, **again), title, again["scan"].flight.slant_range)
+        simulated = scan_of(attrs, flight, mesh)
+        return draw_stages(stages(mesh, **simulated), title, simulated["scan"].flight.slant_range)
 
     return {
         "flight_{}_{:g}km_{:g}deg.png".format(
@@ -227,20 +229,20 @@ def write_pictures(
     Returns the paths at which other files are in the way. Raises ConfigurationError if one cannot
     be drawn or written.
     """
-    aside, folder, kept = Console(stderr=True), tables_folder(path), list[Path]()
+    aside, folder, blocked = Console(stderr=True), tables_folder(path), list[Path]()
     try:
         drawn = draw_flights(path, ship=ship)
         for name, make in track(drawn.items(), description="  pictures        ", console=aside):
             content = io.BytesIO()
             make().savefig(content, format="png")
-            kept += write_own(folder, {name: content.getvalue()})
+            blocked += write_own(folder, {name: content.getvalue()})
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"pictures are not drawn: {error}") from error
     names = list(drawn)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     with page(console) as paged:
         line(f"pictures  {printable(str(folder))}: {', '.join(names[:NAMED])}{more}", paged)
-    return list(dict.fromkeys(kept))
+    return list(dict.fromkeys(blocked))
 
 
 DRAWN: dict[str, Callable[[PathOrUrl], Figure]] = {
@@ -254,9 +256,9 @@ DRAWN: dict[str, Callable[[PathOrUrl], Figure]] = {
 def pictures_of(
     path: PathOrUrl, store: Any, predictions: Mapping[str, xr.DataArray]
 ) -> dict[str, tuple[str, str]]:
-    """Return the pictures of the groups that a store has, as PNG in base64, and why one has none.
+    """Return pictures of a store's groups as PNG in base64, each with the reason of a failure.
 
-    Among them is that of the ships most often confused in some predictions. A picture that fails is
+    They include the ships most often confused in the predictions. A picture that fails is
     empty, and does not prevent the page.
     """
     drawn, present = {}, groups(store)
@@ -264,8 +266,8 @@ def pictures_of(
         try:
             draw = DRAWN.get(group)
             if group == CONFUSED:
-                found = most_confused(predictions) if {*PICTURED} & {*present} else None
-                draw = found and partial(draw_confused, ships=found[0], aspect=found[1])
+                confused = most_confused(predictions) if {*PICTURED} & {*present} else None
+                draw = confused and partial(draw_confused, ships=confused[0], aspect=confused[1])
             if draw is not None:
                 drawn[group] = _png(draw, path), ""
         except Exception as error:
@@ -274,7 +276,7 @@ def pictures_of(
 
 
 def _png(draw: Callable[[PathOrUrl], Figure], path: PathOrUrl) -> str:
-    """Return the picture that a function draws of a store."""
+    """Return the picture that `draw` makes of a store, as PNG in base64."""
     content = io.BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of figures smaller than labels
@@ -293,10 +295,10 @@ def ships_of(store: Any) -> list[dict[str, Any]]:
     units = {n: unit_of(str(table[n].attrs.get("units", "1"))) for n in MEASURES if n in table}
     ships = []
     for label in table.ship.values.tolist():
-        here = table.sel(ship=label)
-        measures = {name: (float(here[name]), unit) for name, unit in units.items()}
-        picture = png_of(here.picture.values) if "picture" in here else ""
-        warning = str(here.warning.item()) if "warning" in here else ""
+        row = table.sel(ship=label)
+        measures = {name: (float(row[name]), unit) for name, unit in units.items()}
+        picture = png_of(row.picture.values) if "picture" in row else ""
+        warning = str(row.warning.item()) if "warning" in row else ""
         ship = {"label": str(label), "measures": measures, "picture": picture}
         ships.append(ship | {"warning": warning})
     return ships

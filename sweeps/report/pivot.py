@@ -15,7 +15,7 @@ FEW = 30  # answers below which a score is said to rest on few
 
 @dataclass(frozen=True)
 class Entry:
-    """A figure as printed: its interval, and what stands beside it."""
+    """A figure as printed, with its interval and the columns beside it."""
 
     text: str
     interval: str = ""
@@ -36,7 +36,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Table:
-    """A frame laid out: axes down, headings across, and the same figures in all rows apart."""
+    """A frame laid out: axes down, headings across, and lines of figures."""
 
     name: str
     title: str
@@ -47,16 +47,16 @@ class Table:
 
 
 def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
-    """Return axes of several values in the order of rows, those that are words last.
+    """Return the varying axes in the order of rows, axes of words last.
 
-    Of the others swept ones are first, then declared ones.
+    Among the others, swept axes come first, then declared ones.
     """
     words = in_words(frame)
-    several = [name for name in frame.varying_axes if name not in (frame.across, *words)]
-    first = [name for name in several if frame.columns[name].axis in swept]
-    first.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
-    declared = [name for name in frame.down if name in several]
-    return [*dict.fromkeys([*first, *declared, *several]), *words]
+    varying = [name for name in frame.varying_axes if name not in (frame.across, *words)]
+    leading = [name for name in varying if frame.columns[name].axis in swept]
+    leading.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
+    declared = [name for name in frame.down if name in varying]
+    return [*dict.fromkeys([*leading, *declared, *varying]), *words]
 
 
 def in_words(frame: Frame) -> list[str]:
@@ -65,7 +65,7 @@ def in_words(frame: Frame) -> list[str]:
 
 
 def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
-    """Return a frame as a table: one row for every place on the axes of several values.
+    """Return a frame as a table with one row for every place on the varying axes.
 
     The declared axes whose values are words, such as classifiers, are one column, the last.
     """
@@ -85,20 +85,20 @@ def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
     order = {name: {v: k for k, v in enumerate(values_of(frame.rows, name))} for name in down}
     lines = []
     for place in sorted(groups, key=lambda place: _rank(place, down, order)):
-        at = groups[place]
-        cells = [entry(frame, at.get(head), main) for head in heads]
-        cells += [entry(frame, next(iter(at.values())), name) for name in extra]
+        labels = groups[place]
+        cells = [entry(frame, labels.get(head), main) for head in heads]
+        cells += [entry(frame, next(iter(labels.values())), name) for name in extra]
         keys = tuple(
             "" if value is None else frame.columns[name].text(value)
             for name, value in zip(down, place, strict=True)
         )
         lines.append(Line(place, keys, tuple(cells)))
     columns = tuple(frame.columns[name] for name in down)
-    first = len(down) - len(in_words(frame))
-    if first < len(down) - 1:
-        lines = [_joined(line, columns, first) for line in lines]
-        words = ", ".join(column.words for column in columns[first:])
-        columns = (*columns[:first], replace(columns[first], words=words, unit=""))
+    start = len(down) - len(in_words(frame))
+    if start < len(down) - 1:
+        lines = [_joined(line, columns, start) for line in lines]
+        words = ", ".join(column.words for column in columns[start:])
+        columns = (*columns[:start], replace(columns[start], words=words, unit=""))
     return Table(
         frame.name,
         frame.title,
@@ -119,21 +119,21 @@ def _head(column: Column, value: Any) -> str:
     return text if column.axis in WORDED else f"{column.words} {text}"
 
 
-def _joined(line: Line, columns: Sequence[Column], first: int) -> Line:
-    """Return a row whose keys from one on are one text; numbers have the words of their axis."""
+def _joined(line: Line, columns: Sequence[Column], start: int) -> Line:
+    """Return a row with its keys from `start` on joined; numbers get the words of their axis."""
     words = [
         text if column.axis in WORDED or not text[:1].isdigit() else f"{column.words} {text}"
-        for column, text in zip(columns[first:], line.keys[first:], strict=True)
+        for column, text in zip(columns[start:], line.keys[start:], strict=True)
         if text
     ]
-    return replace(line, keys=(*line.keys[:first], ", ".join(words)))
+    return replace(line, keys=(*line.keys[:start], ", ".join(words)))
 
 
 def notes_of(frame: Frame) -> tuple[str, ...]:
-    """Return the notes of a table, its level of chance, and why its intervals are wide."""
+    """Return the notes of a table, on chance and on wide intervals, too."""
     notes = [*frame.notes, chance_in_words(frame)]
-    whole = MAIN["aspect_bin"]
-    if frame.of_role("low") and frame.across and (frame.rows[frame.across] == whole).any():
+    overall = MAIN["aspect_bin"]
+    if frame.of_role("low") and frame.across and (frame.rows[frame.across] == overall).any():
         notes.append(
             "An interval of the whole takes in how much bins differ, and may be the widest."
         )
@@ -145,18 +145,18 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
 
 
 def chance_in_words(frame: Frame) -> str:
-    """Return a sentence on the level of chance, where it is one for all rows or by an axis down."""
+    """Return a sentence on the level of chance, if it is constant or depends on one axis down."""
     for chance in frame.of_role("chance", frame.figures[0]):
         text, unit = frame.columns[chance].text, frame.columns[chance].unit
         levels = frame.rows[chance].dropna().unique()
         if len(levels) == 1:
             return f"By chance: {text(levels[0])} {unit}."
         for name in frame.down:
-            by = frame.rows.groupby(name)[chance]
-            if (by.nunique() <= 1).all():
+            by_axis = frame.rows.groupby(name)[chance]
+            if (by_axis.nunique() <= 1).all():
                 words = frame.columns[name].text
                 texts = [
-                    f"{words(value)} {text(level)} {unit}" for value, level in by.max().items()
+                    f"{words(value)} {text(level)} {unit}" for value, level in by_axis.max().items()
                 ]
                 return f"By chance: {', '.join(texts)}."
     return ""
@@ -218,7 +218,7 @@ def _is_endless(value: Any, low: str, high: str) -> bool:
 
 
 def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
-    """Return a frame at the preferred value of every axis but some, and the one across.
+    """Return a frame at the preferred value of every axis except `keep` and the one across.
 
     Parts of a frame that lack that value keep their own.
     """
@@ -229,13 +229,13 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
         if not values:
             continue
         axis = frame.columns[name].axis
-        kept = frame.at({name: preferred(axis, values)}).rows.index
-        rest = set(frame.rows[PART]) - set(frame.rows.loc[kept, PART])
-        # What tells parts apart, such as tests from training, is not for them to keep.
-        for part in (k for k in rest if name not in frame.parts[k].display.labels):
-            own = frame.rows[frame.rows[PART] == part]
-            shown = values_of(own, name)
-            own = own[own[name] == preferred(axis, shown)]
-            kept = kept.append(own.index)
-        frame = frame.where(frame.rows.index.isin(kept))
+        labels = frame.at({name: preferred(axis, values)}).rows.index
+        other_parts = set(frame.rows[PART]) - set(frame.rows.loc[labels, PART])
+        # Labels that distinguish parts, such as tests from training, select parts themselves.
+        for part in (k for k in other_parts if name not in frame.parts[k].display.labels):
+            rows = frame.rows[frame.rows[PART] == part]
+            part_values = values_of(rows, name)
+            rows = rows[rows[name] == preferred(axis, part_values)]
+            labels = labels.append(rows.index)
+        frame = frame.where(frame.rows.index.isin(labels))
     return frame

@@ -24,8 +24,8 @@ def page_file(path: PathOrUrl) -> Path:
     return _beside(path, "report.html")
 
 
-def _beside(path: PathOrUrl, what: str) -> Path:
-    near = path_beside(path)
-    if near.name.endswith(SUFFIX):
-        return near.with_name(f"{near.name.removesuffix(SUFFIX)}-{what}")
-    return near.with_name(f"{near.name}.{what}")
+def _beside(path: PathOrUrl, suffix: str) -> Path:
+    neighbour = path_beside(path)
+    if neighbour.name.endswith(SUFFIX):
+        return neighbour.with_name(f"{neighbour.name.removesuffix(SUFFIX)}-{suffix}")
+    return neighbour.with_name(f"{neighbour.name}.{suffix}")

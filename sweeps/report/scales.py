@@ -21,13 +21,13 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     beside = {role: next(iter(frame.of_role(role, figure)), "") for role in BESIDE}
     y: dict[str, Any] = {"field": figure, "type": "quantitative", "title": column.heading}
     values = frame.rows[figure].dropna().tolist()
-    whole = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0
+    bound = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0
     difference = column.format.startswith("+")  # may be below 0, where its chart has a line
-    if whole and not difference:
-        y["scale"] = {"domain": [0, whole], "nice": False, "padding": EDGE}
+    if bound and not difference:
+        y["scale"] = {"domain": [0, bound], "nice": False, "padding": EDGE}
     else:
         y["scale"] = {"zero": True} if difference else scale_of(values, UP)
-    if whole == 1:
+    if bound == 1:
         y["axis"] = {"format": ".0%"}
     # Python's and d3's formats are the same, but for the digits of `g`.
     text = ".3~g" if column.format.endswith("g") else column.format
@@ -35,7 +35,7 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
 
 
 def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
-    """Return the encoding of an axis: of numbers a scale, of bins and words their places.
+    """Return the encoding of an axis: a scale for numbers, positions for bins and words.
 
     Values are joined by lines along bins (ordinal), but not along words (nominal).
     """
@@ -56,6 +56,6 @@ def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
 
 
 def scale_of(values: Sequence[Any], span: float) -> dict[str, Any]:
-    """Return the scale of some numbers: logarithmic if positive and of ends of a large ratio."""
+    """Return the scale of some numbers: logarithmic if positive with a ratio above `span`."""
     logarithmic = bool(values) and min(values) > 0 and max(values) > span * min(values)
     return {"type": "log"} if logarithmic else {"zero": False}

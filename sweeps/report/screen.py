@@ -1,4 +1,4 @@
-"""The screen: as wide as it is, of any encoding, and it may be closed."""
+"""Console output of any width and encoding, to a stream that may be closed."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def screen() -> Console:
     """Return the console of stdout: as wide as the terminal, elsewhere 80 cells or `COLUMNS`."""
     console = Console(highlight=False)
     if not console.is_terminal:
-        asked = os.environ.get("COLUMNS", "")
-        console.width = max(PIPED, int(asked) if asked.isdigit() else 0)
+        columns = os.environ.get("COLUMNS", "")
+        console.width = max(PIPED, int(columns) if columns.isdigit() else 0)
     return console
 
 
 @contextmanager
 def page(console: Console) -> Iterator[Console]:
-    """Yield a console whose text is finally written to another one, as far as possible."""
+    """Yield a buffered console; finally write its text to another, as far as possible."""
     text = io.StringIO()
     yield Console(
         file=text,
@@ -61,7 +61,7 @@ def complain(sentence: str) -> None:
 
 
 def plain(text: str) -> Text:
-    """Return a text as it is, lines apart, its control characters escaped and no markup read."""
+    """Return a text without markup, its control characters except newlines escaped."""
     return Text("\n".join(map(printable, text.split("\n"))))
 
 

@@ -32,18 +32,18 @@ OF_ARRAYS = (
 
 def opened(path: PathOrUrl) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
-    place = resolve_path(path_or_url("store", path))
-    return _opened(place, Objects(place).get(METADATA))
+    location = resolve_path(path_or_url("store", path))
+    return _opened(location, Objects(location).get(METADATA))
 
 
 @lru_cache(maxsize=2)
-def _opened(place: PathOrUrl, metadata: bytes | None) -> Any:
-    """Return a store, opened once while its metadata are the same."""
-    return zarr.open_group(zarr_store(place), mode="r")
+def _opened(location: PathOrUrl, metadata: bytes | None) -> Any:
+    """Return a store, opened again only when its metadata change."""
+    return zarr.open_group(zarr_store(location), mode="r")
 
 
 def attributes(store: Any) -> dict[str, Any]:
-    """Return the attributes of a store, or of a group, with mappings and lists as such."""
+    """Return the decoded attributes of a store or a group."""
     return decode_attrs(store.attrs)
 
 
@@ -59,17 +59,17 @@ def read(store: Any, group: str) -> xr.Dataset:
 
 
 def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None:
-    """Refuse a store of which files are damaged, missing or of something else.
+    """Refuse a store with damaged, missing or foreign files.
 
-    By default, in what the report prints; with None, everywhere. Raises ConfigurationError.
+    By default, in the groups that the report prints; with None, in all. Raises ConfigurationError.
     """
     try:
         bad = verify(path, groups)
     except (OSError, ConfigurationError) as error:
         raise refusal(path, error) from error
     if bad:
-        many = f"{len(bad):,} of its files are" if len(bad) > 1 else "one of its files is"
-        raise refusal(path, f"{many} damaged, missing or of something else: {bad[0]}")
+        files = f"{len(bad):,} of its files are" if len(bad) > 1 else "one of its files is"
+        raise refusal(path, f"{files} damaged, missing or of something else: {bad[0]}")
 
 
 def refusal(path: PathOrUrl, why: str | Exception = "") -> ConfigurationError:
@@ -85,31 +85,31 @@ def refusal(path: PathOrUrl, why: str | Exception = "") -> ConfigurationError:
 
 
 def reason(error: Exception) -> str:
-    """Return the kind of an error of another library, and the first line of what it says."""
+    """Return the kind of another library's error and the first line of its message."""
     return f"{type(error).__name__}: {error}".partition("\n")[0]
 
 
 def failed_cells(store: Any) -> dict[str, str]:
-    """Return the names of cells that failed, with the reason of each, as a store has them."""
+    """Return the reasons of failed cells by their names, as stored."""
     return dict(attributes(store).get("failures", {}))
 
 
 def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = ()) -> xr.Dataset:
-    """Return a data set at the preferred value of every axis, or else the first.
+    """Return a dataset at the preferred value of every axis, or else the first value.
 
     Dimensions in `keep`, and those of profiles and images, stay.
     """
-    place = {}
+    indices = {}
     for dim in set(map(str, dataset.dims)) - {*keep, *OF_ARRAYS}:
         names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
         name = min(names, key=lambda name: name not in MAIN, default="")
         values = dataset[name].values.tolist() if name else []
-        place[dim] = values.index(preferred(name, values)) if values else 0
-    return dataset.isel(place)
+        indices[dim] = values.index(preferred(name, values)) if values else 0
+    return dataset.isel(indices)
 
 
 def located(path: PathOrUrl) -> str:
-    """Return the shortest path from the current folder, with control characters escaped."""
-    if isinstance(path, Path) and path.is_relative_to(here := Path.cwd()):
-        path = path.relative_to(here)
+    """Return a path, relative if below the current folder, with control characters escaped."""
+    if isinstance(path, Path) and path.is_relative_to(folder := Path.cwd()):
+        path = path.relative_to(folder)
     return printable(str(path))

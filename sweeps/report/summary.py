@@ -1,4 +1,4 @@
-"""What is printed of a store: at the end of a sweep, by `ncti-report`, and of two stores."""
+"""Printed reports: at the end of a sweep, of a store, and of a comparison of stores."""
 
 from __future__ import annotations
 
@@ -64,19 +64,19 @@ def report(
     """
     check_whole(path, **({"groups": None} if html else {}))
     frames = tables_of(path)
-    shown = None if table is None else chosen(frames, table)
-    if shown is None:
+    selected = None if table is None else chosen(frames, table)
+    if selected is None:
         print_answer(path, frames, console)  # first, since the page takes longer
-    kept = written_page(path, frames) if html else []
-    if shown is None:
-        return kept + finish(path, frames, console)
+    blocked = written_page(path, frames) if html else []
+    if selected is None:
+        return blocked + finish(path, frames, console)
     try:
-        return kept + write_tables(path, frames.values())
+        return blocked + write_tables(path, frames.values())
     finally:
         with page(console) as aside:
-            print_table(laid_out(shown, swept_of(path)), aside, most=None)
-            same = ", ".join(f"{words} {text}" for words, text in constants(shown).items())
-            note(f"In all rows: {same}." if same else "", aside)
+            print_table(laid_out(selected, swept_of(path)), aside, most=None)
+            shared = ", ".join(f"{words} {text}" for words, text in constants(selected).items())
+            note(f"In all rows: {shared}." if shared else "", aside)
 
 
 def comparison(
@@ -98,30 +98,30 @@ def comparison(
     for path in (first, *others):
         check_whole(path, groups=None)
     compared = compare(first, *others)
-    kept = [] if compared.frames else _without_files(compared.place)
+    blocked = [] if compared.frames else _without_files(compared.place)
     if table is not None and not compared.frames:
         raise ConfigurationError(f"there is no table {table!r}: {sentences(compared)[0]}")
-    shown = None if table is None else chosen(compared.frames, table)
+    selected = None if table is None else chosen(compared.frames, table)
     with page(console) as aside:
-        if shown is not None:
-            print_table(laid_out(shown, swept_of(first)), aside, most=None)
+        if selected is not None:
+            print_table(laid_out(selected, swept_of(first)), aside, most=None)
         else:
             _print_changes(compared, aside, html=html)
     if not compared.frames:
-        return kept
-    kept = write_tables(compared.place, compared.frames.values())
+        return blocked
+    blocked = write_tables(compared.place, compared.frames.values())
     if html:
         with _refused():
-            kept += write_page(page_file(compared.place), lambda: comparison_page(compared))
-    return kept
+            blocked += write_page(page_file(compared.place), lambda: comparison_page(compared))
+    return blocked
 
 
-def _without_files(place: Path) -> list[Path]:
-    """Remove unchanged tables and page of a comparison; return the paths that are in the way."""
-    written, folder = page_file(place), tables_folder(place)
-    if written.is_file() and is_free(written):
-        written.unlink()
-    return write_tables(place, []) if folder.is_dir() else []
+def _without_files(store: Path) -> list[Path]:
+    """Remove the unchanged tables and page of a comparison; return the paths in the way."""
+    page_path, folder = page_file(store), tables_folder(store)
+    if page_path.is_file() and is_free(page_path):
+        page_path.unlink()
+    return write_tables(store, []) if folder.is_dir() else []
 
 
 def written_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
@@ -143,8 +143,8 @@ def _refused() -> Iterator[None]:
         yield
     # zarr and xarray raise various errors for damaged groups without a table.
     except Exception as error:
-        why = getattr(error, "strerror", None) or reason(error)
-        raise ConfigurationError(f"the report page is not written: {why}") from error
+        fault = getattr(error, "strerror", None) or reason(error)
+        raise ConfigurationError(f"the report page is not written: {fault}") from error
 
 
 def swept_of(path: PathOrUrl) -> Sequence[str]:
@@ -165,7 +165,7 @@ def _print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console
 
 
 def _print_changes(compared: Comparison, console: Console, *, html: bool) -> None:
-    """Print what changed most, along the swept axis, and where the rest is."""
+    """Print the largest changes along the swept axis, and the paths of all files."""
     for sentence in sentences(compared):
         note(sentence, console, style="bold")
     note(settings_sentence(compared), console)
@@ -188,7 +188,7 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
 
 
 def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
-    """Print where a store, its page and its tables are, and how many of its cells failed."""
+    """Print the paths of a store, its page and its tables, and the number of failed cells."""
     line("", console)
     if failed := failed_cells(opened(path)):
         count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)

@@ -21,7 +21,7 @@ MOST = 60  # rows of a table; its file has all
 
 @dataclass(frozen=True)
 class _Column:
-    """Column as printed: its heading, its width, and whether its texts stand to the right."""
+    """A printed column: its heading, its width, and whether its texts align right."""
 
     head: str
     width: int
@@ -29,7 +29,7 @@ class _Column:
 
 
 def print_table(table: Table, console: Console, *, most: int | None = MOST) -> None:
-    """Print a table with what holds for all its rows, no wider than the console.
+    """Print a table and its notes, no wider than the console.
 
     Axes that do not fit as columns of labels become headings of sections, and figures that do not
     fit move into a table below.
@@ -39,24 +39,24 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
     lines = table.lines[:most]
     texts = [[text_of(cell) for cell in line.cells] for line in lines]
     labels, figures = _columns(table, lines)
-    shown = _beside(labels, figures, console.width)
-    apart = len(labels) - len(shown)  # axes that head sections
-    for number, share in enumerate(_shares(figures, console.width - _sum(shown) - GAP)):
+    beside = _beside(labels, figures, console.width)
+    section_count = len(labels) - len(beside)  # axes that head sections
+    for number, share in enumerate(_shares(figures, console.width - _sum(beside) - GAP)):
         if number:
             note("(further columns of the same table)", console)
-        columns = [*shown, *(figures[k] for k in share)]
+        columns = [*beside, *(figures[k] for k in share)]
         _print_row(
             columns, [column.head for column in columns], console, style="bold", vertical="bottom"
         )
         note("─" * _sum(columns), console)
         before: tuple[str, ...] = ()
         for line, row in zip(lines, texts, strict=True):
-            if line.keys[:apart] != before[:apart]:
+            if line.keys[:section_count] != before[:section_count]:
                 before = ()
-                given = zip(table.down[:apart], line.place, strict=False)
-                words = [axis.in_words(value) for axis, value in given if value is not None]
+                pairs = zip(table.down[:section_count], line.place, strict=False)
+                words = [axis.in_words(value) for axis, value in pairs if value is not None]
                 note(", ".join(words), console, style="bold")
-            keys = _unrepeated(line.keys[apart:], before[apart:])
+            keys = _unrepeated(line.keys[section_count:], before[section_count:])
             _print_row(columns, [*keys, *(row[k] for k in share)], console)
             before = line.keys
     if len(table.lines) > len(lines):
@@ -66,10 +66,10 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
 
 
 def fitting(table: Table, width: int) -> int:
-    """Return how many of a table's columns of figures fit in a width, beside its labels."""
+    """Return the number of a table's columns of figures that fit in a width beside its labels."""
     labels, figures = _columns(table, table.lines)
-    shown = _beside(labels, figures, width)
-    return len(next(_shares(figures, width - _sum(shown) - GAP)))
+    beside = _beside(labels, figures, width)
+    return len(next(_shares(figures, width - _sum(beside) - GAP)))
 
 
 def _columns(table: Table, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
@@ -104,20 +104,20 @@ def _column(head: str, texts: Sequence[str], widest: int) -> _Column:
 
 
 def _beside(labels: Sequence[_Column], figures: Sequence[_Column], width: int) -> Sequence[_Column]:
-    """Return the last labels, which stand beside the figures in a width.
+    """Return the last labels, which fit beside the figures in a width.
 
     As many as leave space for all figures, or at least for the widest; the last one may fold.
     """
     widest = max((figure.width for figure in figures), default=0)
     last = min(_sum(labels[-1:]), FOLDED)
     needed = GAP + (_sum(figures) if last + GAP + _sum(figures) <= width else widest)
-    shown = labels
-    while len(shown) > 1 and _sum(shown) + needed > width:
-        shown = shown[1:]
-    if len(shown) == 1:
-        left = width - needed
-        shown = [replace(shown[0], width=max(min(shown[0].width, left), LEAST))]
-    return shown
+    beside = labels
+    while len(beside) > 1 and _sum(beside) + needed > width:
+        beside = beside[1:]
+    if len(beside) == 1:
+        available = width - needed
+        beside = [replace(beside[0], width=max(min(beside[0].width, available), LEAST))]
+    return beside
 
 
 def _sum(columns: Sequence[_Column]) -> int:
@@ -142,18 +142,18 @@ def _print_row(
 
 
 def _unrepeated(keys: Sequence[str], before: Sequence[str]) -> list[str]:
-    """Return the keys of a row, empty as long as they are those of the row before."""
-    same = 0
-    while same < min(len(keys), len(before)) - 1 and keys[same] == before[same]:
-        same += 1
-    return ["" if k < same else key for k, key in enumerate(keys)]
+    """Return the keys of a row, with leading keys that repeat the previous row's empty."""
+    repeated = 0
+    while repeated < min(len(keys), len(before)) - 1 and keys[repeated] == before[repeated]:
+        repeated += 1
+    return ["" if k < repeated else key for k, key in enumerate(keys)]
 
 
 def _shares(figures: Sequence[_Column], width: int) -> Iterator[list[int]]:
-    """Yield numbers of the figures of each printed table."""
+    """Yield the indices of the figures of each printed table."""
     share: list[int] = []
     for k in range(len(figures)):
-        if share and _sum([figures[place] for place in (*share, k)]) > width:
+        if share and _sum([figures[index] for index in (*share, k)]) > width:
             yield share
             share = []
         share.append(k)

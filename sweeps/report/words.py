@@ -78,7 +78,7 @@ def missing(value: Any) -> bool:
 
 
 def shown(value: Any, format: str = "g") -> str:
-    """Return a value as printed; numbers that are not whole, by a format."""
+    """Return a value as printed, floats by a format."""
     if missing(value):
         return NOTHING
     if isinstance(value, bool) or type(value).__name__ == "bool":
@@ -89,7 +89,7 @@ def shown(value: Any, format: str = "g") -> str:
 
 
 def format_number(value: float, format: str) -> str:
-    """Return a number by a format, a small whole one as it is, and none as minus zero."""
+    """Return a formatted number: small whole numbers in full, and never a negative zero."""
     if format == ".4g" and value.is_integer() and abs(value) < 10_000:
         return str(int(value))
     text = f"{value:{format}}"
@@ -97,14 +97,13 @@ def format_number(value: float, format: str) -> str:
 
 
 def preferred(name: str, values: Sequence[Any]) -> Any:
-    """Return the value of an axis that is shown first: of numbers the nearest, else the first."""
-    wanted = MAIN.get(name)
-    for choice in wanted if isinstance(wanted, tuple) else (wanted,):
+    """Return the value of an axis to show first: the main one, the nearest number, or the first."""
+    main = MAIN.get(name)
+    for choice in main if isinstance(main, tuple) else (main,):
         if choice in values:
             return choice
     if all(
-        isinstance(value, int | float) and not isinstance(value, bool)
-        for value in (wanted, *values)
+        isinstance(value, int | float) and not isinstance(value, bool) for value in (main, *values)
     ):
-        return min(values, key=lambda value: (abs(value - wanted), value))
+        return min(values, key=lambda value: (abs(value - main), value))
     return values[0]

@@ -71,9 +71,9 @@ class Network(Settings, key="classifier", single="coordinate"):
 class TrainingSet:
     """Training views and their similarities, shared by all trainings on them.
 
-    (sample, feature) vectors of the views learned with their similarities, and the numbers of
-    these views, rising; the (ship, aspect) mask of existing views; and the function from profiles
-    or maps to vectors.
+    Attributes: (sample, feature) vectors of the learned views and their similarities; the ascending
+    indices of these views; the (ship, aspect) mask of existing views; and the function from
+    profiles or maps to vectors.
     """
 
     vectors: Floats
@@ -90,13 +90,13 @@ class TrainingSet:
         flat = seen.reshape(1, -1, *seen.shape[2:])
         views = np.flatnonzero(valid & training_views)
         vectors = to_vectors(flat[:, views]).astype(np.float64)
-        if not vectors.any():  # which is refused by name, with all views that there are
+        if not vectors.any():  # training refuses these by name, so take all views
             views = np.arange(valid.size)
             vectors = to_vectors(flat[:, views]).astype(np.float64)
         return cls(vectors, Similarities.of(vectors), views, valid, to_vectors)
 
     def rows_of(self, views: Indices) -> Indices:
-        """Return the rows of vectors of the numbers of views learned."""
+        """Return the rows in `vectors` of learned views, given by index."""
         return np.searchsorted(self.views, views)
 
     def matches(
@@ -104,22 +104,22 @@ class TrainingSet:
     ) -> Iterable[tuple[Indices, Floats]]:
         """Return (view,) categories and cosines of (..., view, ...) tests, by clustering.
 
-        They are the tests of a number on the first axis, of which some are read at a time.
+        The tests are those at index `number` of the first axis, read in blocks.
         """
         count = tests.shape[1]
         category = np.empty((len(clusterings), count), dtype=np.intp)
         cosine = np.empty((len(clusterings), count))
         for rows in row_blocks(count):
-            seen = self.to_vectors(tests[number : number + 1, rows])
-            similarities = self.similarities.to(seen.astype(np.float64))
+            vectors = self.to_vectors(tests[number : number + 1, rows])
+            similarities = self.similarities.to(vectors.astype(np.float64))
             for c, clustering in enumerate(clusterings):
                 category[c, rows], cosine[c, rows] = clustering.match(similarities)
         return zip(category, cosine, strict=True)
 
     def reader(self, tests: NDArray[Any], number: int) -> Callable[[Indices], Floats]:
-        """Return a function of numbers of views to (view, feature) vectors, as for `matches`.
+        """Return a function from view indices to (view, feature) vectors, as for `matches`.
 
-        Few tests are read at once, for all calls.
+        A small set of tests is read at once for all calls.
         """
 
         def vectors(views: Indices) -> Floats:
@@ -131,7 +131,7 @@ class TrainingSet:
 
 
 def presentation_order(views: int, order: int, seed: int) -> Indices:
-    """Return an order of presentation of all views: the grid's own, or of a number from 1 on."""
+    """Return an order of presentation of all views: the grid's for 0, else a random one."""
     if order == 0:
         return np.arange(views)
     return cell_rng(seed, stage="presentation_order", order=order).permutation(views)
@@ -146,9 +146,9 @@ def form_categories(
     max_passes: int,
     label_rule: str,
 ) -> Arrays:
-    """Train with the existing training views, in the order of presentation of a number and seed.
+    """Train with the existing training views, in an order given by its number and seed.
 
-    A category has the name of the ship of most members, or of the first one presented.
+    A category is named after the ship of most members, or of the first member presented.
 
     Returns
     -------
@@ -176,11 +176,11 @@ def form_categories(
     labels = np.full(known.size, NO_CATEGORY)
     labels[views] = clustering.labels
     formed = category_formation(labels, ship, aspect)
-    count, own = len(clustering.weights), ship[views]
+    count, ships = len(clustering.weights), ship[views]
     names = np.full(views.size, NONE)
     weights = np.zeros((views.size, clustering.weights.shape[1]))
     by_first = label_rule == "first"
-    names[:count] = clustering.first_names(own, order) if by_first else clustering.names(own)
+    names[:count] = clustering.first_names(ships, order) if by_first else clustering.names(ships)
     weights[:count] = clustering.weights
     right = ships_named(names, formed.category) == ship.reshape(known.shape)
     return {
@@ -208,10 +208,10 @@ def answer_tests(
     score_rule: str,
     learn_in_test: bool,
 ) -> Arrays:
-    """Return the answers of (...) trainings, as of `form_categories`, to (frame_count, ...) tests.
+    """Return the answers of (...) trainings by `form_categories` to (frame_count, ...) tests.
 
     By the rule `ship` the ship must be right; by `category` the category must be that of the same
-    view, and views outside training are not asked for.
+    view, and views outside training are not scored.
 
     Returns
     -------
@@ -220,37 +220,37 @@ def answer_tests(
         (..., frame_count, ship, aspect)
     """
     lead = training["passes"].shape
-    places = [*np.ndindex(*lead)]
-    whole = (*lead, len(tests), *valid.shape)
-    answers = {name: np.full(whole, NONE) for name in ("category", "predicted", "correct")}
-    answers["similarity"] = np.full(whole, np.nan)
+    indices = [*np.ndindex(*lead)]
+    shape = (*lead, len(tests), *valid.shape)
+    answers = {name: np.full(shape, NONE) for name in ("category", "predicted", "correct")}
+    answers["similarity"] = np.full(shape, np.nan)
     ship = np.indices(valid.shape)[0]
-    trainings = [{name: values[at] for name, values in training.items()} for at in places]
+    trainings = [{name: values[index] for name, values in training.items()} for index in indices]
     clusterings = [_clustering(formed) for formed in trainings]
     networks = [network_of(training_set, formed) for formed in trainings if learn_in_test]
     flat = tests.reshape(len(tests), -1, *tests.shape[3:])
     for f in range(len(flat)):
         if learn_in_test:
-            shown = training_set.reader(flat, f)
+            reader = training_set.reader(flat, f)
             matches: Iterable[tuple[Indices, Floats]] = (
-                match_learning(network, shown, formed)
+                match_learning(network, reader, formed)
                 for network, formed in zip(networks, trainings, strict=True)
             )
         else:
             matches = training_set.matches(clusterings, flat, f)
-        for at, formed, (category, cosine) in zip(places, trainings, matches, strict=True):
+        for index, formed, (category, cosine) in zip(indices, trainings, matches, strict=True):
             labels = formed["training_category"]
             category = np.where(valid, category.reshape(valid.shape), NONE)
-            named = ships_named(formed["names"], category)
+            predicted = ships_named(formed["names"], category)
             if score_rule == "ship":
-                asked, right = valid, named == ship
+                scored, right = valid, predicted == ship
             else:
                 taught = formed["training_confused"] >= 0
-                asked, right = valid & taught, (category == labels) & (category != NONE)
-            answers["category"][*at, f] = category
-            answers["similarity"][*at, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
-            answers["predicted"][*at, f] = named
-            answers["correct"][*at, f] = np.where(asked, right, NONE)
+                scored, right = valid & taught, (category == labels) & (category != NONE)
+            answers["category"][*index, f] = category
+            answers["similarity"][*index, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
+            answers["predicted"][*index, f] = predicted
+            answers["correct"][*index, f] = np.where(scored, right, NONE)
     return answers | {"cell": classifier.state(answers["correct"], valid)}
 
 
@@ -264,8 +264,8 @@ def _clustering(formed: Arrays) -> Clustering:
 def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringNetwork:
     """Return the network that formed the categories of a training set.
 
-    Raises `ValueError` if it forms others: the two ways to train round differently, and would part
-    at a near tie.
+    Raises `ValueError` if it forms others: the two ways to train round differently, and may
+    disagree at a near tie.
     """
     # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
@@ -290,9 +290,9 @@ def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringN
 def match_learning(
     network: AdaptiveClusteringNetwork, shown: Callable[[Indices], Floats], formed: Arrays
 ) -> tuple[Indices, Floats]:
-    """Return (view,) categories and cosines of tests that move categories, some read at a time.
+    """Return (view,) categories and cosines of tests that move categories, read in blocks.
 
-    They are presented in the order of the training, known ships first, so that unknown ones move
+    Tests are presented in the order of training, known ships first, so that unknown ones move
     no category before these are compared with it.
     """
     training_views, view_order = formed["training_confused"] >= 0, formed["view_order"]

@@ -54,7 +54,7 @@ Ships = NDArray[np.integer]
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
-PROFILES = "profiles"  # what is shown to most classifiers
+PROFILES = "profiles"  # inputs of most classifiers
 TESTED = ("replicate", "place", "frame_count")  # and of averages
 LEFT_ALONE = "classifier.left_out has True, but must be false where {} learned: nothing is left"
 UNSEEN = 1000  # seed of generated ships, apart from those of ships to be tested
@@ -87,7 +87,7 @@ def drawn_aspects(low: float, high: float, number: int, seed: int) -> tuple[floa
 
 
 def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the aspects [deg] of a sweep that are drawn at random, between the ends of a grid's.
+    """Return the random aspects [deg] of a sweep, between the ends of the grid's aspects.
 
     Raises
     ------
@@ -150,11 +150,11 @@ SPACING = Classifier.template_spacing
 
 
 def generated_ships(learned: Sequence[str], number: int) -> tuple[ShipName, ...]:
-    """Return names of variants that stand for ships nobody has seen, `number` of each one learned.
+    """Return names of variants that stand for unseen ships, `number` for each learned ship.
 
-    Their sizes are log-uniform from 0.7 to 1.1 times that of their ship, in steps of the golden
-    ratio, so that the first ones are spread evenly, too. The variants of a ship do not depend on
-    the others learned.
+    Their sizes are log-uniform from 0.7 to 1.1 times their ship's, in steps of the golden ratio, so
+    that any number of them is spread evenly. The variants of a ship do not depend on the other
+    learned ships.
     """
     step = np.arange(1, number + 1) * (np.sqrt(5) - 1) / 2
     sizes = SMALLEST * (LARGEST / SMALLEST) ** (step % 1)
@@ -171,7 +171,7 @@ def names_by(name: str, sensor: str) -> Condition:
 
 
 def tested_ships(ship: Sequence[str]) -> Views:
-    """Return the (ship,) mask of ships that are tested: all but those that are generated."""
+    """Return the (ship,) mask of tested ships: all except generated ones."""
     variants = [Variant.read(str(name)) for name in ship]
     return np.array([variant is None or variant.seed != UNSEEN for variant in variants])
 
@@ -181,7 +181,7 @@ def tested_ships(ship: Sequence[str]) -> Views:
 
 @plain(uses=(Grid, RandomAspects, Run), gather=(Grid.aspect,))
 def test_aspects(aspect: tuple[float, ...], random_aspects: int, seed: int) -> tuple[float, ...]:
-    """Return the aspects drawn at random, which are absent from training by default."""
+    """Return the random test aspects, which training leaves out by default."""
     return drawn_aspects(aspect[0], aspect[-1], random_aspects, seed)
 
 
@@ -211,8 +211,8 @@ def training_aspects(
     test_aspects: tuple[float, ...],
 ) -> Views:
     """Return the (aspect,) mask of aspects in the training set."""
-    given = training_aspect
-    learned = ~np.isin(aspect, test_aspects) if given is None else np.isin(aspect, given)
+    chosen = training_aspect
+    learned = ~np.isin(aspect, test_aspects) if chosen is None else np.isin(aspect, chosen)
     if template_spacing is not None:
         steps = np.array(aspect) / template_spacing
         learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
@@ -234,10 +234,10 @@ def training_marks(of: Group) -> tuple[Stage, Stage]:
 
 def _learned(choices: Choices) -> list[Views]:
     """Return the (ship, aspect) mask of a sweep's training views for every template spacing."""
-    of_all = (*(choices[setting] for setting in GATHERED), choices.value(Classifier.unknown))
+    arguments = (*(choices[setting] for setting in GATHERED), choices.value(Classifier.unknown))
     drawn = random_test_aspects(choices, choices[Grid.aspect])
-    given = choices.value(Classifier.training_aspect)
-    return [training_views(*of_all, given, spacing, drawn) for spacing in choices[SPACING]]
+    aspects = choices.value(Classifier.training_aspect)
+    return [training_views(*arguments, aspects, spacing, drawn) for spacing in choices[SPACING]]
 
 
 def learned_of(choices: Choices) -> xr.DataArray:
@@ -268,19 +268,19 @@ def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
 
 
 def kinds_of_aspects(learned: xr.DataArray, drawn: xr.DataArray) -> dict[str, xr.DataArray]:
-    """Return masks of learned, intermediate and random aspects, of kinds that there are."""
+    """Return masks of learned, intermediate and random aspects, of the kinds present."""
     kinds = {"learned": learned, "between": ~learned & ~drawn, "random": ~learned & drawn}
-    return {name: where for name, where in kinds.items() if where.any()}
+    return {name: mask for name, mask in kinds.items() if mask.any()}
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse unknown ships and training aspects that the grid lacks, or that leave nothing.
+    """Refuse unknown ships and training aspects that the grid lacks or that leave no training.
 
-    Aspects that are drawn come into the grid, and are not learned.
+    Random aspects are added to the grid, but not learned.
     """
-    given = choices[Grid.aspect]
-    drawn = random_test_aspects(choices, given)
-    choices = choices.replace(Grid.aspect, tuple(sorted({*given, *drawn})))
+    aspects = choices[Grid.aspect]
+    drawn = random_test_aspects(choices, aspects)
+    choices = choices.replace(Grid.aspect, tuple(sorted({*aspects, *drawn})))
     ships_given, unknown = choices[Grid.ship], choices.value(Classifier.unknown) or ()
     require_among(choices, Classifier.unknown, Grid.ship)
     require_among(choices, Classifier.training_aspect, Grid.aspect)
@@ -297,14 +297,14 @@ def check(choices: Choices) -> Choices:
 
 
 def check_left_out(choices: Choices) -> None:
-    """Refuse to leave the true aspect out where no other is learned."""
+    """Refuse to leave the true aspect out if no other aspect is learned."""
     aspects = min(int(learned.any(axis=0).sum()) for learned in _learned(choices))
     if any(choices[Classifier.left_out]) and aspects < 2:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
 
 def require_another_aspect(training_views: Views, left_out: bool) -> None:
-    """Refuse (`ValueError`) the same where views failed and so are absent from training."""
+    """Raise `ValueError` for the same fault if failed views caused it."""
     if left_out and training_views.any(axis=0).sum() < 2:
         raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
 
@@ -329,7 +329,7 @@ def by_view(profiles: Profiles | Floats) -> Profiles | Floats:
 
 
 def vectors_of(profiles: Profiles | Floats) -> Floats:
-    """Return the vectors of (..., bin) profiles, zero where these are missing."""
+    """Return the vectors of (..., bin) profiles, zero for missing ones."""
     return profile_vector(np.where(np.isfinite(profiles), profiles, 0.0))
 
 
@@ -339,7 +339,7 @@ def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def in_blocks(*names: str) -> dict[str, At]:
-    """Return reads of stages whose results are gathered of all views, a block at a time."""
+    """Return reads of stages whose results are gathered over all views, in blocks."""
     return {name: At(name, in_blocks=True) for name in names}
 
 
@@ -347,14 +347,14 @@ def in_blocks(*names: str) -> dict[str, At]:
 
 
 def judged(named: Ships, valid: Views, tested: Views | None = None) -> Arrays:
-    """Return the arrays of answers: (..., ship, aspect) ships predicted for existing views.
+    """Return the arrays of answers: (..., ship, aspect) predictions for existing views.
 
-    Of views that are not `tested` there is none.
+    Views that are not `tested` have no answer.
     """
-    asked = valid if tested is None else valid & tested
-    predicted = np.where(asked, named, NONE)
+    answered = valid if tested is None else valid & tested
+    predicted = np.where(answered, named, NONE)
     right = predicted == np.arange(len(valid))[:, None]
-    correct = np.where(asked, right, np.int8(NONE))
+    correct = np.where(answered, right, np.int8(NONE))
     return {"predicted": predicted, "correct": correct, "cell": state(correct, valid)}
 
 
@@ -366,11 +366,11 @@ def state(correct: Ships, valid: Views) -> NDArray[np.int8]:
 def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
     """Return (view,) most probable ships and probabilities of the true ones, 0 if unknown.
 
-    Of the ships there are, and their (view, ship) probabilities.
+    `posterior` has the ships and their (view, ship) probabilities.
     """
     ships, probability = posterior
-    own = ships == true[:, None]
-    return ships[probability.argmax(axis=1)], (probability * own).sum(axis=1)
+    is_true = ships == true[:, None]
+    return ships[probability.argmax(axis=1)], (probability * is_true).sum(axis=1)
 
 
 # Declarations
@@ -384,12 +384,12 @@ def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
 def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROFILES) -> xr.Dataset:
     """Return all scores of answers by aspect bin, of ships in training.
 
-    Of range profiles with the receiver for an attribute, if all have one.
+    Tables of range profiles have the receiver as an attribute, if all have the same.
     """
     table = tabulate_scores(known_ships(classified, choices), aspects_of(choices), shown)
     receivers = choices.values.get(Ladar.receiver.key, ())
-    alike = len(receivers) == 1 and shown == PROFILES
-    return table.assign_attrs({"receiver": receivers[0]} if alike else {})
+    one_receiver = len(receivers) == 1 and shown == PROFILES
+    return table.assign_attrs({"receiver": receivers[0]} if one_receiver else {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -413,13 +413,13 @@ class ClassifierGroup(Group):
     def answers(
         self, *outputs: Output, without: tuple[str, ...] = (), right: str = "", **how: Any
     ) -> Declare:
-        """Declare the stage that names ships, which may have more outputs.
+        """Declare the stage that names ships, with any further outputs.
 
-        The ship named does not depend on some settings, and more than it may have to be right.
+        The predicted ship does not depend on the settings `without`; `right` says what else counts.
         """
-        named = "ship named, as an index into the ship axis"
+        label = "ship named, as an index into the ship axis"
         return self.stage(
-            Output("predicted", self.answer, "i2", label=named, without=without),
+            Output("predicted", self.answer, "i2", label=label, without=without),
             Output("correct", self.answer, "i1", label=f"1 where the answer is right{right}"),
             *outputs,
             Output("cell", self.answer, "i1", "state of the cell", role=STATE),
@@ -429,7 +429,7 @@ class ClassifierGroup(Group):
     def coordinates(
         self, *outputs: Output, **how: Any
     ) -> Callable[[Callable[..., Any]], tuple[Stage, ...]]:
-        """Declare coordinates of both groups, of answers and of states of their cells."""
+        """Declare coordinates of the group of answers and of the group of cell states."""
         groups = self, replace(self, path=STATUS)
         return lambda function: tuple(
             group.stage(*outputs, name=f"{function.__name__}_{k}", **how)(function)
@@ -445,10 +445,10 @@ class ClassifierGroup(Group):
         labels: Mapping[str, str] | None = None,
         scored: str = "ship",
     ) -> tuple[Table, ...]:
-        """Return the tables of the group; of rejections, too, where a ship is not learned.
+        """Return the tables of the group, of scores and of rejections if a ship is not learned.
 
-        Of categories if the classifier is `forming` them. `labels` tell its rows from those of
-        others, and `scored` says what must be right.
+        Also of categories if the classifier is `forming` them. `labels` distinguish its rows from
+        other classifiers', and `scored` names the rule of a right answer.
         """
         labels = {"classifier": self.name, "channel": RANGE} if labels is None else labels
 
@@ -464,17 +464,17 @@ class ClassifierGroup(Group):
 
         def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
             vigilances = choices[Classifier.test_vigilance]
-            # Ships that the classifier was told of do not test how it rejects others.
-            asked = ~np.isin(choices[Grid.ship], choices.value(Classifier.alternative) or ())
-            of_all = known_of(choices).isel(ship=asked), aspects_of(choices), vigilances
-            return tabulate_rejection(classified.isel(ship=asked), *of_all)
+            # Ships of the alternative are known to it, so they do not test rejection.
+            tested = ~np.isin(choices[Grid.ship], choices.value(Classifier.alternative) or ())
+            arguments = known_of(choices).isel(ship=tested), aspects_of(choices), vigilances
+            return tabulate_rejection(classified.isel(ship=tested), *arguments)
 
         def rejecting_some(choices: Choices) -> bool:
             return self.when(choices) and not bool(known_of(choices).all())
 
         name, chance = self.name, (of_answers, of_ships)
-        shown = scores.score_displays(labels, scored=scored, source=name, chance=chance)
-        tables = [self.table(name, make, *shown)]
+        answer_displays = scores.score_displays(labels, scored=scored, source=name, chance=chance)
+        tables = [self.table(name, make, *answer_displays)]
         if forming:
             display = scores.category_display(labels, name)
             tables.append(self.table(f"categories_{name}", form, display))
@@ -487,7 +487,7 @@ class ClassifierGroup(Group):
 
 
 def of_profiles(name: str, *own: str) -> ClassifierGroup:
-    """Return the group of a classifier of range profiles, with dimensions of its own."""
+    """Return the group of a classifier of range profiles, with its own dimensions."""
     return ClassifierGroup.of_classifier(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
 
 

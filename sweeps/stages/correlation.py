@@ -40,7 +40,7 @@ class Correlation(Settings, key="classifier", single="coordinate"):
     keep=4,
 )
 def profile_draws(averaged: Profiles, training: str) -> Profiles | Floats:
-    """Return (replicate, view, bin) draws of profiles of as many frames; none if not learned."""
+    """Return (replicate, view, bin) draws of averaged profiles; none unless they are learned."""
     draws = classifier.by_view(averaged)
     return draws[:] if training == NOISY else draws[:0].copy()  # which does not keep the others
 
@@ -89,9 +89,9 @@ def match_views(
 ) -> Arrays:
     """Return the ship of the training vector most similar to each test, (ship, aspect).
 
-    The training set is (draw, view, bin) vectors of all views, zero where one is missing, and tests
-    are (view, bin) ones, or what a function turns to such vectors, block by block; templates of a
-    test's own aspect may be left out.
+    The training set is (draw, view, bin) vectors of all views, zero for missing ones, and tests are
+    (view, bin) vectors; or `see` converts both to vectors, block by block. `left_out` excludes
+    templates of a test's own aspect.
     """
     # Imported here because scikit-learn takes a second.
     from ncti.classify.baselines import NO_TEMPLATE, CorrelationNeighbour
@@ -101,7 +101,7 @@ def match_views(
     def templates_of(views: Indices) -> Floats:
         return see(training_set[:, views].reshape(-1, training_set.shape[-1]))
 
-    # Only what is learned is compared with; all views are, and no answer found, if that is nothing.
+    # Compare with learned views only. If all are zero, take all views: none matches.
     views = np.flatnonzero(training_views)
     templates = templates_of(views)
     if not templates.any():
@@ -113,11 +113,13 @@ def match_views(
     untrained = ~training_views.reshape(-1)[view]
     best, cosine = np.empty(len(tests), dtype=np.intp), np.empty(len(tests))
     for rows in row_blocks(len(tests)):
-        own = (aspect[rows, None] == aspect[view]) if left_out else np.False_
-        best[rows], cosine[rows] = neighbour.match(see(tests[rows]), exclude=untrained | own)
-    named = np.where(best == NO_TEMPLATE, NONE, ship[view[best]]).reshape(valid.shape)
+        same_aspect = (aspect[rows, None] == aspect[view]) if left_out else np.False_
+        best[rows], cosine[rows] = neighbour.match(
+            see(tests[rows]), exclude=untrained | same_aspect
+        )
+    predicted = np.where(best == NO_TEMPLATE, NONE, ship[view[best]]).reshape(valid.shape)
     similarity = np.where(valid, cosine.reshape(valid.shape), np.nan)
-    return classifier.judged(named, valid) | {"similarity": similarity}
+    return classifier.judged(predicted, valid) | {"similarity": similarity}
 
 
 def check(choices: Choices) -> Choices:

@@ -1,7 +1,7 @@
 """Data sets of simulated rows: `ncti.dataset` in pieces, each a cell that is kept.
 
-Ships, ranges, pulse widths and numbers of frames of the grid are drawn from, a value as often as
-another. A piece holds the rows that `ncti.dataset` returns of the same seed and numbers.
+Rows draw ships, ranges, pulse widths and numbers of frames uniformly from the grid. A piece holds
+the rows that `ncti.dataset` returns for the same seed and numbers.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 
 
 class Rows(Settings, key="dataset"):
-    """Rows of a data set, and what is drawn for them."""
+    """Rows of a data set and the ranges of their parameters."""
 
     sensor = word(
         "range", tuple(SENSORS), label="sensors of the data set", fixed="it shapes arrays"
@@ -86,16 +86,16 @@ class Rows(Settings, key="dataset"):
 
 
 def _has(kind: str) -> Condition:
-    """Return the condition that rows of a sensor are asked for."""
+    """Return the condition that the data set has rows of a sensor."""
     return lambda choices: looks(SENSOR)(choices) and kind in SENSORS[choices.value(Rows.sensor)]
 
 
-# Each group has the parameters of its rows, so that either is whole by itself.
+# Each group has the parameters of its rows, so that either can be read alone.
 USED = (Rows, Grid, Scene, Ladar, Render, Run)
 PROFILES = Group(SENSOR, _has("range"), USED)
 SILHOUETTES = Group(f"{SENSOR}_infrared", _has("infrared"), (*USED, Infrared))
 
-# Keywords of `ncti.dataset`: settings, of which the grid's are lists to draw from.
+# Keywords of `ncti.dataset`: settings; those of the grid are lists to draw from.
 OF_BOTH = {
     "seed": Run.seed,
     "piece": Rows.pieces,
@@ -123,11 +123,11 @@ INTEGERS = {"row": "i8", "view": "i8", "frames": "i4", "ship": "i4"}
 
 
 def _parameters(names: Iterable[str]) -> list[Output]:
-    """Declare parameters of rows, which are named `row_aspect` and the like."""
+    """Declare parameters of rows, such as `row_aspect`."""
     outputs = [Output("rows", ("ship",), "i4", label="rows of a ship")]
     for name in names:
-        about = ROWS[name]
-        unit, label = ("1", about) if isinstance(about, str) else about
+        description = ROWS[name]
+        unit, label = ("1", description) if isinstance(description, str) else description
         label += ", as an index into the ship axis" if name == "ship" else ""
         dtype = INTEGERS.get(name, "f8")
         outputs.append(Output(f"row_{name}", ("place",), dtype, label=label, unit=unit))
@@ -165,7 +165,7 @@ def made(
     count: int,
     **given: Any,
 ) -> Arrays:
-    """Return the arrays of the rows of a piece, which `ncti.dataset` makes."""
+    """Return the arrays of the rows of a piece, as `ncti.dataset` makes them."""
     drawn = {name: list(given[name]) for name in LISTS if given.get(name) is not None}
     meshes = [named(*pair) for pair in zip(hulls, map(str, ship), strict=True)]
     rows = dataset(meshes, count, first=piece * count, sensor=sensor, **{**given, **drawn})
@@ -177,7 +177,7 @@ def made(
 
 @lru_cache(maxsize=64)
 def named(hull: Hull, label: str) -> trimesh.Trimesh:
-    """Return a ship's mesh by the name that the sweep has for it."""
+    """Return a ship's mesh with the sweep's label as its name."""
     mesh = views.read_mesh(hull)
     if mesh.metadata.get("name") != label:
         mesh = mesh.copy()
@@ -201,7 +201,7 @@ def row_cells() -> Arrays:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) scenes, ships and ranges of which no rows are made."""
+    """Refuse (`ConfigurationError`) scenes, ships and ranges that rows do not support."""
     if looks(SENSOR)(choices):
         check_profiles(choices)
         views.require(choices, Scene.geometry, "fixed", f"with the sensor {SENSOR}")

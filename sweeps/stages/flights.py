@@ -46,7 +46,7 @@ flight_place = plain(
 
 @plain(uses=(Irar, Grid), reads=views.by_name(FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
-    """Return what a pass depends on; None for a ship that is not flown past."""
+    """Return the settings of a pass; None for a ship that is not flown past."""
     return None if flown is not None and ship not in flown else views.keywords(**values)
 
 
@@ -54,12 +54,12 @@ flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
 
 
 def if_flown(function: Callable[..., Result]) -> Callable[..., Result | None]:
-    """Return a function that returns None if an argument is None, as of a ship not flown past."""
+    """Return a function that returns None if any argument is None, as for a ship not flown past."""
 
     @wraps(function)
-    def called(*given: Any, **named: Any) -> Result | None:
-        absent = any(argument is None for argument in (*given, *named.values()))
-        return None if absent else function(*given, **named)
+    def called(*args: Any, **kwargs: Any) -> Result | None:
+        absent = any(argument is None for argument in (*args, *kwargs.values()))
+        return None if absent else function(*args, **kwargs)
 
     return called
 
@@ -112,15 +112,15 @@ def scan(
     replicate: int,
 ) -> tuple[Scan, Scan]:
     """Return the raw images, and the same without noise."""
-    met = {"replicate": replicate, **dict(receivers)}
-    noisy = irar.recorded(flown_pass, dict(course), met, **dict(flight_place))
+    conditions = {"replicate": replicate, **dict(receivers)}
+    noisy = irar.recorded(flown_pass, dict(course), conditions, **dict(flight_place))
     return noisy, irar.received(flown_pass, dict(receivers)).noiseless()
 
 
 @in_memory(uses=(Irar,), reads={"error": Irar.errors, "focused": Irar.autofocus})
 @if_flown
 def navigation(scan: tuple[Scan, Scan], error: Error, focused: bool) -> Flight:
-    """Return what the corrections take for the flight."""
+    """Return the flight that the corrections assume."""
     noisy, _ = scan
     estimate = comparison.navigated(noisy.flight, error)
     if focused:
@@ -213,24 +213,24 @@ def corrected(
     (noisy, clean), (view, models) = scan, truth
     flight = noisy.flight
     pixels = flight_chain.window(mesh, flight, error)
-    whole = flight_chain.correct(noisy, navigation, pixels)
+    image = flight_chain.correct(noisy, navigation, pixels)
     fine = flight_chain.correct(noisy, navigation, pixels, overscanned=True)
     cut = partial(library.segmented, threshold=flight_chain.segmentation_threshold)
-    shown, fine = cut(whole, navigation), cut(fine, navigation)
-    visible = bool(np.count_nonzero(shown.intensity) >= comparison.LEAST_SEEN)
+    segmented, fine = cut(image, navigation), cut(fine, navigation)
+    visible = bool(np.count_nonzero(segmented.intensity) >= comparison.LEAST_SEEN)
     measured = library.profile(fine, navigation, bins=bins.size, bin_width=bin_width)
     profiles = np.stack([measured, *(flight.cnr * models)])
     return {
         "profile": profiles,
         "closing_speed_error": np.array(navigation.closing_speed / flight.closing_speed - 1),
-        "looks": shown.looks.sum() / max(np.count_nonzero(shown.looks), 1),
-        "intensity": shown.intensity,
-        "range_image": shown.range - flight.slant_range,
-        "infrared_image": shown.infrared,
+        "looks": segmented.looks.sum() / max(np.count_nonzero(segmented.looks), 1),
+        "intensity": segmented.intensity,
+        "range_image": segmented.range - flight.slant_range,
+        "infrared_image": segmented.infrared,
         "first_row": np.array(pixels.bottom),
         "first_column": np.array(pixels.left),
         **comparison.measure_tilts(
-            flight_chain, noisy, clean, whole, view, navigation, shown=visible
+            flight_chain, noisy, clean, image, view, navigation, shown=visible
         ),
         **{f"pixel_{name}": array for name, array in vars(fine.ship_pixels).items()},
         **comparison.compare_profiles(profiles, bins, aspect=aspect, ship=ship),
@@ -278,13 +278,13 @@ def check(choices: Choices) -> Choices:
         ship: views.read_mesh(views.hull.function(ship)).convex_hull for ship in flown(choices)
     }
     for values in combinations(choices, (Grid.ship, Grid.aspect, *FLOWN)):
-        ship, aspect, where = values.pop("ship"), values.pop("aspect"), ""
+        ship, aspect, place = values.pop("ship"), values.pop("aspect"), ""
         try:
             flight = flight_of(aspect, values)
-            where = f" ({ship} at {aspect:g} deg)"
+            place = f" ({ship} at {aspect:g} deg)"
             plan = plan_scan(hulls[ship], flight) if ship in hulls else None
-        except ValueError as why:
-            raise ConfigurationError(f"{_of_key(why, values['range'])}{where}") from why
+        except ValueError as problem:
+            raise ConfigurationError(f"{_of_key(problem, values['range'])}{place}") from problem
         for error in choices[Irar.errors]:
             _check_estimate(flight, error)
         if plan is not None and not plan.meets(hulls[ship]):
@@ -300,7 +300,7 @@ def flown(choices: Choices) -> tuple[Value, ...]:
 
 
 def combinations(choices: Choices, settings: tuple[Setting, ...]) -> Iterator[dict[str, Value]]:
-    """Yield values of some settings, by dimension, for all places of a sweep's axes."""
+    """Yield values of some settings, by dimension, for every combination of a sweep's axes."""
     for point in choices.points([setting.key for setting in settings]):
         yield {setting.name: value for setting, value in zip(settings, point, strict=True)}
 
@@ -311,8 +311,8 @@ def _check_estimate(flight: Flight, error: Error) -> None:
     wrong = f"irar.errors.{parameter} has {value:g}, with which"
     try:
         speed = comparison.navigated(flight, error).closing_speed
-    except ValueError as why:
-        raise ConfigurationError(f"{wrong} {why}") from why
+    except ValueError as problem:
+        raise ConfigurationError(f"{wrong} {problem}") from problem
     least, most = (share * flight.closing_speed for share in (SLOWEST, FASTEST))
     if not least <= speed <= most:
         raise ConfigurationError(
@@ -323,10 +323,10 @@ def _check_estimate(flight: Flight, error: Error) -> None:
 
 def _of_key(error: ValueError, slant_range: float) -> str:
     """Return the library's message about a flight, with the configuration's keys and units."""
-    said = re.fullmatch(r"slant_range is .*? must be at least ([\d.e+]+), (.*)", str(error))
-    if said:
-        least = float(said[1]) / 1e3
-        return f"irar.range has {slant_range:g}, but must be at least {least:g}, {said[2]}"
+    match = re.fullmatch(r"slant_range is .*? must be at least ([\d.e+]+), (.*)", str(error))
+    if match:
+        least = float(match[1]) / 1e3
+        return f"irar.range has {slant_range:g}, but must be at least {least:g}, {match[2]}"
     return f"irar.{error}"
 
 

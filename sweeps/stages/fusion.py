@@ -1,4 +1,4 @@
-"""Fusion of range profiles and silhouettes, beside each of them alone.
+"""Fusion of range profiles and silhouettes, and identification by each alone.
 
 A template is a view, a ship at an aspect, for both sensors. Draw d pairs replicate d of the
 profiles with phase d of the silhouettes, cyclically if there are fewer profiles.
@@ -40,7 +40,7 @@ NAME = "fusion"
 CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
 OF_DRAWS = ("channel", "draw")
-# What silhouettes depend on besides the range; templates on the last two.
+# Settings that silhouettes depend on besides the range; templates depend on the last two.
 LOOKS = (
     *(Infrared.frame_count, Infrared.super_resolution, Infrared.segmentation),
     *(Infrared.inner_radius, Infrared.interpolation),
@@ -61,16 +61,16 @@ def cosines(
 ) -> NDArray[np.float32]:
     """Return (phase, view, template) cosines of some views of (number, phase, view, ...) maps.
 
-    They are the maps of a number on the first axis; templates are (phase, template, feature)
+    The maps are those at index `number` of the first axis; templates are (phase, template, feature)
     vectors. See `ncti.classify.fusion.similarity_between_phases`.
     """
-    found = np.empty((len(templates), len(views), templates.shape[1]), np.float32)
+    similarity = np.empty((len(templates), len(views), templates.shape[1]), np.float32)
     for rows in row_blocks(len(views)):
-        seen = maps[number, :, views[rows]]
+        block = maps[number, :, views[rows]]
         # Advanced indices on both sides of a slice come first.
-        vectors = classifier.map_vectors(seen.swapaxes(0, 1)[:, None])
-        found[:, rows] = similarity_between_phases(vectors, templates)
-    return found
+        vectors = classifier.map_vectors(block.swapaxes(0, 1)[:, None])
+        similarity[:, rows] = similarity_between_phases(vectors, templates)
+    return similarity
 
 
 def by_view(maps: NDArray[np.uint8], lead: int) -> NDArray[np.uint8]:
@@ -93,8 +93,8 @@ def silhouette_constants(
 ) -> Floats:
     """Return (frame_count, constant, phase) inverse temperatures and outlier fractions.
 
-    Of silhouettes of learned views, whose cosines to each other are held, those of one number of
-    frames. See `ncti.classify.calibration.fit_held_out_phases`.
+    They are fitted to silhouettes of learned views, whose cosines to each other are held for one
+    number of frames at a time. See `ncti.classify.calibration.fit_held_out_phases`.
     """
     # Imported here because scikit-learn takes a second.
     from ncti.classify.calibration import fit_held_out_phases
@@ -102,10 +102,10 @@ def silhouette_constants(
     learned = np.flatnonzero(valid.all(axis=0) & training_views)
     templates = classifier.map_vectors(by_view(template_log_polar, 1)[:, learned][:, None])
     maps = by_view(log_polar, 2)
-    place = np.divmod(learned, training_views.shape[1])
+    ship_aspect = np.divmod(learned, training_views.shape[1])
     return np.stack(
         [
-            fit_held_out_phases(cosines(templates, maps, m, learned), *place)
+            fit_held_out_phases(cosines(templates, maps, m, learned), *ship_aspect)
             for m in range(len(maps))
         ]
     )
@@ -157,7 +157,7 @@ ANSWERS = classifier.ClassifierGroup.of_classifier(
 
 @ANSWERS.answers(
     Output("probability", ANSWERS.answer, label="posterior probability of the true ship"),
-    # Of both sensors the first is that of silhouettes, the second that of profiles.
+    # For both sensors, the first output is of silhouettes, the second of profiles.
     Output(
         "inverse_temperature",
         OF_DRAWS,
@@ -194,18 +194,19 @@ def fusion(
 ) -> Arrays:
     """Return the ships predicted by profile, by silhouette and by both.
 
-    The score of a profile is its log-likelihood, taken as it is: its inverse temperature is 1. That
-    of a silhouette is given the inverse temperature found on the silhouettes of the *other* phases.
-    For both, they are added, each with its outlier fraction: neither outweighs the other by more
-    than answers about learned views support. An empty silhouette carries no information: all its
-    scores are 0. Views count that both sensors see in all draws; scores are held of some of them.
+    The score of a profile is its log-likelihood at an inverse temperature of 1. The score of a
+    silhouette has the inverse temperature fitted to the silhouettes of the *other* phases. For both
+    sensors, the scores are added, each with its outlier fraction, so that neither outweighs the
+    other by more than answers about learned views support. An empty silhouette carries no
+    information: all its scores are 0. Only views that both sensors see in all draws count; scores
+    are held in blocks of views.
     """
     templates, known = profile_templates
     compared: Views = np.asarray(valid.all(axis=(0, 1)))
     learned = compared & known & training_views
     views, training_set = np.flatnonzero(compared), np.flatnonzero(learned)
-    own = np.searchsorted(np.flatnonzero(known), training_set)  # among templates of profiles
-    of_ship, of_profiles = training_set // known.shape[1], profile_outlier_fraction[..., own]
+    template = np.searchsorted(np.flatnonzero(known), training_set)  # among templates of profiles
+    of_ship, of_profiles = training_set // known.shape[1], profile_outlier_fraction[..., template]
     # Maps by look and view, and the vectors of templates by inner radius and interpolation.
     axes, kinds = log_polar.shape[: len(LOOKS)], template_log_polar.shape[:2]
     looks, replicates, phases = math.prod(axes), averaged.shape[1], log_polar.shape[len(LOOKS)]
@@ -214,9 +215,9 @@ def fusion(
     silhouettes = _vectors(known_maps, training_set)
     profiles = averaged.reshape(len(frame_count), replicates, -1, averaged.shape[-1])
     draws = max(replicates, phases)
-    whole = (len(gain_sigma), len(frame_count), looks, len(CHANNELS), draws)
-    named = np.full((*whole, *known.shape), NONE, dtype=np.int16)
-    probability = np.full((*whole, *known.shape), np.nan, dtype=np.float32)
+    shape = (len(gain_sigma), len(frame_count), looks, len(CHANNELS), draws)
+    best = np.full((*shape, *known.shape), NONE, dtype=np.int16)
+    probability = np.full((*shape, *known.shape), np.nan, dtype=np.float32)
     factors = silhouette_constants.reshape(looks, 2, phases)[..., np.arange(draws) % phases]
     for rows in row_blocks(len(views), ROWS * max(1, HELD_ROWS // (ROWS * max(replicates, looks)))):
         true, column = np.divmod(views[rows], known.shape[1])
@@ -224,9 +225,9 @@ def fusion(
             cosines(silhouettes[m % len(silhouettes)], maps, m, views[rows]) for m in range(looks)
         ]
         for f, count in enumerate(frame_count):
-            seen = np.concatenate([profiles[f, r, views[rows]] for r in range(replicates)])
-            logs = templates.log_likelihood(prior.levelled(seen), count, gain_sigma=gain_sigma)
-            logs = logs.reshape(len(gain_sigma), replicates, len(true), -1)[..., own]
+            block = np.concatenate([profiles[f, r, views[rows]] for r in range(replicates)])
+            logs = templates.log_likelihood(prior.levelled(block), count, gain_sigma=gain_sigma)
+            logs = logs.reshape(len(gain_sigma), replicates, len(true), -1)[..., template]
             for g, d in np.ndindex(len(gain_sigma), draws):
                 profile = logs[g, d % replicates]
                 certain = with_outliers(profile, of_ship, outlier_fraction=of_profiles[g, f])
@@ -235,15 +236,15 @@ def fusion(
                     factor, share = factors[m, :, d]
                     silhouette = factor * cosine[d % phases].astype(np.float64)
                     silhouette = with_outliers(silhouette, of_ship, outlier_fraction=share)
-                    both = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
-                    of_both = (label_posterior(scores, of_ship) for scores in (silhouette, both))
+                    fused = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
+                    of_both = (label_posterior(scores, of_ship) for scores in (silhouette, fused))
                     for c, posterior in enumerate((of_profile, *of_both)):
-                        at = g, f, m, c, d, true, column
-                        named[at], probability[at] = classifier.most_probable(posterior, true)
-    answers = classifier.judged(named, compared) | {"probability": probability}
-    answers |= _constants(factors, of_profiles.mean(axis=-1), whole)
+                        index = g, f, m, c, d, true, column
+                        best[index], probability[index] = classifier.most_probable(posterior, true)
+    answers = classifier.judged(best, compared) | {"probability": probability}
+    answers |= _constants(factors, of_profiles.mean(axis=-1), shape)
     return {
-        name: values.reshape(*whole[:2], *axes, *values.shape[3:])
+        name: values.reshape(*shape[:2], *axes, *values.shape[3:])
         for name, values in answers.items()
     }
 
@@ -258,13 +259,13 @@ def _vectors(maps: NDArray[np.uint8], views: Indices) -> list[NDArray[np.float32
     ]
 
 
-def _constants(factors: Floats, of_profiles: Floats, whole: tuple[int, ...]) -> Arrays:
+def _constants(factors: Floats, of_profiles: Floats, shape: tuple[int, ...]) -> Arrays:
     """Return inverse temperatures and outlier fractions by gain, frame count, look, channel, draw.
 
-    `factors` (look, 2, draw) are both of silhouettes; `of_profiles` (gain, frame count) are outlier
+    `factors` (look, 2, draw) are of silhouettes; `of_profiles` (gain, frame count) are outlier
     fractions.
     """
-    inverse_temperature, outlier_fraction = np.empty((2, *whole))
+    inverse_temperature, outlier_fraction = np.empty((2, *shape))
     inverse_temperature[..., 0, :], inverse_temperature[..., 1:, :] = 1.0, factors[:, :1]
     outlier_fraction[..., ::2, :] = of_profiles[..., None, None, None]
     outlier_fraction[..., 1, :] = factors[:, 1]
@@ -272,7 +273,7 @@ def _constants(factors: Floats, of_profiles: Floats, whole: tuple[int, ...]) -> 
 
 
 def draws_of(replicate: tuple[int, ...], subpixel_offsets: tuple[int, ...]) -> Arrays:
-    """Return the channels and the numbers of the draws."""
+    """Return the channels and the numbers of draws."""
     draws = max(len(replicate), len(subpixel_offsets))
     return {"channel": np.array(CHANNELS), "draw": np.arange(draws)}
 
@@ -286,9 +287,9 @@ fusion_draws = ANSWERS.coordinates(
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse ranges that only one sensor sees, where fusion is the only classifier.
+    """Refuse ranges that only one sensor sees, if fusion is the only classifier.
 
-    Among other classifiers it is left out then.
+    Beside other classifiers, fusion is left out at such ranges.
     """
     if choices[Classifier.name] == (NAME,):
         sensors, reason = choices.value(Sweep.sensor), f"for the classifier {NAME}"

@@ -71,8 +71,8 @@ OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolatio
 
 Bytes = NDArray[np.uint8]
 
-# Of one frame [K]. What the most frames and the recombination of shifted ones leave of it,
-# 0.5 / sqrt(10,000), is still no less than the 1e-6 K that matched segmentation can tell from 0.
+# Noise of one frame [K]. The share that the most frames and the recombination of shifted ones
+# leave, 0.5 / sqrt(10,000), still exceeds the 1e-6 K that matched segmentation resolves.
 LEAST_NEDT = 1e-3
 
 # Patches of ship are counted, so a pixel that the ship fills may come out a patch or so short of
@@ -81,12 +81,12 @@ MOST_COVERAGE = 0.95
 
 
 def _as(grid: Setting) -> dict[str, Any]:
-    """Return what is said of an axis whose values are the grid's unless others are given."""
+    """Return the help of an axis whose values default to the grid's."""
     return {"help": f"null: that of {grid.key}", "single": "dimension"}
 
 
 class Infrared(Settings, key="infrared"):
-    """The passive-infrared imager: its array, the air, the scene, and what is made of an image."""
+    """The passive-infrared imager: array, air, scene and image processing."""
 
     ifov = quantity(150, 1, 100e3, "urad", "field of view of a pixel")
     contrast_at_zero = quantity(
@@ -184,7 +184,7 @@ class Infrared(Settings, key="infrared"):
 
 @plain()
 def silhouette_engine(drawing_engine: str) -> str:
-    """Return the engine of silhouettes, which need no depth where OpenGL would draw it."""
+    """Return the engine of silhouettes: a mask in place of OpenGL, since they need no depth."""
     return MASK if drawing_engine in OPENGL else drawing_engine
 
 
@@ -205,7 +205,7 @@ training_images = views.image_stages(
     reads={"image": "infrared_image"},
 )
 def hits(image: RangeImage | LineImage | Mask) -> Arrays:
-    """Return where a view shows the ship."""
+    """Return the pixels or spans of lines at which a view hits the ship."""
     return vars(Hits.of(image))
 
 
@@ -274,7 +274,7 @@ def thermal_image(
     super_resolution: str,
     frame_count: tuple[int, ...],
 ) -> Arrays:
-    """Return images [K] in the window of the largest ship, and where that begins."""
+    """Return images [K] in the window of the largest ship, and its first row and column."""
     begin = np.zeros(len(frame_count), dtype=np.int64)
     image = detector_view.image_in(infrared_window, super_resolution, frame_count)
     return {"image": image, "first_row": begin, "first_col": begin}
@@ -377,12 +377,12 @@ def template_log_polar(
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ranges and ships that the imager does not resolve or hold."""
+    """Refuse (`ConfigurationError`) ranges that pixels do not resolve, and ships too large."""
     if not looks(views.INFRARED)(choices):
         return choices
-    same = choices[Infrared.range] == choices[Grid.range]
-    named = Grid.range if same else Infrared.range
-    for setting in (named, Infrared.training_range):
+    same_ranges = choices[Infrared.range] == choices[Grid.range]
+    range_setting = Grid.range if same_ranges else Infrared.range
+    for setting in (range_setting, Infrared.training_range):
         views.check_ranges(choices, setting, Infrared.ifov, part=0.5)
     check_window(choices)
     return choices
@@ -450,34 +450,36 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     for setting in (Infrared.extinction, Infrared.contrast_at_zero, Infrared.nedt):
         swept = setting.name in images.dims
         axes[setting.name] = images[setting.name] if swept else xr.DataArray(choices.value(setting))
-    whole = dict(zip(axes, xr.broadcast(*axes.values()), strict=True))
-    given: dict[str, Any] = {name: array.values for name, array in whole.items()}
-    metres = Infrared.range.in_si(given.pop("range"))
-    air = {"extinction": Infrared.extinction.in_si(given.pop("extinction"))}
-    seen = air | {"contrast_at_zero": given.pop("contrast_at_zero")}
+    broadcast = dict(zip(axes, xr.broadcast(*axes.values()), strict=True))
+    parameters: dict[str, Any] = {name: array.values for name, array in broadcast.items()}
+    metres = Infrared.range.in_si(parameters.pop("range"))
+    air = {"extinction": Infrared.extinction.in_si(parameters.pop("extinction"))}
+    scene = air | {"contrast_at_zero": parameters.pop("contrast_at_zero")}
     figures = {
         "attenuation": (library.attenuation(metres, **air), "loss in the air, one way", "dB"),
-        "contrast": (library.contrast(metres, **seen), "contrast of ship to sea", "K"),
-        "snr": (library.snr(metres, **given, **seen), "signal-to-noise ratio of a pixel"),
+        "contrast": (library.contrast(metres, **scene), "contrast of ship to sea", "K"),
+        "snr": (library.snr(metres, **parameters, **scene), "signal-to-noise ratio of a pixel"),
     }
     return data_set(
         {
-            name: (whole["range"].copy(data=values), *label)
+            name: (broadcast["range"].copy(data=values), *label)
             for name, (values, *label) in figures.items()
         }
     )
 
 
 def _measured(images: xr.Dataset, name: str) -> xr.DataArray:
-    """Return one variable, without the coordinates of how silhouettes are cut out and mapped."""
+    """Return one variable without the scalar coordinates of segmentation and mapping."""
     variable = images[name].load()
     single = [key for key, coord in variable.coords.items() if not coord.dims]
     return variable.drop_vars([key for key in single if key != "coverage_rule"])
 
 
-def _table(name: str, tabulate: Any, title: str, figures: tuple[Figure, ...], **how: Any) -> Table:
+def _table(
+    name: str, tabulate: Any, title: str, figures: tuple[Figure, ...], **options: Any
+) -> Table:
     """Return a table of images, with one row for each range and number of frames."""
-    display = Display(f"infrared_{name}", title, figures, rows=SEEN, **how)
+    display = Display(f"infrared_{name}", title, figures, rows=SEEN, **options)
     return OF_VIEWS.table(name, tabulate, display)
 
 

@@ -89,7 +89,7 @@ class Errors(Kind):
         return (NO_ERROR, *sorted(pairs))
 
     def as_input(self, values: tuple[Value, ...]) -> dict[str, list[float]]:
-        """Return what a user writes to get some values."""
+        """Return some values in the form in which a user writes them."""
         return {
             parameter: [error for name, error in values if name == parameter]
             for parameter in sorted({name for name, _ in values} - {NO_ERROR[0]})
@@ -98,24 +98,24 @@ class Errors(Kind):
     def coordinates(
         self, values: tuple[Value, ...]
     ) -> dict[str, tuple[NDArray[Any], dict[str, str]]]:
-        """Return coordinates of an axis of some values, its own first, with their attributes."""
+        """Return the coordinates of an axis with some values, its own first, with attributes."""
         parameters, errors = zip(*values, strict=True)
-        named = {"long_name": "recorded flight parameter in error"}
+        attrs = {"long_name": "recorded flight parameter in error"}
         return {
             "error": (np.arange(len(values)), Irar.errors.attrs),
-            "error_parameter": (np.array(parameters), named),
+            "error_parameter": (np.array(parameters), attrs),
             "error_value": (np.array(errors), {"units": "1", "long_name": ERROR_VALUE}),
         }
 
 
-# With one value they are scalar coordinates of what depends on them.
+# Settings of one value are scalar coordinates of results that depend on them.
 # Not in SI, since their values name the noise, too.
 _axis = partial(quantity, si=False)
 _word = partial(word, single="coordinate")
 
 
 class Course(Settings, key="irar", single="coordinate"):
-    """Course and radar of a flight: what the pass and the truth depend on.
+    """Course and radar of a flight, which determine the pass and the truth.
 
     The article gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
     gate, samples and carrier-to-noise ratio are assumptions that lead to its 8 to 12 lines a pixel.
@@ -170,7 +170,7 @@ class Course(Settings, key="irar", single="coordinate"):
 
 
 class Receivers(Settings, key="irar", single="coordinate"):
-    """The receivers of a flight: what its raw images depend on as well."""
+    """The receivers of a flight, which its raw images depend on as well."""
 
     cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
     range_sigma = _axis(1, 0, 100, "m", "standard deviation of a measured range")
@@ -291,20 +291,20 @@ FLIGHTS = Group(
 
 
 def parameters(values: Values) -> dict[str, Any]:
-    """Return parameters of a `Flight`, in SI, of values of `FLOWN` and `RECORDED`."""
+    """Return parameters of a `Flight`, in SI, from values of `FLOWN` and `RECORDED`."""
     units = {setting.name: SI.get(setting.unit) for setting in (*FLOWN, *RECORDED)}
-    given = {
+    converted = {
         LIBRARY.get(name, name): value if units[name] is None else value * units[name]
         for name, value in values.items()
         if name not in OF_NO_FLIGHT
     }
-    return given | ({"cnr": power_ratio(given["cnr"])} if "cnr" in given else {})
+    return converted | ({"cnr": power_ratio(converted["cnr"])} if "cnr" in converted else {})
 
 
 def flight_of(aspect: float, values: Values) -> Flight:
-    """Return the pass by a ship at an aspect [deg], of values of `FLOWN`, and perhaps `RECORDED`.
+    """Return the pass by a ship at an aspect [deg], from values of `FLOWN` or also `RECORDED`.
 
-    Its carrier-to-noise ratio is 1 unless there is one; ValueError if it cannot be flown.
+    Its carrier-to-noise ratio is 1 unless `values` have one; ValueError if it cannot be flown.
     """
     sight = values["aircraft_heading"] + values["offset"]
     heading = ship_heading(aspect=aspect, sight=sight)
@@ -350,28 +350,28 @@ def received(flown: Pass, receivers: Values) -> Pass:
 def recorded(flown: Pass, course: Values, receivers: Values, *, seed: int, **view: Any) -> Scan:
     """Return the raw images of a pass, by receivers of values of `RECORDED`.
 
-    All else is one draw, for any passive band.
+    The draw of the noise does not depend on the passive band.
     """
-    shown = {setting.name for setting in Passive.declared}
-    named = {name: value for name, value in receivers.items() if name not in shown}
-    rng = cell_rng(seed, stage="flight", **view, **course, **named)
+    passive = {setting.name for setting in Passive.declared}
+    naming = {name: value for name, value in receivers.items() if name not in passive}
+    rng = cell_rng(seed, stage="flight", **view, **course, **naming)
     return received(flown, receivers).record(rng)
 
 
 def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **place: Any) -> Scan:
     """Return the raw images that a sweep made of a flight past a ship.
 
-    Values are of all of `FLOWN` and `RECORDED`, None where null was given; others are left alone.
+    `values` cover all of `FLOWN` and `RECORDED`, with None for null; others are ignored.
     The place is the sweep's seed, the name of the ship, and its aspect [deg].
     """
-    names = ([setting.name for setting in on] for on in (FLOWN, RECORDED))
-    course, receivers = ({name: values[name] for name in own} for own in names)
+    names = ([setting.name for setting in settings] for settings in (FLOWN, RECORDED))
+    course, receivers = ({name: values[name] for name in group} for group in names)
     draw = {"replicate": receivers["replicate"], "reflectance": reflectance}
     return recorded(fly_past(mesh, course, **draw, **place), course, receivers, **place)
 
 
 def loops(choices: Choices) -> list[Loops]:
-    """Return the loops that flights take, and those of the pixels that they need beside lines."""
+    """Return the loops of flights, and those of the pixels that they need beside lines."""
     if not looks(IRAR)(choices):
         return []
     return [TILTS] + [of_engine(choose_engine("auto"))] * (LINES in choices[Render.engine])

@@ -93,7 +93,7 @@ def stores_moments(choices: Choices) -> bool:
 
 
 def has_tolerance(choices: Choices) -> bool:
-    """Return whether range profiles are to be accurate to a tolerance."""
+    """Return whether range profiles must meet a tolerance."""
     return looks(RANGE)(choices) and any(choices[Render.tolerance])
 
 
@@ -160,7 +160,7 @@ def seen_shift(
     seed: int,
     drawn_aspect: float,
 ) -> Place:
-    """Return the place of the ship origin in averages, mirrored where the other side is drawn."""
+    """Return the place of the ship origin in averages, mirrored if the other side is drawn."""
     if place == CORNER:
         return 0.0, 0.0
     view = {"ship": str(ship), "aspect": aspect, "range": range, "replicate": replicate}
@@ -169,7 +169,7 @@ def seen_shift(
 
 
 def on_side(place: Place, aspect: float, drawn_aspect: float) -> Place:
-    """Return a place, mirrored where the other side of the ship is drawn.
+    """Return a place, mirrored if the other side of the ship is drawn.
 
     No whole IFOV is added, so that IFOVs have the same numbers, and noise, on either side.
     """
@@ -185,7 +185,7 @@ def extent(image: RangeImage | LineImage, **beam: Any) -> Arrays:
 
 @in_memory(uses=(Grid,))
 def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
-    """Return the library's range extent, mirrored where the other side was drawn."""
+    """Return the library's range extent, mirrored if the other side was drawn."""
     drawn = views.restored(RangeExtent.unpacked, extent)
     return drawn if aspect == drawn_aspect else drawn.mirrored()
 
@@ -199,7 +199,7 @@ seen_ifovs = replace(ifovs, name="seen_ifovs", reads={"extent": "seen_extent"})
 def fineness(
     pulse_width: tuple[float, ...], bin_width: tuple[float, ...], tolerance: float | None
 ) -> tuple[float, ...]:
-    """Return a tolerance, the shortest pulse [s] and bin [m] in which it holds; or nothing."""
+    """Return a tolerance and the shortest pulse [s] and bin [m] at which it holds, or nothing."""
     return () if tolerance is None else (tolerance, min(pulse_width), min(bin_width))
 
 
@@ -232,7 +232,7 @@ expected = PROFILE.stage(
     Output("floor_removed", ("down_range",), label="expected range profile above the noise floor"),
 )
 def above_floor(expected: views.Profiles) -> Arrays:
-    """Return the noise floor, read off both ends of the window, and the profile above it."""
+    """Return the noise floor, estimated at both ends of the window, and the profile above it."""
     floor = estimated_floor(expected)
     return {"noise_floor": floor[0], "floor_removed": expected - floor}
 
@@ -287,10 +287,10 @@ def lags(
 ) -> Floats:
     """Return the lags at which profiles are correlated, for the widest reach of the pulses.
 
-    They reach as far with no ship there, and the farther the larger the carrier-to-noise ratio is.
+    The reach is the same without a ship, and grows with the carrier-to-noise ratio.
     """
-    several = (dict(zip(sight, values, strict=True)) for values in product(*sight.values()))
-    strongest = max(cnr_at_range(**values) for values in several)
+    sights = (dict(zip(sight, values, strict=True)) for values in product(*sight.values()))
+    strongest = max(cnr_at_range(**values) for values in sights)
     sea = library.no_return(window, bin_width)
     bands = [
         library.banded_frame_moments(sea, pulse_width=width, cnr=strongest)[1]
@@ -321,7 +321,7 @@ def check(choices: Choices) -> Choices:
 def check_profiles(choices: Choices) -> None:
     """Refuse pulses too short for the range bins, or a window too short for a ship.
 
-    The check of each sensor that makes range profiles calls it.
+    Every sensor with range profiles calls it in its check.
     """
     check_pulses(choices, Ladar.bin_width)
     if FULL in choices[Ladar.receiver]:
@@ -339,7 +339,7 @@ def check_pulses(choices: Choices, bins: Setting) -> None:
 
 
 def _check_window(choices: Choices) -> None:
-    """Refuse a range window that does not hold every ship, both its ends free."""
+    """Refuse a range window that does not hold every ship with both its ends free."""
     window = choices.value(Ladar.window)
     longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
@@ -349,11 +349,13 @@ def _check_window(choices: Choices) -> None:
 
 
 def _check_cnr(choices: Choices) -> None:
-    """Refuse a carrier-to-noise ratio at which single precision loses a ship in the noise floor."""
-    farthest, widest = (each.in_si(max(choices[each])) for each in (Grid.range, Ladar.ifov))
+    """Refuse carrier-to-noise ratios at which single precision loses a ship in the noise floor."""
+    farthest, widest = (
+        setting.in_si(max(choices[setting])) for setting in (Grid.range, Ladar.ifov)
+    )
     most = max(choices[Ladar.target_free_ifovs])
     signals = [
-        *product(*(choices[each] for each in (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)))
+        *product(*(choices[setting] for setting in (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)))
     ]
     for ship in choices[Grid.ship]:
         least = faintest(
@@ -362,9 +364,9 @@ def _check_cnr(choices: Choices) -> None:
             ifov=widest,
             target_free_ifovs=most,
         )
-        for cnr, at, extinction in signals:
+        for cnr, cnr_range, extinction in signals:
             ratio = cnr_at_range(
-                farthest, cnr, Ladar.cnr_range.in_si(at), Ladar.extinction.in_si(extinction)
+                farthest, cnr, Ladar.cnr_range.in_si(cnr_range), Ladar.extinction.in_si(extinction)
             )
             if ratio < least:
                 lacking = 10 * math.log10(least / max(ratio, 1e-300))

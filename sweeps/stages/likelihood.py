@@ -86,14 +86,14 @@ class Likelihood(Settings, key="classifier"):
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of profiles before they are seen."""
+    """Prior knowledge of profiles."""
 
     diagonal_loading: float
     floor_sigma: float
     floor_estimated: bool
 
     def levelled(self, profiles: Profiles) -> Profiles | Floats:
-        """Return profiles with their floors removed where these are estimated."""
+        """Return profiles, without their floors if these are estimated."""
         return profiles - estimated_floor(profiles) if self.floor_estimated else profiles
 
 
@@ -102,7 +102,7 @@ prior = plain(uses=(Likelihood,), name="prior")(Prior)
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Moments of profiles by (ship, aspect), and which views exist and are in training.
+    """Moments of profiles by (ship, aspect), with masks of existing and of training views.
 
     The means, `placed_profile`, are of (place, ship, aspect), and so is `valid`.
     """
@@ -117,12 +117,12 @@ class Moments:
 
     @property
     def known(self) -> Views:
-        """The (ship, aspect) mask of what is learned."""
+        """The (ship, aspect) mask of learned views."""
         return self.valid.all(axis=0) & self.training_views
 
     @property
     def alternative(self) -> Views:
-        """The (ship, aspect) mask of templates that stand for no ship of those known."""
+        """The (ship, aspect) mask of templates that stand for unknown ships."""
         return self.valid.all(axis=0) & self.alternative_views
 
     def templates(
@@ -131,10 +131,10 @@ class Moments:
         template_error: float | None,
         rng: np.random.Generator | None = None,
     ) -> GaussianTemplates:
-        """Return templates of the views chosen; their error is calibrated if it is None.
+        """Return templates of the chosen views; their error is calibrated if it is None.
 
-        Their floor, which the target's gain leaves alone, is what the window's edge holds: noise,
-        the ship's own IFOVs' among it.
+        Their floor, which the target's gain does not scale, is the level at the window's edge:
+        noise, including that of the ship's own IFOVs.
         """
         # Imported here because scikit-learn takes a second.
         from ncti.classify.likelihood import GaussianTemplates
@@ -143,12 +143,12 @@ class Moments:
         profiles = [self.placed_profile[place, chosen] for place in places]
         means = self.prior.levelled(np.stack(profiles, axis=1))
         ship, column = chosen.nonzero()
-        at = np.array(self.aspect)[column]
+        aspects = np.array(self.aspect)[column]
         return GaussianTemplates(
             diagonal_loading=self.prior.diagonal_loading,
             floor_sigma=self.prior.floor_sigma,
             template_error=template_error,
-        ).fit(means, self.covariance[chosen], ship, floor=means[..., :1], aspect=at, rng=rng)
+        ).fit(means, self.covariance[chosen], ship, floor=means[..., :1], aspect=aspects, rng=rng)
 
 
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)
@@ -177,12 +177,12 @@ def template_shift(
     template_spacing: float | None,
     test_aspects: tuple[float, ...],
 ) -> Place:
-    """Return the place of the ship origin in a template, mirrored where the other side is drawn.
+    """Return the place of the ship origin in a template, mirrored if the other side is drawn.
 
-    Views that are no templates have the corner, so that their cells are those of expected profiles.
+    Views without templates are at the corner, so that they share the cells of expected profiles.
     """
-    how = training_aspect, template_spacing, test_aspects
-    [of_aspect] = classifier.training_aspects((aspect,), *how)
+    selection = training_aspect, template_spacing, test_aspects
+    [of_aspect] = classifier.training_aspects((aspect,), *selection)
     absent = set(unknown or ()) - set(alternative or ())
     number = template_places if of_aspect and ship not in absent else 0
     return on_side(spread_place(number), aspect, drawn_aspect)
@@ -219,7 +219,7 @@ def calibrated_error(
     template_error: float | None,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the template error, calibrated on templates left out unless it is given."""
+    """Return the template error, calibrated on left-out templates unless it is given."""
     if template_error is None and profile_moments.known.any():
         known = profile_moments.known
         return np.array(profile_moments.templates(known, None, rng).template_error_)
@@ -241,13 +241,13 @@ def alternative_templates(
 ) -> tuple[GaussianTemplates | None, Views]:
     """Return the templates of ships known to be unknown, or None, and their mask."""
     chosen = profile_moments.alternative
-    found = profile_moments.templates(chosen, float(calibrated_error)) if chosen.any() else None
-    return found, chosen
+    templates = profile_moments.templates(chosen, float(calibrated_error)) if chosen.any() else None
+    return templates, chosen
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Aspects of the grid, and what a track reports of the aspect of each view [deg], if any.
+    """Aspects of the grid, and the aspect of each view [deg] as a track reports it, if any.
 
     Attributes
     ----------
@@ -261,11 +261,11 @@ class Track:
     reported: Floats
 
     def log_prior(self, views: Ships, ship: Ships, column: Ships) -> ArrayLike:
-        """Return the log prior of templates, of ships and columns, for views by number."""
+        """Return the log prior of templates of given ships and columns, for views by index."""
         if self.sigma is None:
             return 0.0
-        at = np.array(self.aspect)[column]
-        return aspect_prior(at, ship, self.reported.reshape(-1)[views], sigma=self.sigma)
+        aspects = np.array(self.aspect)[column]
+        return aspect_prior(aspects, ship, self.reported.reshape(-1)[views], sigma=self.sigma)
 
 
 @in_memory(uses=(Grid, Likelihood, Run), gather=GATHERED)
@@ -276,37 +276,37 @@ def track(
     replicate: int,
     seed: int,
 ) -> Track:
-    """Return what a track reports of the aspects of views.
+    """Return the aspects of views as a track reports them.
 
-    The error of each view is drawn from a stream of its own, and only scaled by its deviation.
+    The error of each view has its own random stream and is scaled by its standard deviation.
     """
     reported = np.tile(np.array(aspect, dtype=np.float64), (len(ship), 1))
-    for (s, name), (a, at) in product(enumerate(ship), enumerate(aspect)):
+    for (s, name), (a, angle) in product(enumerate(ship), enumerate(aspect)):
         if aspect_sigma:
-            rng = cell_rng(seed, stage="track", ship=str(name), aspect=at, replicate=replicate)
+            rng = cell_rng(seed, stage="track", ship=str(name), aspect=angle, replicate=replicate)
             reported[s, a] += aspect_sigma * rng.standard_normal()
     return Track(aspect, aspect_sigma, reported)
 
 
 def _in_wider_cells(
     templates: GaussianTemplates,
-    seen: Profiles | Floats,
-    given: tuple[Floats, Floats],
-    at: tuple[Ships, Ships],
+    profiles: Profiles | Floats,
+    densities: tuple[Floats, Floats],
+    columns: tuple[Ships, Ships],
     count: int,
     gain_sigma: tuple[float, ...],
 ) -> tuple[Floats, Floats]:
-    """Return the scores and peaks of templates whose cells reach as far as an aspect left out.
+    """Return the scores and peaks of templates whose cells extend over a left-out aspect.
 
-    `at` has the aspects of what is seen and those of templates.
+    `columns` has the aspect indices of profiles and of templates.
     """
-    of_view, of_template = at
-    scores, peak = given[0].copy(), np.broadcast_to(given[1], given[0].shape).copy()
+    of_view, of_template = columns
+    scores, peak = densities[0].copy(), np.broadcast_to(densities[1], densities[0].shape).copy()
     for column in np.intersect1d(of_view, of_template):
-        rows, others = of_view == column, of_template != column
-        rest, place = templates.without(~others), (slice(None), *np.ix_(rows, others))
-        scores[place] = rest.log_likelihood(seen[rows], count, gain_sigma=gain_sigma)
-        peak[place] = peaks(rest, count, gain_sigma)
+        rows, remaining = of_view == column, of_template != column
+        reduced, index = templates.without(~remaining), (slice(None), *np.ix_(rows, remaining))
+        scores[index] = reduced.log_likelihood(profiles[rows], count, gain_sigma=gain_sigma)
+        peak[index] = peaks(reduced, count, gain_sigma)
     return scores, peak
 
 
@@ -317,20 +317,20 @@ def peaks(templates: GaussianTemplates, count: int, gain_sigma: tuple[float, ...
 
 def _others(
     unknown: GaussianTemplates | None,
-    seen: Profiles | Floats,
+    profiles: Profiles | Floats,
     count: int,
     gain_sigma: tuple[float, ...],
 ) -> Floats:
-    """Return the (gain, view, template) scores of ships known to be unknown; none without them."""
+    """Return the (gain, view, template) scores of the alternative's ships, if there are any."""
     if unknown is None:
-        return np.empty((len(gain_sigma), len(seen), 0))
-    return unknown.log_likelihood(seen, count, gain_sigma=gain_sigma)
+        return np.empty((len(gain_sigma), len(profiles), 0))
+    return unknown.log_likelihood(profiles, count, gain_sigma=gain_sigma)
 
 
 def _fit_of_best(scores: Floats, peak: Floats, exclude: Views, bins: int) -> Floats:
     """Return the log probability (view,) of a worse fit of each view's best template."""
-    own = np.where(exclude[:, : scores.shape[1]], -np.inf, scores)
-    best = np.arange(len(own)), own.argmax(axis=1)
+    allowed = np.where(exclude[:, : scores.shape[1]], -np.inf, scores)
+    best = np.arange(len(allowed)), allowed.argmax(axis=1)
     distant = np.broadcast_to(peak, scores.shape)[best] - scores[best]
     return log_fit(-distant[:, None], [0.0], bins)[:, 0]
 
@@ -347,7 +347,7 @@ def _fit_of_best(scores: Floats, peak: Floats, exclude: Views, bins: int) -> Flo
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
     reads=classifier.in_blocks("averaged"),
-    # Densities are shared by all of them.
+    # All combinations share the densities.
     along=(Classifier.left_out, Likelihood.gain_sigma, Grid.frame_count),
 )
 def likelihood(
@@ -366,12 +366,12 @@ def likelihood(
 ) -> Arrays:
     """Return the most probable ship of (frame_count, ship, aspect, bin) averages.
 
-    Where the true aspect is left out, templates of all ships at it are, and cells of those beside
-    it reach as far as it. Ships known to be unknown are together one more, which is never named:
-    what accepts an answer is its density over theirs, as by Neyman and Pearson no other test keeps
-    more of the right answers at a share of the unknown ships that is rejected. `gain_sigma` are
-    prior standard deviations of the gain. Ships that are generated are not tested. Log densities
-    are held of some views at a time, those of an aspect together.
+    If the true aspect is left out, so are the templates of all ships at it, and the cells of
+    adjacent templates extend over it. The alternative's ships are together one class, which is
+    never named. An answer is accepted by its density over theirs: by Neyman and Pearson, no other
+    test keeps more of the right answers for a given share of rejected unknown ships. `gain_sigma`
+    are prior standard deviations of the gain. Generated ships are not tested. Log densities are
+    held in blocks of views, those of one aspect together.
     """
     templates, known = profile_templates
     classifier.require_another_aspect(known, any(left_out))
@@ -383,48 +383,48 @@ def likelihood(
     template, column = np.concatenate([np.nonzero(mask) for mask in (known, of_unknown)], axis=1)
     label = np.where(np.arange(template.size) < of_ship.size, template, NONE)
     flat = averaged.reshape(len(frame_count), -1, averaged.shape[-1])
-    whole = (len(left_out), len(gain_sigma), len(frame_count), *valid.shape)
-    named = np.full(whole, NONE, dtype=np.int16)
-    probability, similarity, fit = np.full((3, *whole), np.nan)
+    shape = (len(left_out), len(gain_sigma), len(frame_count), *valid.shape)
+    best = np.full(shape, NONE, dtype=np.int16)
+    probability, similarity, fit = np.full((3, *shape), np.nan)
     for f, count in enumerate(frame_count):
         highest = peaks(templates, count, gain_sigma)
         for rows in row_blocks(len(views), HELD_ROWS):
-            seen, right = prior.levelled(flat[f, views[rows]]), true[rows]
-            plain = templates.log_likelihood(seen, count, gain_sigma=gain_sigma), highest
-            others = _others(unknown, seen, count, gain_sigma)
+            block, right = prior.levelled(flat[f, views[rows]]), true[rows]
+            narrow = templates.log_likelihood(block, count, gain_sigma=gain_sigma), highest
+            alternative_scores = _others(unknown, block, count, gain_sigma)
             log_prior = track.log_prior(views[rows], template, column)
             for n, leave in enumerate(left_out):
-                found = plain
+                scored = narrow
                 if leave and templates.template_error_:
-                    at = of_view[rows], of_template
-                    found = _in_wider_cells(templates, seen, plain, at, count, gain_sigma)
+                    columns = of_view[rows], of_template
+                    scored = _in_wider_cells(templates, block, narrow, columns, count, gain_sigma)
                 exclude = (of_view[rows, None] == column) & leave
-                for g, (scores, peak) in enumerate(zip(*found, strict=True)):
-                    place = n, g, f, right, of_view[rows]
-                    every = np.concatenate([scores, others[g]], axis=1)
+                for g, (scores, peak) in enumerate(zip(*scored, strict=True)):
+                    index = n, g, f, right, of_view[rows]
+                    all_scores = np.concatenate([scores, alternative_scores[g]], axis=1)
                     ships, chance = label_posterior(
-                        every, label, exclude=exclude, log_prior=log_prior
+                        all_scores, label, exclude=exclude, log_prior=log_prior
                     )
                     posterior = ships[ships != NONE], chance[:, ships != NONE]
-                    named[place], probability[place] = classifier.most_probable(posterior, right)
-                    fit[place] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
+                    best[index], probability[index] = classifier.most_probable(posterior, right)
+                    fit[index] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
                     likely = posterior[1].max(axis=1)
-                    if unknown is not None:  # the other ships known say nothing of it
+                    if unknown is not None:  # compare with the alternative only
                         likely = likely / (likely + chance[:, ships == NONE].sum(axis=1))
-                    similarity[place] = likely * np.exp(misfit_weight * fit[place])
-    return classifier.judged(named, valid, tested) | {
+                    similarity[index] = likely * np.exp(misfit_weight * fit[index])
+    return classifier.judged(best, valid, tested) | {
         "probability": probability,
         "similarity": similarity,
         "fit": fit,
-        "calibrated_error": np.full(whole[:3], templates.template_error_),
+        "calibrated_error": np.full(shape[:3], templates.template_error_),
     }
 
 
 def check_first(choices: Choices) -> Choices:
-    """Return choices with the ships that are generated in the grid, unknown and the alternative.
+    """Return choices with generated ships in the grid, unknown and the alternative.
 
-    Refuses (`ConfigurationError`) to generate any of ships whose sheets are not packaged, or where
-    no likelihood is compared with theirs.
+    Refuses (`ConfigurationError`) to generate variants of ships whose sheets are not packaged, or
+    without the likelihood, which alone compares with them.
     """
     number = choices.value(Classifier.generated)
     if not number:
@@ -433,15 +433,15 @@ def check_first(choices: Choices) -> Choices:
         refuse(Classifier.generated, number, f"0 unless classifier.name has {NAME}")
     learned = set(choices[Grid.ship]) - set(choices.value(Classifier.unknown) or ())
     if not learned <= set(names()):
-        others = ", ".join(sorted(learned - set(names())))
+        foreign = ", ".join(sorted(learned - set(names())))
         refuse(
-            Classifier.generated, number, f"0 where other ships are learned than known: {others}"
+            Classifier.generated, number, f"0 where other ships are learned than known: {foreign}"
         )
-    made = classifier.generated_ships(sorted(learned), number)
-    choices = choices.replace(Grid.ship, tuple(sorted({*choices[Grid.ship], *made})))
+    generated = classifier.generated_ships(sorted(learned), number)
+    choices = choices.replace(Grid.ship, tuple(sorted({*choices[Grid.ship], *generated})))
     for setting in (Classifier.unknown, Classifier.alternative):
-        whole = tuple(sorted({*(choices.value(setting) or ()), *made}))
-        choices = choices.replace(setting, (whole,))
+        members = tuple(sorted({*(choices.value(setting) or ()), *generated}))
+        choices = choices.replace(setting, (members,))
     return choices
 
 

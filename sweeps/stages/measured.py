@@ -1,7 +1,8 @@
 """Range profiles of the proposed sensor, and their identification.
 
-Of synthetic ships, made by the stages of the laser radar at the range that measured images stand in
-for, and of ships in simulated flights (the article, 'Conclusions': synthetic profiles are learned).
+Profiles are of synthetic ships, by the stages of the laser radar at the range to which measured
+images are converted, and of ships in simulated flights. Classifiers learn the synthetic profiles
+(the article, 'Conclusions').
 """
 
 from __future__ import annotations
@@ -79,13 +80,13 @@ def signature(
 ) -> Profiles:
     """Return (kind, bin) training, test and measured profiles.
 
-    Measured ones are NaN of a ship that is not flown past.
+    Measured profiles are NaN for a ship that is not flown past.
     """
     measured = np.full_like(learned_signature, np.nan)
     if course is not None:
         pixels = {f.name: corrected[f"pixel_{f.name}"] for f in fields(ShipPixels)}
         try:
-            seen = measured_extent(
+            extent = measured_extent(
                 views.restored(ShipPixels, pixels),
                 flight_of(aspect, dict(course + receivers)),
                 slant_range=profile_range,
@@ -94,8 +95,8 @@ def signature(
                 window=window,
             )
         except NothingSeenError:
-            seen = no_return(window, bin_width)
-        measured[:] = expected_profile(seen, pulse_width=pulse_width, **signal)
+            extent = no_return(window, bin_width)
+        measured[:] = expected_profile(extent, pulse_width=pulse_width, **signal)
     return np.stack([learned_signature, test_signature, measured])
 
 
@@ -139,7 +140,7 @@ TRAINED = ("acn", "mnn", "correlation")
 def training_method(
     name: str, acn_settings: Keywords, mnn_settings: Keywords
 ) -> tuple[str, Keywords]:
-    """Return the classifier and its own settings, so that others do not repeat its training."""
+    """Return the classifier and its own settings, so that other settings do not retrain it."""
     return name, {"acn": acn_settings, "mnn": mnn_settings}.get(name, ())
 
 
@@ -158,8 +159,8 @@ def namer(
     rng: np.random.Generator,
 ) -> Namer:
     """Return a classifier trained on synthetic profiles, for all flights."""
-    name, own = training_method
-    settings = dict(own)
+    name, own_settings = training_method
+    settings = dict(own_settings)
     if name == "acn":
         see = classifier.profile_vectors
         training_set = TrainingSet.of_views(learned_signature, valid, training_views, see)
@@ -168,7 +169,7 @@ def namer(
         formed = acn.form_categories(training_set, training_views, **learning)
         return lambda tests, valid: acn.answer_tests(training_set, formed, tests, valid, **rules)
     if name == "mnn":
-        trained = mnn_training(learned_signature, valid, training_views, aspect, own, rng)
+        trained = mnn_training(learned_signature, valid, training_views, aspect, own_settings, rng)
         return lambda tests, valid: mnn(trained, tests, valid, aspect, settings["inputs"])
     if name not in TRAINED:
         nothing = ("predicted", "correct")
@@ -197,9 +198,9 @@ def measured(namer: Namer, signature: Profiles, valid: Views) -> Arrays:
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
     which counts as wrong.
     """
-    seen = np.moveaxis(signature, 2, 0)
-    absent = np.asarray(np.isnan(seen).any(axis=-1))
-    answers = namer(np.where(absent[..., None], seen[KINDS.index("learned")], seen), valid)
+    profiles = np.moveaxis(signature, 2, 0)
+    absent = np.asarray(np.isnan(profiles).any(axis=-1))
+    answers = namer(np.where(absent[..., None], profiles[KINDS.index("learned")], profiles), valid)
     predicted, correct = (
         np.where(absent, NONE, answers[name]) for name in ("predicted", "correct")
     )

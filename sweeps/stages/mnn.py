@@ -29,7 +29,7 @@ ANSWERS = classifier.of_profiles(
 RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
 
 
-# Arrays of a fitted network: its attributes, those of both layers, and their dimensions.
+# Arrays of a fitted network: its attributes, the layers' attributes, and their dimensions.
 WHOLE = {"classes_": "class", "centre_": "feature", "scale_": "feature"}
 LAYERS = {
     "weights_": (("node", "feature"), ("class", "node")),
@@ -85,8 +85,8 @@ mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)
     *(inner(name, (dim,), "i8" if name == "classes_" else "f8") for name, dim in WHOLE.items()),
     *(
         inner(f"{name}{layer}", dims, "f8")
-        for name, both in LAYERS.items()
-        for layer, dims in enumerate(both)
+        for name, layer_dims in LAYERS.items()
+        for layer, dims in enumerate(layer_dims)
     ),
     uses=(Grid,),
     gather=GATHERED,
@@ -113,19 +113,19 @@ def mnn_training(
 
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
-    given = dict(mnn_settings)
-    inputs, random_state = given.pop("inputs"), int(rng.integers(2**32))
+    settings = dict(mnn_settings)
+    inputs, random_state = settings.pop("inputs"), int(rng.integers(2**32))
     scaling = "common" if inputs == STANDARDISED else "none"
-    network = GainAnnealedNetwork(**given, scaling=scaling, random_state=random_state)
+    network = GainAnnealedNetwork(**settings, scaling=scaling, random_state=random_state)
     truth = classes_of(valid.shape, aspect)
     known = training_views & valid
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` shows it
         network.fit(seen(expected[known], inputs), truth[known])
-    named = np.full(valid.shape, NONE)
-    named[valid] = predicted(network, expected.reshape(1, -1, expected.shape[-1]), valid, inputs)
+    classes = np.full(valid.shape, NONE)
+    classes[valid] = predicted(network, expected.reshape(1, -1, expected.shape[-1]), valid, inputs)
     return {
-        "training_correct": np.where(known, named == truth, NONE),
+        "training_correct": np.where(known, classes == truth, NONE),
         "presentations": np.array(network.n_iter_),
         "hidden": np.array(network.n_hidden_),
         "loss": np.array(network.loss_curve_[-1]),
@@ -144,16 +144,16 @@ def mnn(
 ) -> Arrays:
     """Return the ships predicted for averaged profiles, one number of frames at a time."""
     network = from_arrays(mnn_training)
-    named = np.full(averaged.shape[:-1], NONE)
-    flat = averaged.reshape(len(named), -1, averaged.shape[-1])
-    for f, of_count in enumerate(named):
+    classes = np.full(averaged.shape[:-1], NONE)
+    flat = averaged.reshape(len(classes), -1, averaged.shape[-1])
+    for f, of_count in enumerate(classes):
         of_count[valid] = predicted(network, flat, valid, inputs, f)
     bins = len(aspect_bins(aspect)[0])
-    answers = classifier.judged(named // bins, valid)
-    right = np.where(valid, named == classes_of(valid.shape, aspect), NONE)
+    answers = classifier.judged(classes // bins, valid)
+    right = np.where(valid, classes == classes_of(valid.shape, aspect), NONE)
     return answers | {
         "correct": right,
-        "predicted_bin": np.where(valid, named % bins, NONE),
+        "predicted_bin": np.where(valid, classes % bins, NONE),
         "ship_correct": answers["correct"],
         "cell": classifier.state(right, valid),
     }
@@ -170,9 +170,9 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
 def predicted(
     network: GainAnnealedNetwork, profiles: Profiles, valid: Views, inputs: str, number: int = 0
 ) -> NDArray[np.intp]:
-    """Return the classes of existing views, of a number of (number, view, bin) profiles.
+    """Return the classes of existing views from (number, view, bin) profiles at index `number`.
 
-    Some of them are read, and are inputs, at a time.
+    Profiles are read and classified in blocks.
     """
     views = np.flatnonzero(valid)
     classes = np.empty(len(views), dtype=np.intp)
@@ -187,7 +187,7 @@ def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
 
 
 def to_arrays(network: GainAnnealedNetwork) -> Arrays:
-    """Return the arrays of a fitted network: nothing of a cache is unpickled."""
+    """Return the arrays of a fitted network, since a cache holds no pickles."""
     layers = {f"{name}{k}": getattr(network, name)[k] for name in LAYERS for k in range(2)}
     return {name: getattr(network, name) for name in WHOLE} | layers
 

@@ -1,6 +1,6 @@
 """The group `ships` of a store: measures and a picture of each ship, and warnings.
 
-A report needs no mesh file to show what was swept.
+With them a report can show the ships of a sweep without their mesh files.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ MOST_LINES = 12  # of ships, on the screen
     group=Group(GROUP),
 )
 def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
-    """Return a ship's measures, its picture, and what looks wrong with its mesh."""
+    """Return a ship's measures, its picture, and a warning about its mesh."""
     measures = dict(zip(MEASURES, mesh.extents, strict=True))
     words = warning(mesh.metadata["findings"], mesh.metadata["mend"])
     counted = {"facets": len(mesh.faces), "warning": words[:LONGEST_WARNING]}
@@ -85,9 +85,9 @@ def drawn(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:
 
 
 def warning(findings: tuple[str, ...], mend: Transform | None, ship: ShipName | None = None) -> str:
-    """Return what looks wrong with a ship, and what would mend it; empty where nothing does.
+    """Return a warning about a ship and its remedy; empty if there is no fault.
 
-    With a ship, that is the argument of a command, as a shell takes it.
+    With a ship, the remedy is an argument of the command, quoted for a shell.
     """
     if mend is None:
         return ""
@@ -96,10 +96,10 @@ def warning(findings: tuple[str, ...], mend: Transform | None, ship: ShipName | 
     if ship is None:
         return f"{words}; if so, use {f'{{{entries[0]}}}' if entries else 'no transform'}"
     known = ship_name(ship.source)
-    named = [f"name: {_quoted(ship)}"] if ship != known else []
+    label_entry = [f"name: {_quoted(ship)}"] if ship != known else []
     source = ship.source if known == ship.source else os.path.relpath(ship.source)
-    given = ", ".join((f"path: {_quoted(source)}", *named, *entries))
-    return f"{words}; if so, use {shlex.quote(f'{Grid.ship.key}={{{given}}}')}"
+    mapping = ", ".join((f"path: {_quoted(source)}", *label_entry, *entries))
+    return f"{words}; if so, use {shlex.quote(f'{Grid.ship.key}={{{mapping}}}')}"
 
 
 def _quoted(word: str) -> str:
@@ -111,21 +111,23 @@ def _quoted(word: str) -> str:
 
 
 def about(choices: Choices) -> list[str]:
-    """Return a line for each ship of a sweep, some at most, and one for each that looks wrong."""
+    """Return a line for each of the first ships of a sweep, and a line for each warning."""
     ships = [(ship, description(hull.function(ship))) for ship in choices[Grid.ship]]
     width = max(len(ship) for ship, _ in ships[:MOST_LINES])
-    lines = [f"{ship:<{width}}  {about.measures}" for ship, about in ships[:MOST_LINES]]
-    if left := [about.length for _, about in ships[MOST_LINES:]]:
-        lines.append(f"and {len(left)} more ships, {min(left):.1f} to {max(left):.1f} m long")
+    lines = [f"{ship:<{width}}  {details.measures}" for ship, details in ships[:MOST_LINES]]
+    if lengths := [details.length for _, details in ships[MOST_LINES:]]:
+        lines.append(
+            f"and {len(lengths)} more ships, {min(lengths):.1f} to {max(lengths):.1f} m long"
+        )
     lines += [
-        f"{ship} had {fault}, which {'are' if len(about.faults) > 1 else 'is'} mended"
-        for ship, about in ships
-        if (fault := " and ".join(about.faults))
+        f"{ship} had {fault}, which {'are' if len(details.faults) > 1 else 'is'} mended"
+        for ship, details in ships
+        if (fault := " and ".join(details.faults))
     ]
     lines += [
-        f"warning: {ship} {warning(about.findings, about.mend, ship)}"
-        for ship, about in ships
-        if about.findings
+        f"warning: {ship} {warning(details.findings, details.mend, ship)}"
+        for ship, details in ships
+        if details.findings
     ]
     return [printable(line) for line in lines]
 

@@ -15,10 +15,10 @@ _percent = partial(Figure, percent=True, format=".0f")
 def score_displays(
     labels: Mapping[str, str], *, scored: str, source: str, chance: tuple[Any, Any]
 ) -> tuple[Display, ...]:
-    """Return the displays of percent correct of one classifier, of its training views, too.
+    """Return the displays of percent correct of one classifier, including its training views.
 
-    `labels` tell it from others, `scored` says what has to be right. `chance` is percent correct of
-    random answers of that kind, and of ships.
+    `labels` distinguish it from others, `scored` names the rule of a right answer. `chance` is
+    percent correct of random answers by that rule, and by ship.
     """
 
     def figure(prefix: str) -> Figure:

@@ -78,7 +78,7 @@ class ShipName(str):
         return name
 
     def __getnewargs__(self) -> tuple[str, str, Transform]:  # type: ignore[override]
-        """Return the arguments that make an equal one when unpickled."""
+        """Return the arguments that make an equal label when unpickled."""
         return str(self), self.source, self.transform
 
     @property
@@ -89,9 +89,9 @@ class ShipName(str):
 
 @dataclass(frozen=True)
 class Ships(Text):
-    """Ships: names, or paths of sheets and meshes; one, or several.
+    """Ships: one or several names, or paths of sheets and meshes.
 
-    With `entries`, mappings of these are ships, too.
+    With `entries`, mappings with these keys are ships, too.
     """
 
     entries: tuple[Setting, ...] = ()
@@ -120,19 +120,19 @@ class Ships(Text):
             ships.add(ship)
         return tuple(sorted(ships))
 
-    def _is_ship(self, given: Any) -> bool:
-        if isinstance(given, str):
-            return given != ""
-        return bool(self.entries) and isinstance(given, Mapping)
+    def _is_ship(self, value: Any) -> bool:
+        if isinstance(value, str):
+            return value != ""
+        return bool(self.entries) and isinstance(value, Mapping)
 
-    def _read_file(self, key: str, given: Mapping[Any, Any]) -> ShipName:
+    def _read_file(self, key: str, mapping: Mapping[Any, Any]) -> ShipName:
         """Return the ship of a mapping; `ConfigurationError` if it is wrong."""
-        entries = read_entries(self.entries, key, given)
+        entries = read_entries(self.entries, key, mapping)
         path, label = entries.pop("path"), entries.pop("name")
         try:
             transform = Transform(**entries)
         except ShipError as error:
-            raise ConfigurationError(f"{key} is {quote_value(dict(given))}: {error}") from error
+            raise ConfigurationError(f"{key} is {quote_value(dict(mapping))}: {error}") from error
         ship = ship_name(path)
         if label is None:
             return ShipName(str(ship), ship.source, transform)

@@ -69,8 +69,8 @@ def quantity(
     default: Any, low: float, high: float, unit: str, label: str, *, si: bool = True, **about: Any
 ) -> Setting:
     """Return a setting that is a number with a unit, which stages get in SI; see `Setting`."""
-    of = Unit(unit, SI[unit]) if si and unit in SI else unit
-    return number(default, low, high, unit=of, label=label, **about)
+    converted = Unit(unit, SI[unit]) if si and unit in SI else unit
+    return number(default, low, high, unit=converted, label=label, **about)
 
 
 class Sweep(Settings):
@@ -274,7 +274,7 @@ def image(
 ) -> RangeImage | LineImage | Mask:
     """Return the image at the configured pixel, or finer where that has few samples.
 
-    With a tolerance, lines are as fine as it takes, from one a pixel on.
+    With a tolerance, lines are as fine as it requires, starting at one per pixel.
     """
     if not fineness:
         view = {"aspect": drawn_aspect, "depression": depression}
@@ -293,21 +293,25 @@ def image(
 def image_stages(
     name: str, *, range: Setting, below: Any = None, engine: str = "drawing_engine"
 ) -> tuple[Stage, ...]:
-    """Return a stage that draws ships at another range, and those it needs.
+    """Return a stage that draws ships at another range, preceded by the stages it needs.
 
-    Its depression is that of a setting or stage (`below`), by default that of the scene at the
-    range, and its engine that of a plain stage. Images of equal depression, drawn range and engine
-    are one result, whichever stage asks for them.
+    Its depression comes from a setting or stage (`below`), by default from the scene at the range;
+    its engine comes from a plain stage. Images of equal depression, drawn range and engine are one
+    result, whichever stage requests them.
     """
-    at = replace(drawn_range, name=f"{name}_range", reads={"range": range})
-    how = replace(sampling, name=f"{name}_sampling", reads={"engine": engine})
-    sight = replace(depression, name=f"{name}_depression", reads={"range": range})
-    reads = {"depression": below or sight.name, "drawn_range": at.name, "sampling": how.name}
-    return at, how, sight, replace(image, name=name, reads=reads)
+    range_stage = replace(drawn_range, name=f"{name}_range", reads={"range": range})
+    sampling_stage = replace(sampling, name=f"{name}_sampling", reads={"engine": engine})
+    depression_stage = replace(depression, name=f"{name}_depression", reads={"range": range})
+    reads = {
+        "depression": below or depression_stage.name,
+        "drawn_range": range_stage.name,
+        "sampling": sampling_stage.name,
+    }
+    return range_stage, sampling_stage, depression_stage, replace(image, name=name, reads=reads)
 
 
 def keywords(**values: Any) -> Keywords:
-    """Return some values with their names: a plain stage of what a function of `ncti` takes."""
+    """Return some values with their names: a plain stage with the arguments of a function."""
     return tuple(values.items())
 
 
@@ -322,23 +326,23 @@ def by_key(settings: type[Settings]) -> dict[str, Setting]:
 
 
 def restored(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
-    """Return an object of the arrays that `vars` of another made; those of one number as numbers.
+    """Return an object from the arrays of `vars` of another; arrays of one number as numbers.
 
-    This is how dataclasses cross the cache, whatever they hold.
+    Dataclasses of arrays and numbers cross the cache in this way.
     """
-    given = {name: np.asarray(array) for name, array in arrays.items()}
-    return kind(**{name: array if array.ndim else array.item() for name, array in given.items()})
+    values = {name: np.asarray(array) for name, array in arrays.items()}
+    return kind(**{name: array if array.ndim else array.item() for name, array in values.items()})
 
 
 def cache_folder() -> Path:
     """Return the folder of finished results: that of the environment, or the user's."""
-    given = os.environ.get(CACHE_VARIABLE)
-    return Path(given) if given else user_cache_path("ncti-sweep")
+    folder = os.environ.get(CACHE_VARIABLE)
+    return Path(folder) if folder else user_cache_path("ncti-sweep")
 
 
 @lru_cache(maxsize=16)
 def read_mesh(hull: Hull) -> trimesh.Trimesh:
-    """Return a ship's mesh, kept for this process; ValueError if it changed, or is not fit."""
+    """Return a ship's mesh, cached in this process; ValueError if it changed or is unfit."""
     mesh = ncti.ships.load(hull.source, cache=_built(), **asdict(hull.transform))
     if mesh.metadata["digest"] != hull.digest:
         raise ValueError(f"{hull.source} was changed while the sweep ran")
@@ -357,12 +361,12 @@ def _reach(hull: Hull) -> float:
 
 @lru_cache(maxsize=16)
 def description(hull: Hull) -> ncti.ships.Description:
-    """Return measures and vertices of a ship, sooner than `read_mesh`; ValueError if not fit."""
+    """Return measures and vertices of a ship, faster than `read_mesh`; ValueError if unfit."""
     return ncti.ships.describe(hull.source, cache=_built(), **asdict(hull.transform))
 
 
 def hint(ship: ShipName) -> str:
-    """Return, for the end of a message, what looks wrong with a ship; empty where nothing does."""
+    """Return a hint at a ship's fault for the end of a message; empty if there is none."""
     ship_description = description(hull.function(ship))
     if ship_description.mend is None:
         return ""
@@ -393,7 +397,7 @@ def check(choices: Choices) -> Choices:
 
 
 def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
-    """Refuse (`ConfigurationError`) slant ranges beyond the scene, or as `check_beam`."""
+    """Refuse (`ConfigurationError`) slant ranges beyond the scene, and those of `check_beam`."""
     scenes = (choices[setting] for setting in (Scene.geometry, Scene.altitude, Scene.earth_radius))
     for slant_range, (geometry, *earth) in product(choices[setting], [*product(*scenes)]):
         try:
@@ -404,7 +408,7 @@ def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: flo
 
 
 def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
-    """Refuse (`ConfigurationError`) a slant range where pixels do not resolve a part of a beam."""
+    """Refuse (`ConfigurationError`) slant ranges at which pixels do not resolve part of a beam."""
     nearest, narrowest = min(choices[setting]), part * min(choices[beam])
     width, pixel = beam.in_si(narrowest) * setting.in_si(nearest), max(choices[Render.pixel])
     if width < pixel:
@@ -417,8 +421,8 @@ def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float
 
 def refuse(setting: Setting, value: Any, allowed: str) -> NoReturn:
     """Raise `ConfigurationError`: a setting has a value that is not among those allowed."""
-    written = value if isinstance(value, str) else format_value(value)
-    raise ConfigurationError(f"{setting.key} has {written}, but must be {allowed}")
+    text = value if isinstance(value, str) else format_value(value)
+    raise ConfigurationError(f"{setting.key} has {text}, but must be {allowed}")
 
 
 def require(choices: Choices, setting: Setting, allowed: Any, reason: str) -> None:
@@ -429,9 +433,9 @@ def require(choices: Choices, setting: Setting, allowed: Any, reason: str) -> No
 
 
 def require_among(choices: Choices, setting: Setting, whole: Setting, reason: str = "") -> None:
-    """Refuse (`ConfigurationError`) values of a setting, or members of a set, another lacks."""
-    given = choices[setting]
-    for value in (given[0] or ()) if isinstance(setting.kind, SetOf) else given:
+    """Refuse (`ConfigurationError`) values of a setting, or members of a set, absent in another."""
+    values = choices[setting]
+    for value in (values[0] or ()) if isinstance(setting.kind, SetOf) else values:
         if value not in choices[whole]:
             known = ", ".join(map(format_value, choices[whole]))
             refuse(setting, _quoted(value), f"one of {known}, the values of {whole.key}{reason}")

@@ -1,4 +1,4 @@
-"""Tables made by hand, with what a store says of their axes and how they are shown."""
+"""Tables made by hand, with the attributes that describe their axes and layout."""
 
 import numpy as np
 import xarray as xr
@@ -31,7 +31,7 @@ def scores(seed=0, prefixes=("",), bins=BINS, **axes):
     for name, value in axes.items():
         if isinstance(value, dict):
             dims[name] = len(next(iter(value.values())))
-            coords |= {own: (name, list(values)) for own, values in value.items()}
+            coords |= {coordinate: (name, list(values)) for coordinate, values in value.items()}
         elif isinstance(value, list | tuple):
             dims[name] = len(value)
             coords[name] = (name, list(value))
@@ -40,37 +40,37 @@ def scores(seed=0, prefixes=("",), bins=BINS, **axes):
     coords["aspect_bin"] = list(bins)
     data = {}
     for prefix in prefixes:
-        own = {
+        sizes = {
             name: size
             for name, size in dims.items()
             if prefix != "training_" or name != "frame_count"
         }
-        over = (*own, "aspect_bin")
-        share = rng.uniform(0.2, 0.8, (*own.values(), len(bins)))
+        over = (*sizes, "aspect_bin")
+        share = rng.uniform(0.2, 0.8, (*sizes.values(), len(bins)))
         data |= {
             f"{prefix}accuracy": (over, share),
             f"{prefix}ci_low": (over, share - 0.1),
             f"{prefix}ci_high": (over, share + 0.1),
             f"{prefix}n": (over, np.full(share.shape, 40)),
         }
-    made = xr.Dataset(data, coords, {"receiver": "full_profile"})
-    for name in set(UNITS) & set(made.coords):
-        made[name].attrs = {"units": UNITS[name], "long_name": f"the {name}"}
-    return made
+    table = xr.Dataset(data, coords, {"receiver": "full_profile"})
+    for name in set(UNITS) & set(table.coords):
+        table[name].attrs = {"units": UNITS[name], "long_name": f"the {name}"}
+    return table
 
 
 def shown(tables, classifier="acn", **more):
     """Those tables with the displays of a classifier's scores."""
     labels = {"classifier": classifier, "channel": "range"}
     displays = score_displays(labels, scored="ship", source=classifier, chance=(25.0, 25.0))
-    written = [one.as_attribute(None) for one in (*displays, *more.values())]
-    return tables.assign_attrs(encode_attrs({ATTRIBUTE: written}))
+    attributes = [display.as_attribute(None) for display in (*displays, *more.values())]
+    return tables.assign_attrs(encode_attrs({ATTRIBUTE: attributes}))
 
 
 def categories(counts, views=124, **axes):
     """A group of numbers of categories over some axes, as shown."""
     shape = [len(values) for values in axes.values()]
-    made = xr.Dataset(
+    table = xr.Dataset(
         {
             "categories": (tuple(axes), np.broadcast_to(float(counts), shape)),
             "views": (tuple(axes), np.broadcast_to(views, shape)),
@@ -78,4 +78,4 @@ def categories(counts, views=124, **axes):
         {name: (name, values) for name, values in axes.items()},
     )
     display = category_display({"classifier": "acn", "channel": "range"}, "acn").as_attribute(None)
-    return made.assign_attrs(encode_attrs({ATTRIBUTE: [display]}) | {"receiver": "full_profile"})
+    return table.assign_attrs(encode_attrs({ATTRIBUTE: [display]}) | {"receiver": "full_profile"})

@@ -1,4 +1,4 @@
-"""A report page as tests read it: its elements, and what its script is given."""
+"""A report page as tests read it: its elements, and the data of its script."""
 
 import json
 from dataclasses import dataclass, field
@@ -25,19 +25,21 @@ class Element:
 
     def all(self, tag: str, **attrs: str) -> list["Element"]:
         """Return the elements inside, in order, of a tag and with some attributes."""
-        wanted = {key.replace("_", "-"): value for key, value in attrs.items()}
-        here = [
-            one for one in self.children if one.tag == tag and wanted.items() <= one.attrs.items()
+        attributes = {key.replace("_", "-"): value for key, value in attrs.items()}
+        matching = [
+            child
+            for child in self.children
+            if child.tag == tag and attributes.items() <= child.attrs.items()
         ]
-        found = []
-        for one in self.children:
-            found += [one] * (one in here) + one.all(tag, **attrs)
-        return found
+        elements = []
+        for child in self.children:
+            elements += [child] * (child in matching) + child.all(tag, **attrs)
+        return elements
 
-    def one(self, tag: str, **attrs: str) -> "Element":
+    def only(self, tag: str, **attrs: str) -> "Element":
         """Return the only such element."""
-        (found,) = self.all(tag, **attrs)
-        return found
+        (element,) = self.all(tag, **attrs)
+        return element
 
 
 class _Reader(HTMLParser):
@@ -78,8 +80,8 @@ class Page:
 
     @property
     def data(self) -> dict:
-        """What the script is given."""
-        text = self.root.one("script", type="application/json").text
+        """The data of the script."""
+        text = self.root.only("script", type="application/json").text
         return json.loads(text, parse_constant=_refused)
 
 
@@ -97,7 +99,7 @@ def read_page(path: Path) -> Page:
 
 
 def stored(path, attributes=None, **groups):
-    """A store of some groups, of which `__` parts the names."""
+    """A store of some groups, with `__` in their names for a slash."""
     for name, dataset in groups.items():
         dataset.to_zarr(path, group=name.replace("__", "/"), mode="a", consolidated=False)
     zarr.open_group(path, mode="a").attrs.update(attributes or {})

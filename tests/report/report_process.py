@@ -1,4 +1,4 @@
-"""The command `ncti-report`, for `forked`: importing this imports what it imports on its way."""
+"""The command `ncti-report`, for `forked`: importing this imports all its lazy imports."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Finished stores to report of, and what is reported of them."""
+"""Finished stores, and the reports of them."""
 
 import csv
 import io
@@ -55,12 +55,12 @@ def signed(path: Path) -> Path:
 
 
 def reported(monkeypatch, *arguments: object) -> int:
-    """What `ncti-report` exits with."""
+    """Exit status of `ncti-report`."""
     monkeypatch.setattr("sys.argv", ["ncti-report", *map(str, arguments)])
     try:
         main()
-    except SystemExit as left:
-        return left.code
+    except SystemExit as error:
+        return error.code
     return 0
 
 
@@ -71,7 +71,7 @@ def rows_of(path: Path, name: str) -> list[dict[str, str]]:
 
 
 def printed(path: Path, width: int = 200) -> str:
-    """What the report prints of a store."""
+    """Printed report of a store."""
     console = Console(file=io.StringIO(), width=width)
     report(path, console)
     return console.file.getvalue()

@@ -26,14 +26,14 @@ def found(tmp_path, attributes=SOURCE, **more):
 
 def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
     rows = found(tmp_path)
-    theirs = rows[rows.article_percent_correct.notna()]
-    assert set(theirs.pulse_width_ns) == {30.0} and set(theirs.vigilance) == {0.95}
+    compared = rows[rows.article_percent_correct.notna()]
+    assert set(compared.pulse_width_ns) == {30.0} and set(compared.vigilance) == {0.95}
     printed = article_figures()["table4_percent_correct"]
     for frames, kind in ((4, "test"), (16, "test"), (None, "training")):
-        here = theirs[theirs.kind == kind]
-        here = here[here.frame_count == frames] if frames else here
-        wanted = printed["frames"][frames] if frames else printed["training"]
-        assert here.sort_values("aspect_bin_deg").article_percent_correct.tolist() == wanted
+        rows_here = compared[compared.kind == kind]
+        rows_here = rows_here[rows_here.frame_count == frames] if frames else rows_here
+        expected = printed["frames"][frames] if frames else printed["training"]
+        assert rows_here.sort_values("aspect_bin_deg").article_percent_correct.tolist() == expected
 
 
 @pytest.mark.parametrize(
@@ -50,27 +50,27 @@ def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
     ids=str,
 )
 def test_nothing_stands_beside_other_views_or_settings(changed, tmp_path):
-    given, more = copy.deepcopy(SOURCE), {}
+    attributes, more = copy.deepcopy(SOURCE), {}
     for key, value in changed.items():
         if key == "digests":
-            given["mesh_digests"] |= value
+            attributes["mesh_digests"] |= value
         elif key in ("range", "aspects"):
             more[key] = value
         else:
-            given["configuration"].setdefault(key, {}).update(value)
+            attributes["configuration"].setdefault(key, {}).update(value)
     if "range" in more:
         table = scores(prefixes=("",), bins=BINS, **(AXES | more), frame_count=[4, 16])
-        path = stored(tmp_path / "s.zarr", given, tables__acn=shown(table))
+        path = stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))
         rows = read_frames(path)["scores"].rows
     else:
-        rows = found(tmp_path, given, **more)
+        rows = found(tmp_path, attributes, **more)
     assert "article_percent_correct" not in rows
 
 
 def test_of_a_setting_that_is_swept_only_rows_at_the_article_s_value_are_compared(tmp_path):
-    given = copy.deepcopy(SOURCE)
-    given["configuration"]["ladar"]["cnr"] = [29.0, 32.0]
-    rows = found(tmp_path, given, cnr=[29.0, 32.0])
+    attributes = copy.deepcopy(SOURCE)
+    attributes["configuration"]["ladar"]["cnr"] = [29.0, 32.0]
+    rows = found(tmp_path, attributes, cnr=[29.0, 32.0])
     cnr = next(name for name in rows if name.startswith("cnr"))
     assert set(rows[rows.article_percent_correct.notna()][cnr]) == {32.0}
 
@@ -79,8 +79,8 @@ def test_table_3_stands_beside_categories(tmp_path):
     table = categories(20, pulse_width=[10.0, 30.0], vigilance=[0.9, 0.95], range=[100.0])
     path = stored(tmp_path / "s.zarr", SOURCE, tables__categories_acn=table)
     rows = read_frames(path)["categories"].rows
-    theirs = rows[rows.article_categories.notna()]
-    assert theirs.article_categories.tolist() == [26, 18] and set(theirs.vigilance) == {0.95}
+    compared = rows[rows.article_categories.notna()]
+    assert compared.article_categories.tolist() == [26, 18] and set(compared.vigilance) == {0.95}
 
 
 def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
@@ -93,13 +93,13 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
         tables__acn=shown(ours),
     )
     rows = read_frames(path)["scores"].rows
-    here = rows[rows.classifier == "acn"]
-    assert (here.bound_gain_sigma == 1.0).all()
-    places = ["range_km", "frame_count", "aspect_bin_deg"]
-    best = rows[(rows.classifier == "likelihood") & (rows.gain_sigma == 1.0)].set_index(places)
-    for row in here.itertuples():
-        wanted = best.percent_correct[row.range_km, row.frame_count, row.aspect_bin_deg]
-        assert row.points_below_bound == pytest.approx(wanted - row.percent_correct, abs=0.11)
+    acn = rows[rows.classifier == "acn"]
+    assert (acn.bound_gain_sigma == 1.0).all()
+    keys = ["range_km", "frame_count", "aspect_bin_deg"]
+    best = rows[(rows.classifier == "likelihood") & (rows.gain_sigma == 1.0)].set_index(keys)
+    for row in acn.itertuples():
+        expected = best.percent_correct[row.range_km, row.frame_count, row.aspect_bin_deg]
+        assert row.points_below_bound == pytest.approx(expected - row.percent_correct, abs=0.11)
     unknown = rows[(rows.classifier == "likelihood") & (rows.gain_sigma == 0.0)]
     assert np.isfinite(unknown.points_below_bound).all()  # knows more: may lie above
 
@@ -108,6 +108,6 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
 def test_the_article_stands_beside_its_own_experiments(name, tmp_path):
     choices = chosen(f"+experiment={name}")
     settings = (setting for setting in EXPERIMENT.declared if setting.key in choices.values)
-    written = {one.key: as_input(one, choices[one]) for one in settings}
-    rows = found(tmp_path, SOURCE | {"configuration": nested(written)})
+    configuration = {setting.key: as_input(setting, choices[setting]) for setting in settings}
+    rows = found(tmp_path, SOURCE | {"configuration": nested(configuration)})
     assert rows.article_percent_correct.notna().any()

@@ -1,4 +1,4 @@
-"""Two stores compared: pairs of answers on what both have, and nothing else."""
+"""Two stores compared: pairs of answers to the questions that both have, and nothing else."""
 
 import shutil
 
@@ -39,26 +39,28 @@ def answers():
 
 def test_differences_are_of_the_answers_in_common(answers, tmp_path):
     """Of two values and one, of aspects that one store lacks, of views without an answer."""
-    several, one = answers
-    first = store(tmp_path / "a.zarr", several, pulse_width=[10.0, 30.0])
-    given = np.where(np.arange(19) == 4, -1, one[:, 1:])
-    second = store(tmp_path / "b.zarr", given, ASPECTS[1:], pulse_width=30.0)
+    at_widths, single = answers
+    first = store(tmp_path / "a.zarr", at_widths, pulse_width=[10.0, 30.0])
+    correct = np.where(np.arange(19) == 4, -1, single[:, 1:])
+    second = store(tmp_path / "b.zarr", correct, ASPECTS[1:], pulse_width=30.0)
     rows = compare(first, second).frames[NAME].rows
     assert set(rows.pulse_width) == {30.0}
-    asked = given >= 0
-    wanted = paired_difference(several[1][:, 1:], given == 1, ASPECTS[1:], draws=0, answered=asked)
+    answered = correct >= 0
+    expected = paired_difference(
+        at_widths[1][:, 1:], correct == 1, ASPECTS[1:], draws=0, answered=answered
+    )
     for name, values in (
-        ("difference", wanted.fraction),
-        ("ci_low", wanted.ci_low),
-        ("ci_high", wanted.ci_high),
+        ("difference", expected.fraction),
+        ("ci_low", expected.ci_low),
+        ("ci_high", expected.ci_high),
     ):
         np.testing.assert_allclose(rows[name], 100 * values, rtol=1e-12)
-    assert rows.n.tolist() == wanted.n.tolist() == [16, 20, 36]
+    assert rows.n.tolist() == expected.n.tolist() == [16, 20, 36]
 
 
 def test_the_other_way_round_is_the_opposite(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
-    rows, opposite = (compare(*of).frames[NAME].rows for of in (paths, paths[::-1]))
+    rows, opposite = (compare(*stores).frames[NAME].rows for stores in (paths, paths[::-1]))
     np.testing.assert_allclose(rows.difference, -opposite.difference)
     np.testing.assert_allclose(rows.ci_low, -opposite.ci_high)
 
@@ -67,11 +69,11 @@ def test_the_other_way_round_is_the_opposite(answers, tmp_path):
 def test_what_changed_most_is_said_either_way(better, tmp_path):
     right = np.arange(40).reshape(2, 20) % 10 > 0  # nine in ten, and one
     paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
-    said, chance = sentences(compare(*paths))
+    sentence, chance = sentences(compare(*paths))
     ends, sign = (("90", "10"), "-") if better == 0 else (("10", "90"), "+")
-    wanted = "The largest difference beyond chance is that of ACN, range profile: "
-    wanted += f"from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr, {sign}80 points [{sign}"
-    assert said.startswith(wanted)
+    expected = "The largest difference beyond chance is that of ACN, range profile: "
+    expected += f"from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr, {sign}80 points [{sign}"
+    assert sentence.startswith(expected)
     assert chance == "Comparisons significant by Holm's correction at 5 %: 1 of 1."
 
 
@@ -83,21 +85,23 @@ def test_a_larger_difference_that_is_not_significant_is_not_said_to_be_the_large
         right[0, :4], right[1] = np.arange(4) < few, np.arange(40) < many
         cells = right.reshape(2, 2, 20)
         paths.append(store(tmp_path / f"{name}.zarr", cells, pulse_width=[10.0, 30.0]))
-    found = compare(*paths)
-    rows = found.frames[NAME].rows
+    compared = compare(*paths)
+    rows = compared.frames[NAME].rows
     assert rows.loc[rows.difference.abs().idxmax(), "pulse_width"] == 10.0
-    said, counted = sentences(found)
-    assert said.startswith(
+    sentence, counted = sentences(compared)
+    assert sentence.startswith(
         "The largest difference beyond chance is that of ACN, range profile, at "
     )
-    assert "at pulse width 30: from 25 % in a.zarr to 65 % in b.zarr, +40 points" in said
+    assert "at pulse width 30: from 25 % in a.zarr to 65 % in b.zarr, +40 points" in sentence
     assert counted.endswith(": 1 of 2.")
 
 
 def test_as_many_answers_wrong_as_right_are_no_change_of_a_percentage(tmp_path):
     right = np.arange(40).reshape(2, 20) % 2 == 0
-    found = compare(*(store(tmp_path / f"{k}.zarr", of) for k, of in enumerate((right, ~right))))
-    assert sentences(found) == [
+    compared = compare(
+        *(store(tmp_path / f"{k}.zarr", correct) for k, correct in enumerate((right, ~right)))
+    )
+    assert sentences(compared) == [
         "ACN, range profile: from 0.zarr to 1.zarr as many answers became wrong as right.",
         "Comparisons significant by Holm's correction at 5 %: 0 of 1.",
     ]
@@ -109,23 +113,23 @@ def test_answers_that_differ_in_training_alone_are_said_to_be_no_tests(answers, 
         coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
         learned = xr.Dataset({"training_correct": (("ship", "aspect"), right.astype("i1"))}, coords)
         stored(path, classification__acn=learned, tables__acn=shown(scores(prefixes=["training_"])))
-    said, equal = sentences(compare(*paths))
-    assert "changed most" in said
+    sentence, equal = sentences(compare(*paths))
+    assert "changed most" in sentence
     assert equal == "All answers of tests are equal; only those at learned aspects changed."
 
 
 def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, capsys):
-    several, one = answers
-    paths = store(tmp_path / "a.zarr", several[0]), store(tmp_path / "b.zarr", one)
+    at_widths, single = answers
+    paths = store(tmp_path / "a.zarr", at_widths[0]), store(tmp_path / "b.zarr", single)
     assert reported(monkeypatch, *paths, "--html") == 0
     text = capsys.readouterr().out
     assert "% in a.zarr to " in text and len(text.splitlines()) < 15
-    made = {path.name for path in tmp_path.iterdir()}
-    assert made == {"a.zarr", "b.zarr", "b-less-a-tables", "b-less-a-report.html"}
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"a.zarr", "b.zarr", "b-less-a-tables", "b-less-a-report.html"}
     page = read_page(tmp_path / "b-less-a-report.html")
-    assert page.root.one("h1").text == "b.zarr less a.zarr"
+    assert page.root.only("h1").text == "b.zarr less a.zarr"
     assert page.data["tables"][NAME]["figures"]["difference"]["difference"]
-    policy = page.root.one("meta", http_equiv="Content-Security-Policy").attrs["content"]
+    policy = page.root.only("meta", http_equiv="Content-Security-Policy").attrs["content"]
     assert policy.startswith("default-src 'none'")
 
 
@@ -144,28 +148,31 @@ def test_learned_aspects_and_others_are_apart_and_other_tables_are_subtracted(an
     paths = [tmp_path / "a.zarr", tmp_path / "b.zarr"]
     for path, right, count in zip(paths, answers[0], (7, 9), strict=True):
         store(path, right)
-        about = {"configuration": {"grid": {"random_aspects": 0}}, "seed": 0}
+        attrs = {"configuration": {"grid": {"random_aspects": 0}}, "seed": 0}
         formed = categories(count, pulse_width=[10.0, 30.0])
-        stored(path, about, range_profile=learned, tables__formed=formed)
-    found = compare(*paths).frames
-    rows = found[NAME].rows
+        stored(path, attrs, range_profile=learned, tables__formed=formed)
+    frames = compare(*paths).frames
+    rows = frames[NAME].rows
     assert rows.groupby("aspects").n.max().to_dict() == {"between": 20, "learned": 20}
-    assert (found[f"categories_{NAME}"].rows.categories == 2).all()
+    assert (frames[f"categories_{NAME}"].rows.categories == 2).all()
 
 
 def _family(rng, cells, change):
-    """Answers of two classifiers to 40 views in some cells, of which the first one changed."""
+    """Answers of two classifiers to 40 views in some cells, the first cell changed."""
     rate = np.full((cells, 1, 1), 0.5)
     rate[0] += change
     answers = [rng.random((cells, 2, 20)) < share for share in (0.5, rate)]
     coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
     return Pairs(
-        *(xr.DataArray(of.astype("i1"), coords, ("cell", "ship", "aspect")) for of in answers)
+        *(
+            xr.DataArray(correct.astype("i1"), coords, ("cell", "ship", "aspect"))
+            for correct in answers
+        )
     )
 
 
 def test_of_many_comparisons_without_a_difference_few_families_have_one():
-    """200 families of 25 null comparisons, of which at most 5 % may err: a test at 1e-4."""
+    """At most 5 % of 200 families of 25 null comparisons may err: a test at 1e-4."""
     rng = np.random.default_rng(7)
     erred = sum(bool(holm([_family(rng, 25, 0.0)])[0][0].any()) for _ in range(200))
     assert stats.binom.sf(erred - 1, 200, 0.05) > 1e-4, erred
@@ -175,9 +182,9 @@ def test_a_planted_difference_is_significant_and_equal_cells_are_not_counted():
     pairs = _family(np.random.default_rng(8), 25, 0.5)
     (significant,), number = holm([pairs])
     assert np.flatnonzero(significant).tolist() == [0] and number == 25
-    same = Pairs(pairs.first, pairs.first)
-    assert holm([pairs, same])[1] == 25
-    assert holm([same])[1] == 0 and holm([]) == ([], 0)
+    equal = Pairs(pairs.first, pairs.first)
+    assert holm([pairs, equal])[1] == 25
+    assert holm([equal])[1] == 0 and holm([]) == ([], 0)
 
 
 def test_holm_steps_down():
@@ -194,8 +201,8 @@ def test_holm_steps_down():
         low, high = np.where(beyond, middle, low), np.where(beyond, high, middle)
     p = np.sort(1 - low)
     refused = p <= 0.05 / (12 - np.arange(12))
-    wanted = 12 if refused.all() else int(np.argmin(refused))
-    assert 0 < wanted < 12 and int(holm([pairs])[0][0].sum()) == wanted
+    expected = 12 if refused.all() else int(np.argmin(refused))
+    assert 0 < expected < 12 and int(holm([pairs])[0][0].sum()) == expected
 
 
 def test_the_interval_over_all_aspects_does_not_depend_on_bins():
@@ -206,13 +213,13 @@ def test_the_interval_over_all_aspects_does_not_depend_on_bins():
     first, second = rng.integers(-1, 2, (2, 9, 3, 2, 20))
     second[:4] = np.where(rng.random((4, 3, 2, 20)) < 0.7, 1, second[:4])
     pairs = Pairs(*(xr.DataArray(answers, coords, dims) for answers in (first, second)))
-    found = pairs.differences()
-    wanted = (found.ci_low[..., -1] > 0) | (found.ci_high[..., -1] < 0)
-    every = np.ones(9, dtype=bool)
-    assert 0 < wanted.sum() < 9 and (pairs.excludes_zero(0.95, every) == wanted).all()
-    alone = Pairs(pairs.first[0], pairs.second[0])
-    assert alone.excludes_zero(0.95, np.asarray(True)) == wanted[:1]
-    assert holm([alone]) == ([wanted[0]], 1)
+    differences = pairs.differences()
+    expected = (differences.ci_low[..., -1] > 0) | (differences.ci_high[..., -1] < 0)
+    all_cells = np.ones(9, dtype=bool)
+    assert 0 < expected.sum() < 9 and (pairs.excludes_zero(0.95, all_cells) == expected).all()
+    single = Pairs(pairs.first[0], pairs.second[0])
+    assert single.excludes_zero(0.95, np.asarray(True)) == expected[:1]
+    assert holm([single]) == ([expected[0]], 1)
 
 
 def test_stores_with_the_same_results_are_one_sentence(answers, tmp_path, monkeypatch, capsys):
@@ -242,8 +249,8 @@ def test_no_table_of_equal_stores_and_no_files_of_an_earlier_comparison(
     _trees(tmp_path, [5.0], [5.0])
     capsys.readouterr()
     assert reported(monkeypatch, *paths, "--table", "differences") == 2
-    said = "there is no table 'differences': b.zarr and a.zarr have the same results."
-    assert capsys.readouterr().err.endswith(f"{said}\n")
+    message = "there is no table 'differences': b.zarr and a.zarr have the same results."
+    assert capsys.readouterr().err.endswith(f"{message}\n")
     assert not page.exists() and set(contents(folder)) == {"mine.csv"}
 
 
@@ -251,9 +258,9 @@ def test_no_table_of_equal_stores_and_no_files_of_an_earlier_comparison(
 def test_equal_stores_that_share_only_a_part_are_said_to(begin, answers, tmp_path):
     paths = [store(tmp_path / "0.zarr", answers[1])]
     paths.append(store(tmp_path / "1.zarr", answers[1][:, begin:], ASPECTS[begin:]))
-    wanted = "1.zarr and 0.zarr have the same results"
-    wanted += " in all that they have in common." if begin else "."
-    assert sentences(compare(*paths)) == sentences(compare(*paths)) == [wanted]
+    expected = "1.zarr and 0.zarr have the same results"
+    expected += " in all that they have in common." if begin else "."
+    assert sentences(compare(*paths)) == sentences(compare(*paths)) == [expected]
 
 
 def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
@@ -266,26 +273,27 @@ def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
 
 
 def test_tables_of_which_one_store_has_more_are_equal_in_part(tmp_path):
-    (said,) = sentences(compare(*_trees(tmp_path, [5.0, 6.0], [5.0, 6.0, 7.0])))
-    assert said == "b.zarr and a.zarr have the same results in all that they have in common."
+    (sentence,) = sentences(compare(*_trees(tmp_path, [5.0, 6.0], [5.0, 6.0, 7.0])))
+    assert sentence == "b.zarr and a.zarr have the same results in all that they have in common."
 
 
 def test_a_figure_that_one_store_lacks_has_changed(tmp_path):
     nan = float("nan")
-    found = compare(*_trees(tmp_path, [5.0, nan, nan], [5.0, nan, 7.0]))
-    said = sentences(found)[0]
+    compared = compare(*_trees(tmp_path, [5.0, nan, nan], [5.0, nan, 7.0]))
+    sentence = sentences(compared)[0]
     assert (
-        said == "Of tree, height changed most, at size 3: from no value in a.zarr to 7 in b.zarr."
+        sentence
+        == "Of tree, height changed most, at size 3: from no value in a.zarr to 7 in b.zarr."
     )
-    (*_, last) = answer(found, ["size"]).lines
+    (*_, last) = answer(compared, ["size"]).lines
     assert [cell.text for cell in last.cells] == ["–", "7", "–"]
 
 
 def test_ships_of_one_name_that_differ_are_named(tmp_path):
     digests = [{"duncan": "1", "horne": "2"}, {"duncan": "1", "horne": "3", "texas": "4"}]
     paths = _trees(tmp_path, [5.0], [6.0], mesh_digests=digests, configuration=[{}, {}])
-    said = "All settings are the same. Ships that differ: horne."
-    assert settings_sentence(compare(*paths)) == said
+    sentence = "All settings are the same. Ships that differ: horne."
+    assert settings_sentence(compare(*paths)) == sentence
     moved = [{"duncan": "offset 1"}, {}]
     paths = _trees(
         tmp_path / "moved", [5.0], [6.0], mesh_digests=[digests[0]] * 2, mesh_transforms=moved
@@ -296,16 +304,16 @@ def test_ships_of_one_name_that_differ_are_named(tmp_path):
 def test_classifiers_that_do_not_differ_are_left_out(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
     for path in paths:
-        same = xr.Dataset(
+        equal = xr.Dataset(
             {"correct": (("ship", "aspect"), answers[1].astype("i1"))},
             {"ship": ["duncan", "texas"], "aspect": ASPECTS},
         )
         table = xr.Dataset({"length": ("size", [1.0, 2.0])}, {"size": [1.0, 2.0]})
         tables = {"tables__mnn": shown(scores(), "mnn"), "tables__same": table}
-        stored(path, classification__mnn=same, **tables)
-    found = compare(*paths)
-    assert set(found.frames[NAME].rows.classifier) == {"acn"} and [*found.frames] == [NAME]
-    assert found.number == 1
+        stored(path, classification__mnn=equal, **tables)
+    compared = compare(*paths)
+    assert set(compared.frames[NAME].rows.classifier) == {"acn"} and [*compared.frames] == [NAME]
+    assert compared.number == 1
 
 
 def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tmp_path):
@@ -313,22 +321,25 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
     rng = np.random.default_rng(3)
     right = [rng.random((24, 2, 20)) < share for share in (0.9, 0.6, 0.3)]
     paths = [
-        store(tmp_path / f"{'abc'[k]}.zarr", of, pulse_width=widths) for k, of in enumerate(right)
+        store(tmp_path / f"{'abc'[k]}.zarr", correct, pulse_width=widths)
+        for k, correct in enumerate(right)
     ]
     two = answer(compare(*paths[:2]), ["pulse_width"])
     assert two.heads == ("a.zarr", "b.zarr", "difference") and len(two.lines) == 10
     first, *_, last = two.lines
     for line, place in ((first, 0), (last, 23)):
         assert line.place == (widths[place],)
-        ends = [100 * of[place].mean() for of in right[:2]]
+        ends = [100 * correct[place].mean() for correct in right[:2]]
         assert [cell.text for cell in line.cells[:2]] == [f"{end:.0f}" for end in ends]
         assert line.cells[2].text == f"{ends[1] - ends[0]:+.0f}" and line.cells[2].interval
     three = answer(compare(*paths), ["pulse_width"])
     assert three.heads == ("b.zarr", "c.zarr") and "other stores less a.zarr" in three.title
     cells = [cell.text for cell in three.lines[0].cells]
-    assert cells == [f"{100 * (of[0].mean() - right[0][0].mean()):+.0f}" for of in right[1:]]
-    said, _ = sentences(compare(*paths))
-    assert " in c.zarr, -" in said and "at pulse width " in said
+    assert cells == [
+        f"{100 * (correct[0].mean() - right[0][0].mean()):+.0f}" for correct in right[1:]
+    ]
+    sentence, _ = sentences(compare(*paths))
+    assert " in c.zarr, -" in sentence and "at pulse width " in sentence
 
 
 def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path):
@@ -338,15 +349,15 @@ def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path
         table = xr.Dataset({"height": ("size", figures)}, {"size": sizes})
         table.height.attrs["units"] = "m"
         stored(path, {"configuration": {"depth": sizes[0]}, "seed": 1}, tables__tree=table)
-    found = compare(*paths)
-    said = sentences(found)
+    compared = compare(*paths)
+    texts = sentences(compared)
     assert (
-        said[0]
+        texts[0]
         == "Of tree, height changed most, at size 3: from 7 m in a.zarr to 9 m in b.zarr, +2 m."
     )
-    assert said[1].startswith("Without intervals") and len(said) == 2
-    assert [line.place for line in answer(found, ["size"]).lines] == [(2.0,), (3.0,)]
-    assert settings_sentence(found) == "Settings that differ: depth 1 in a.zarr and 2 in b.zarr."
+    assert texts[1].startswith("Without intervals") and len(texts) == 2
+    assert [line.place for line in answer(compared, ["size"]).lines] == [(2.0,), (3.0,)]
+    assert settings_sentence(compared) == "Settings that differ: depth 1 in a.zarr and 2 in b.zarr."
 
 
 def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path):
@@ -393,15 +404,15 @@ def test_stores_of_one_name_are_told_apart_by_their_folders(answers, tmp_path):
     for folder, right in zip("xy", answers[0], strict=True):
         (tmp_path / folder).mkdir()
         paths.append(store(tmp_path / folder / "s.zarr", right))
-    found = compare(*paths)
-    assert found.names == ("x/s.zarr", "y/s.zarr") and "x/s.zarr" in sentences(found)[0]
-    assert found.place == tmp_path / "y" / "y-s-less-x-s.zarr"
+    compared = compare(*paths)
+    assert compared.names == ("x/s.zarr", "y/s.zarr") and "x/s.zarr" in sentences(compared)[0]
+    assert compared.place == tmp_path / "y" / "y-s-less-x-s.zarr"
 
 
 def test_a_difference_that_chance_may_make_is_said_to_be_no_more(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
-    found = compare(*paths)
-    assert found.significant == 0
-    said, counted = sentences(found)
-    assert said.startswith("ACN, range profile changed most: from ")
+    compared = compare(*paths)
+    assert compared.significant == 0
+    sentence, counted = sentences(compared)
+    assert sentence.startswith("ACN, range profile changed most: from ")
     assert counted == "Comparisons significant by Holm's correction at 5 %: 0 of 1."

@@ -28,8 +28,8 @@ def test_ships_are_confused_either_way_over_all_classifiers(tmp_path):
         "classification__acn": answers(wrong=[(0, 1, 0), (2, 1, 1)]),
         "classification__mnn": answers((2, 0, 1), wrong=[(2, 1, 1), (1, 2, 2), (0, 1, 0)]),
     }
-    found = most_confused(read_predictions(opened(stored(tmp_path / "s.zarr", **groups))))
-    assert found == (("horne", "texas"), 30.0)
+    confused = most_confused(read_predictions(opened(stored(tmp_path / "s.zarr", **groups))))
+    assert confused == (("horne", "texas"), 30.0)
 
 
 def test_without_wrong_answers_no_ships_are_confused(tmp_path):
@@ -43,7 +43,7 @@ def test_without_wrong_answers_no_ships_are_confused(tmp_path):
 
 def test_the_page_shows_them_beside_the_confusion(smoke_store):
     (section,) = read_page(page_file(smoke_store)).root.all("section", id="confused")
-    assert section.one("img").attrs["src"].startswith("data:image/png;base64,")
+    assert section.only("img").attrs["src"].startswith("data:image/png;base64,")
 
 
 def test_answers_that_cannot_be_joined_do_not_prevent_the_page(tmp_path):

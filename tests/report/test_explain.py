@@ -18,13 +18,13 @@ ABBREVIATIONS = ("ACN", "MNN", "IFOV", "CNR", "NEdT", "chance", "n", "interval",
 )
 def test_both_commands_print_the_entry_of_the_glossary(word, monkeypatch, capsys):
     assert reported(monkeypatch, "--explain", *word.split()) == 0
-    found = capsys.readouterr()
+    captured = capsys.readouterr()
     assert ran("--explain", *word.split()) == 0
-    assert capsys.readouterr() == found
-    term, *lines = found.out.splitlines()
-    assert any(term in names for names in glossary()) and found.err == ""
+    assert capsys.readouterr() == captured
+    term, *lines = captured.out.splitlines()
+    assert any(term in names for names in glossary()) and captured.err == ""
     assert " ".join("".join(f"{line} " for line in lines).split()) == meaning(word)
-    assert max(map(cell_len, lines)) < 80 and not set("`*[") & set(found.out)
+    assert max(map(cell_len, lines)) < 80 and not set("`*[") & set(captured.out)
 
 
 @pytest.mark.parametrize(
@@ -33,9 +33,9 @@ def test_both_commands_print_the_entry_of_the_glossary(word, monkeypatch, capsys
 )
 def test_an_unknown_word_is_refused_with_near_ones(word, near, monkeypatch, capsys):
     status = reported(monkeypatch, "--explain", word)
-    said = capsys.readouterr()
-    assert status == 2 and said.out == "" and said.err.count("\n") == 1
-    assert repr(word) in said.err and near in said.err
+    captured = capsys.readouterr()
+    assert status == 2 and captured.out == "" and captured.err.count("\n") == 1
+    assert repr(word) in captured.err and near in captured.err
 
 
 def test_every_head_of_a_table_has_a_meaning(smoke_store):
@@ -47,8 +47,8 @@ def test_every_head_of_a_table_has_a_meaning(smoke_store):
 
 def test_heads_of_the_page_point_to_it(smoke_store):
     page = read_page(page_file(smoke_store))
-    section = page.root.one("section", id="table-scores")
-    heads = {one.text: one.attrs.get("title") for one in section.all("th", scope="col")}
+    section = page.root.only("section", id="table-scores")
+    heads = {head.text: head.attrs.get("title") for head in section.all("th", scope="col")}
     assert heads["pulse width [ns]"] == meaning("pulse width")
     assert meaning("classifier") in heads["classifier, channel, scored"]
     assert heads["overall"] == meaning("overall")

@@ -1,4 +1,4 @@
-"""Pictures of flights: drawn when a sweep ends, whole or not at all, of what the store holds."""
+"""Pictures of flights: drawn from the store when a sweep ends, whole or not at all."""
 
 import shutil
 
@@ -39,10 +39,10 @@ def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):
         image = imread(tables_folder(store) / name)
         assert min(image.shape[:2]) > 300
         assert image.std() > 0.1
-    said = capsys.readouterr()
-    (told,) = [line for line in said.out.splitlines() if line.startswith("pictures")]
-    assert "s-tables" in told and all(name in told for name in PICTURES)
-    assert "pictures" in said.err and "100%" in said.err
+    captured = capsys.readouterr()
+    (summary,) = [line for line in captured.out.splitlines() if line.startswith("pictures")]
+    assert "s-tables" in summary and all(name in summary for name in PICTURES)
+    assert "pictures" in captured.err and "100%" in captured.err
 
 
 def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, capsys):
@@ -50,17 +50,17 @@ def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, cap
     scores(mass=[1.0, 2.0]).to_zarr(path, group="tables/pears", consolidated=False)
     signed(path)
     assert reported(monkeypatch, "--pictures", path) == 2
-    told = capsys.readouterr().err
-    assert "has no flights" in told and told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert "has no flights" in message and message.count("\n") == 1
 
 
 def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):
-    given = attributes_of(sisters)
-    other = given | {"mesh_digests": given["mesh_digests"] | {"roberts": "0"}}
+    attributes = attributes_of(sisters)
+    changed = attributes | {"mesh_digests": attributes["mesh_digests"] | {"roberts": "0"}}
     with pytest.raises(ValueError, match="roberts has changed since"):
-        known_ship(other, "roberts")
+        known_ship(changed, "roberts")
     with pytest.raises(ValueError, match="mine was read from a file"):
-        known_ship(given, "mine")
+        known_ship(attributes, "mine")
 
 
 TOGETHER = "grid.zip=[[irar.azimuth,irar.mirror,irar.range_filter]]"
@@ -86,21 +86,21 @@ CHOICES = {
 @pytest.mark.parametrize("chosen", CHOICES.values(), ids=CHOICES)
 def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
     """Whatever the choices: the same pixels, in the same place."""
-    one = [item for item in FLIGHTS if not item.startswith("grid.")]
+    overrides = [item for item in FLIGHTS if not item.startswith("grid.")]
     path, ship = tmp_path / "s.zarr", ("grid.ship=roberts", "grid.aspect=175")
-    swept(path, tmp_path / "cache", *one, *ship, *chosen)
-    given, flights = attributes_of(path), with_scalars(opened(path, "validation")).squeeze()
+    swept(path, tmp_path / "cache", *overrides, *ship, *chosen)
+    attributes, flights = attributes_of(path), with_scalars(opened(path, "validation")).squeeze()
     mesh = ncti.ships.load("roberts")
-    several = [name for name in flights.intensity.dims if name not in ("row", "column")]
-    sizes = [flights.sizes[name] for name in several]
+    axes = [name for name in flights.intensity.dims if name not in ("row", "column")]
+    sizes = [flights.sizes[name] for name in axes]
     assert np.prod(sizes) >= 3
-    for place in np.ndindex(*sizes):
-        assert_drawn(flights.isel(dict(zip(several, place, strict=True))), given, mesh)
+    for index in np.ndindex(*sizes):
+        assert_drawn(flights.isel(dict(zip(axes, index, strict=True))), attributes, mesh)
 
 
-def assert_drawn(flight, given, mesh):
+def assert_drawn(flight, attributes, mesh):
     """The last corrected stage of a flight is its stored image, and nothing of it is cut off."""
-    *_, (title, last), _ = stages(mesh, **scan_of(given, flight, mesh)).items()
+    *_, (title, last), _ = stages(mesh, **scan_of(attributes, flight, mesh)).items()
     assert "all corrections" in title
     stored = flight.intensity.transpose("row", "column").sel(row=last.row, column=last.column)
     assert np.count_nonzero(stored) > 100

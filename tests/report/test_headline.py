@@ -32,16 +32,16 @@ def shares(*values, **axes):
 
 def test_it_is_along_the_axis_that_was_swept(tmp_path):
     table = scores(cnr=[23.0, 26.0, 32.0], frame_count=[4, 16], range=100.0)
-    about = {"configuration": GIVEN, "swept": ["cnr"]}
-    said = sentence(tmp_path, about, tables__acn=shown(table))
-    at = table.sel(aspect_bin="overall", frame_count=16)
+    attrs = {"configuration": GIVEN, "swept": ["cnr"]}
+    text = sentence(tmp_path, attrs, tables__acn=shown(table))
+    overall = table.sel(aspect_bin="overall", frame_count=16)
     for cnr, place in ((23.0, "of four ships at CNR 23 dB"), (32.0, "at 32 dB")):
-        one = at.sel(cnr=cnr)
-        ends = (float(one.accuracy), float(one.ci_low), float(one.ci_high))
+        point = overall.sel(cnr=cnr)
+        ends = (float(point.accuracy), float(point.ci_low), float(point.ci_high))
         share, low, high = (f"{round(100 * end, 1):.0f}" for end in ends)
-        assert f"{share} % [{low}–{high}] {place}" in said
-    assert said.startswith("ACN on range profiles identifies")
-    assert "(range 100 km, frame count 16)" in said and said.endswith("chance 25 %.")
+        assert f"{share} % [{low}–{high}] {place}" in text
+    assert text.startswith("ACN on range profiles identifies")
+    assert "(range 100 km, frame count 16)" in text and text.endswith("chance 25 %.")
 
 
 @pytest.mark.parametrize(
@@ -54,8 +54,8 @@ def test_the_best_on_average_is_named_and_of_equals_the_simplest(likelihood, bes
         "tables__likelihood": shown(shares(*likelihood, cnr=[23.0, 32.0]), "likelihood"),
         "tables__acn": shown(shares(0.6, 0.8, cnr=[23.0, 32.0])),
     }
-    said = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
-    assert said.startswith(f"Best of 2: {best} on range profiles identifies")
+    text = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
+    assert text.startswith(f"Best of 2: {best} on range profiles identifies")
 
 
 @pytest.mark.parametrize(
@@ -84,37 +84,37 @@ def test_the_best_is_ranked_by_values_that_all_have(likelihood, acn, best, ranke
         "tables__likelihood": shown(shares(*likelihood, cnr=[23.0, 32.0]), "likelihood"),
         "tables__acn": shown(shares(*acn, cnr=[23.0, 32.0])),
     }
-    said = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
-    assert said.startswith(f"Best of 2: {best} on range profiles identifies")
-    assert ("Ranked by " in said) == bool(ranked) and ranked in said
+    text = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
+    assert text.startswith(f"Best of 2: {best} on range profiles identifies")
+    assert ("Ranked by " in text) == bool(ranked) and ranked in text
 
 
 def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
     table = shown(shares(0.3, 0.6, cnr=[23.0, 32.0]))
-    said = sentence(tmp_path, {"swept": ["cnr"]}, tables__acn=table)
-    assert "30 % [20–40] of ships at CNR 23 dB, no better than chance, and 60 % [50–70]" in said
-    assert said.count("no better than chance") == 1
+    text = sentence(tmp_path, {"swept": ["cnr"]}, tables__acn=table)
+    assert "30 % [20–40] of ships at CNR 23 dB, no better than chance, and 60 % [50–70]" in text
+    assert text.count("no better than chance") == 1
 
 
 def test_an_axis_that_the_best_does_not_depend_on_is_not_named(tmp_path):
     best = shares(0.9, frame_count=[16])
     other = shares(0.4, 0.6, votes=[1, 5])
     tables = {"tables__likelihood": shown(best, "likelihood"), "tables__acn": shown(other)}
-    said = sentence(tmp_path, {"swept": ["votes"]}, **tables)
-    assert "maximum likelihood" in said and "votes" not in said and "–;" not in said
+    text = sentence(tmp_path, {"swept": ["votes"]}, **tables)
+    assert "maximum likelihood" in text and "votes" not in text and "–;" not in text
 
 
 def test_few_answers_are_said_and_unknown_ships_do_not_count(tmp_path):
     few = shares(0.9, frame_count=[16])
     few.n[:] = 8
-    given = {
+    attrs = {
         "configuration": {
             "grid": {"ship": ["duncan", "texas"]},
             "classifier": {"unknown": ["texas"]},
         }
     }
-    said = sentence(tmp_path, given, tables__acn=shown(few))
-    assert "of one ship" in said and re.search(r"Few answers \(n = 8\)", said)
+    text = sentence(tmp_path, attrs, tables__acn=shown(few))
+    assert "of one ship" in text and re.search(r"Few answers \(n = 8\)", text)
 
 
 def test_of_other_percentages_the_best_row_is_named(tmp_path):
@@ -125,8 +125,8 @@ def test_of_other_percentages_the_best_row_is_named(tmp_path):
     figure = Figure("share", "percent_correct", percent=True, format=".0f")
     display = Display("trees", "Trees", (figure,), rows=("tree",), columns="split", chance=25.0)
     table = table.assign_attrs(encode_attrs({ATTRIBUTE: [display.as_attribute(None)]}))
-    said = sentence(tmp_path, {"swept": []}, tables__trees=table)
-    assert said == "Percent correct is 60 %, tree ash, split aspect-random; chance 25 %."
+    text = sentence(tmp_path, {"swept": []}, tables__trees=table)
+    assert text == "Percent correct is 60 %, tree ash, split aspect-random; chance 25 %."
 
 
 @pytest.mark.parametrize(
@@ -144,8 +144,8 @@ def test_any_experiment_has_words(values, said, tmp_path):
     coords = {"size": [8, 16], "temperature": [1.5, 2.0, 3.0]}
     table = xr.Dataset({"cumulant": figures}, coords)
     table.temperature.attrs["units"] = "J/k"
-    found = sentence(tmp_path, {"swept": ["temperature", "size"]}, tables__cumulant=table)
-    assert found.startswith(said)
+    text = sentence(tmp_path, {"swept": ["temperature", "size"]}, tables__cumulant=table)
+    assert text.startswith(said)
 
 
 def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
@@ -153,7 +153,7 @@ def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
 ):
     table = xr.Dataset({"height": ("ripeness", [1.0, 4.0])}, {"ripeness": [1.0, 2.0]})
     table.height.attrs["units"] = "m"
-    said = sentence(tmp_path, {"swept": ["ripeness"]}, tables__apples=table)
-    assert said == "Height rises from 1 m at 1 to 4 m at 2 ripeness."
+    text = sentence(tmp_path, {"swept": ["ripeness"]}, tables__apples=table)
+    assert text == "Height rises from 1 m at 1 to 4 m at 2 ripeness."
     for path in (smoke_store, sisters):
         assert headline(read_frames(path), {})[0].endswith((".", "wide."))

@@ -1,4 +1,4 @@
-"""Charts in notebooks: what the page has of the same table, and refused arguments."""
+"""Charts in notebooks: the same as the page's of a table, and refused arguments."""
 
 import html
 import re
@@ -27,27 +27,27 @@ def document(made):
 def test_it_has_the_rows_and_scales_of_the_page(tmp_path):
     path = stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=shown(scores(**AXES)))
     ds = xr.open_zarr(path, group="tables/acn")
-    made = document(chart(ds, x="cnr", y="accuracy", colour="range"))
+    in_notebook = document(chart(ds, x="cnr", y="accuracy", colour="range"))
     page = parsed(page_of(path)).data["tables"]["scores"]
-    assert made.data["tables"]["chart"]["figures"] == page["figures"]
-    assert made.data["tables"]["chart"]["x"] == page["x"]
+    assert in_notebook.data["tables"]["chart"]["figures"] == page["figures"]
+    assert in_notebook.data["tables"]["chart"]["x"] == page["x"]
     for name in ("cnr_db", "range_km", "percent_correct", "ci_low"):
-        assert made.data["tables"]["chart"]["rows"][name] == page["rows"][name]
+        assert in_notebook.data["tables"]["chart"]["rows"][name] == page["rows"][name]
     for name, chosen in (("against", "cnr_db"), ("colour", "range_km")):
-        (option,) = made.root.one("select", id=name).all("option", selected="")
+        (option,) = in_notebook.root.only("select", id=name).all("option", selected="")
         assert option.attrs["value"] == chosen
-    assert made.root.one("meta", http_equiv="Content-Security-Policy")
+    assert in_notebook.root.only("meta", http_equiv="Content-Security-Policy")
 
 
 def test_a_table_without_a_display_and_a_selection_have_a_chart():
     table = xr.Dataset(
         {"height": (("age", "tree"), np.eye(2))}, {"age": [1, 2], "tree": ["a", "<b>"]}
     )
-    made = document(chart(table, x="age", colour="tree"))
-    assert made.data["tables"]["chart"]["figures"].keys() == {"height"}
-    assert not made.root.all("b")
-    part = document(chart(table.sel(tree="a"), x="age"))
-    assert part.data["tables"]["chart"]["rows"]["height"] == [1.0, 0.0]
+    in_notebook = document(chart(table, x="age", colour="tree"))
+    assert in_notebook.data["tables"]["chart"]["figures"].keys() == {"height"}
+    assert not in_notebook.root.all("b")
+    selection = document(chart(table.sel(tree="a"), x="age"))
+    assert selection.data["tables"]["chart"]["rows"]["height"] == [1.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -72,5 +72,5 @@ def test_a_data_set_without_numbers_is_refused():
 
 def test_it_is_listed_before_it_is_imported():
     listed = "import sys, sweeps.report as of; print('chart' in dir(of), 'xarray' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", listed], capture_output=True, check=True)
-    assert done.stdout == b"True False\n"
+    result = subprocess.run([sys.executable, "-c", listed], capture_output=True, check=True)
+    assert result.stdout == b"True False\n"

@@ -52,13 +52,13 @@ def write(folder, *names, value=1):
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory):
+def whole_store(tmp_path_factory):
     return made(tmp_path_factory.mktemp("one") / "s.zarr")
 
 
 @pytest.fixture
-def store(one, tmp_path):
-    return Path(shutil.copytree(one, tmp_path / "s.zarr"))
+def store(whole_store, tmp_path):
+    return Path(shutil.copytree(whole_store, tmp_path / "s.zarr"))
 
 
 def files(store):
@@ -77,26 +77,26 @@ SCREENS = {  # stdout, stderr, environment
 
 
 @pytest.fixture(scope="module")
-def ended(one, tmp_path_factory):
+def ended(whole_store, tmp_path_factory):
     """Folder and exit status of a report on each screen."""
     folders = {name: tmp_path_factory.mktemp("screen") for name in SCREENS}
     cases = []
     for name, (out, err, environment) in SCREENS.items():
-        shutil.copytree(one, folders[name] / "s.zarr")
+        shutil.copytree(whole_store, folders[name] / "s.zarr")
         case = {"output": (out, err), "environment": environment, "arguments": ["s.zarr"]}
         cases.append(case | {"folder": str(folders[name])})
-    done = statuses("report_process", "main", cases)
-    return dict(zip(folders, zip(folders.values(), done, strict=True), strict=True))
+    exit_codes = statuses("report_process", "main", cases)
+    return dict(zip(folders, zip(folders.values(), exit_codes, strict=True), strict=True))
 
 
 @pytest.mark.parametrize("screen", SCREENS)
 def test_a_screen_that_takes_nothing_costs_nothing(ended, screen):
     folder, status = ended[screen]
     assert status == ("full" in screen)
-    said = (folder / "err").read_text("latin-1") if screen != "both full" else ""
-    assert said.count("\n") == (screen == "full")
-    assert "Traceback" not in said and "Exception" not in said
-    assert not said or said.startswith("ncti-report: tables cannot be printed: No space left")
+    message = (folder / "err").read_text("latin-1") if screen != "both full" else ""
+    assert message.count("\n") == (screen == "full")
+    assert "Traceback" not in message and "Exception" not in message
+    assert not message or message.startswith("ncti-report: tables cannot be printed: No space left")
     assert files(folder / "s.zarr") == {"scores.csv", "categories.csv"}
 
 
@@ -107,11 +107,11 @@ def test_an_ascii_screen_has_every_figure(store, monkeypatch):
         assert reported(monkeypatch, store, "--table", "scores") == 0
         return screen.buffer.getvalue().decode(encoding)
 
-    plain, whole = printed("ascii"), printed("utf-8")
+    ascii_text, full_text = printed("ascii"), printed("utf-8")
     for cells in [line.cells for line in laid_out(read_frames(store)["scores"]).lines]:
         for cell in cells:
-            assert text_of(cell) in whole and text_of(cell).replace("–", "-") in plain
-    assert "\n────" in whole and "\n----" in plain.replace("?", "-")
+            assert text_of(cell) in full_text and text_of(cell).replace("–", "-") in ascii_text
+    assert "\n────" in full_text and "\n----" in ascii_text.replace("?", "-")
 
 
 @pytest.mark.parametrize("name", ["[red]x.zarr", "[/]x.zarr", "a b\x1b[31mc.zarr", "é\n.zarr"])
@@ -120,8 +120,8 @@ def test_names_of_paths_are_shown_as_they_are(name, tmp_path):
     console = Console(file=io.StringIO(), width=100, force_terminal=True, color_system="truecolor")
     report(path, console)
     text = console.file.getvalue()
-    shown = name.replace("\x1b", "\\x1b").replace("\n", "\\n")
-    assert f"store   {tmp_path}/{shown}\n" in text
+    printable = name.replace("\x1b", "\\x1b").replace("\n", "\\n")
+    assert f"store   {tmp_path}/{printable}\n" in text
     assert "\x1b[31m" not in text
     assert files(path) == {"scores.csv", "categories.csv"}
 
@@ -135,15 +135,15 @@ def test_words_of_a_store_are_neutral_in_files_and_on_the_screen(tmp_path):
     report(path, console)
     with (tables_folder(path) / "scores.csv").open(newline="") as file:
         text = file.read()
-    found = dict.fromkeys(row["word"] for row in rows_of(path, "scores"))
-    kept = {"[red]y", "\x1b[31mz", "-5", "+1e3"}
-    assert set(found) == kept | {f"'{word}" for word in set(HOSTILE) - kept}
+    words = dict.fromkeys(row["word"] for row in rows_of(path, "scores"))
+    unchanged = {"[red]y", "\x1b[31mz", "-5", "+1e3"}
+    assert set(words) == unchanged | {f"'{word}" for word in set(HOSTILE) - unchanged}
     assert not [line for line in text.splitlines() if line.startswith(("=", "@", "\t"))]
     printed = console.file.getvalue()
     for word in HOSTILE:
-        shown = word.replace("\t", "\\t").replace("\r", "\\r").replace("\x1b", "\\x1b")
-        assert shown in printed
-    assert not any(ord(one) < 32 and one != "\n" for one in printed)
+        printable = word.replace("\t", "\\t").replace("\r", "\\r").replace("\x1b", "\\x1b")
+        assert printable in printed
+    assert not any(ord(letter) < 32 and letter != "\n" for letter in printed)
 
 
 @pytest.mark.parametrize("value", ["-5", "+1e3", "-0.5", "x=1", "", " ", 5, -5.0, None, True])
@@ -162,19 +162,19 @@ def test_what_is_no_good_store_is_refused_in_one_sentence(
         path = tmp_path / "other.zarr"
         path.mkdir() if damage == "empty" else path.write_text("{}")
     elif damage == "cut":
-        for one in (store / GROUP).rglob("zarr.json"):
-            one.write_text(one.read_text()[:40])
+        for file in (store / GROUP).rglob("zarr.json"):
+            file.write_text(file.read_text()[:40])
     elif damage == "lost":
-        for one in (store / GROUP / "accuracy").rglob("*"):
-            if one.is_file() and one.name != "zarr.json":
-                one.write_bytes(b"?")
+        for file in (store / GROUP / "accuracy").rglob("*"):
+            if file.is_file() and file.name != "zarr.json":
+                file.write_bytes(b"?")
     else:
         shutil.rmtree(store / GROUP / "ci_low")
     assert reported(monkeypatch, path) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("ncti-report: store is '") and told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.startswith("ncti-report: store is '") and message.count("\n") == 1
     cause = "which does not exist" if damage == "no store" else "must be the zarr store of a sweep"
-    assert cause in told
+    assert cause in message
     assert not tables_folder(path).exists()
     with pytest.raises(ConfigurationError):
         report(path, Console(file=io.StringIO()))
@@ -186,10 +186,10 @@ def test_tables_that_cannot_be_written_are_printed_all_the_same(store, monkeypat
 
     monkeypatch.setattr(own, "write_whole", full)
     assert reported(monkeypatch, store) == 2
-    said = capsys.readouterr()
-    assert "identified correctly" in said.out
-    told = said.err
-    assert told.startswith("ncti-report: tables are not written: ") and told.count("\n") == 1
+    captured = capsys.readouterr()
+    assert "identified correctly" in captured.out
+    message = captured.err
+    assert message.startswith("ncti-report: tables are not written: ") and message.count("\n") == 1
 
 
 def link_of(path, target):
@@ -212,21 +212,21 @@ THEIRS = {  # what a user has there, and what of it is in the way
 def everything(folder):
     """Every file below a folder, and where links lead."""
     return {
-        str(one.relative_to(folder)): one.read_bytes()
-        for one in sorted(folder.rglob("*"))
-        if one.is_file()
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
     } | {
-        str(one.relative_to(folder)): os.readlink(one)
-        for one in folder.rglob("*")
-        if one.is_symlink()
+        str(path.relative_to(folder)): os.readlink(path)
+        for path in folder.rglob("*")
+        if path.is_symlink()
     }
 
 
 @pytest.mark.parametrize("through", ["itself", "link"])
 @pytest.mark.parametrize("what", THEIRS)
 def test_what_the_report_did_not_write_stays(what, through, store, tmp_path, monkeypatch, capsys):
-    theirs, first = THEIRS[what]
-    for name, text in theirs.items():
+    user_files, reported_file = THEIRS[what]
+    for name, text in user_files.items():
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
         if through == "link":
@@ -235,20 +235,20 @@ def test_what_the_report_did_not_write_stays(what, through, store, tmp_path, mon
             path.write_text(text)
     before = everything(tmp_path)
     assert reported(monkeypatch, "--html", store) == 1
-    said = capsys.readouterr()
-    assert "identified correctly" in said.out and said.err.count("\n") == 1
-    assert said.err.startswith("ncti-report: ") and first in said.err
-    assert said.err.endswith("; everything else is written\n")
-    now = everything(tmp_path)
-    assert before.items() <= now.items()
-    made = {name for name in now if name not in before and not name.startswith("s-tables/.")}
-    wanted = {"s-tables/scores.csv", "s-tables/categories.csv", "s-report.html"}
-    gone = {name for name in wanted if what in ("the list", "a file") and "tables" in name}
-    assert made == wanted - set(theirs) - gone
-    for name in theirs:
+    captured = capsys.readouterr()
+    assert "identified correctly" in captured.out and captured.err.count("\n") == 1
+    assert captured.err.startswith("ncti-report: ") and reported_file in captured.err
+    assert captured.err.endswith("; everything else is written\n")
+    after = everything(tmp_path)
+    assert before.items() <= after.items()
+    written = {name for name in after if name not in before and not name.startswith("s-tables/.")}
+    expected = {"s-tables/scores.csv", "s-tables/categories.csv", "s-report.html"}
+    gone = {name for name in expected if what in ("the list", "a file") and "tables" in name}
+    assert written == expected - set(user_files) - gone
+    for name in user_files:
         shutil.rmtree(tmp_path / name) if (tmp_path / name).is_dir() else (tmp_path / name).unlink()
     assert reported(monkeypatch, "--html", store) == 0
-    assert wanted <= set(everything(tmp_path))
+    assert expected <= set(everything(tmp_path))
 
 
 def test_a_folder_behind_a_link_keeps_what_it_has(store, tmp_path, monkeypatch):
@@ -274,12 +274,12 @@ def test_changed_tables_and_pages_stay(store, tmp_path, monkeypatch, capsys):
         (page, b" "),
         (page, b"<!-- my note -->"),
     ):
-        whole = path.read_bytes()
-        path.write_bytes(whole + change)
+        content = path.read_bytes()
+        path.write_bytes(content + change)
         capsys.readouterr()
         assert reported(monkeypatch, "--html", store) == 1
-        assert path.name in capsys.readouterr().err and path.read_bytes() == whole + change
-        path.write_bytes(whole)
+        assert path.name in capsys.readouterr().err and path.read_bytes() == content + change
+        path.write_bytes(content)
         assert reported(monkeypatch, "--html", store) == 0
 
 
@@ -312,7 +312,7 @@ def put_each(folder, names):
 def test_reports_at_once_list_the_files_of_both(tmp_path):
     names = [[f"{process}-{k}.csv" for k in range(100)] for process in range(2)]
     context = get_context("fork")
-    processes = [context.Process(target=put_each, args=(tmp_path, one)) for one in names]
+    processes = [context.Process(target=put_each, args=(tmp_path, group)) for group in names]
     for process in processes:
         process.start()
     for process in processes:
@@ -320,7 +320,7 @@ def test_reports_at_once_list_the_files_of_both(tmp_path):
         assert process.exitcode == 0
     listed = [line.partition("  ")[2] for line in (tmp_path / WRITTEN).read_text().splitlines()]
     assert sorted(listed) == sorted(names[0] + names[1])
-    assert {one.name for one in tmp_path.iterdir()} == {WRITTEN, *names[0], *names[1]}
+    assert {path.name for path in tmp_path.iterdir()} == {WRITTEN, *names[0], *names[1]}
 
 
 @pytest.mark.parametrize("mask", [0, 0o077])
@@ -328,32 +328,32 @@ def test_others_never_write_what_the_report_wrote(store, monkeypatch, mask, umas
     umask(mask)
     assert reported(monkeypatch, "--html", store) == 0
     folder = tables_folder(store)
-    modes = {one.stat().st_mode & 0o777 for one in (*folder.iterdir(), page_file(store))}
+    modes = {path.stat().st_mode & 0o777 for path in (*folder.iterdir(), page_file(store))}
     assert modes == {0o644 & ~mask} and folder.stat().st_mode & 0o777 == 0o755 & ~mask
 
 
 def files_of(path):
-    return [one for one in sorted(path.rglob("*")) if one.is_file() and one.name != MANIFEST]
+    return [file for file in sorted(path.rglob("*")) if file.is_file() and file.name != MANIFEST]
 
 
 def test_a_report_is_made_of_whole_files_only(tmp_path, monkeypatch, capsys):
     path = made(tmp_path / "s.zarr")
     scores(a=[1, 2]).to_zarr(path, group="range_profile", mode="a", consolidated=False)
     signed(path)
-    chunks = [one for one in files_of(path) if "/c" in str(one.relative_to(path))]
+    chunks = [file for file in files_of(path) if "/c" in str(file.relative_to(path))]
     assert len(chunks) > 20
     for file in files_of(path):
         content, name = file.read_bytes(), str(file.relative_to(path))
-        read = name.startswith("tables/") or name.endswith("zarr.json")
-        for other in (None, content + b"?"):
-            file.unlink() if other is None else file.write_bytes(other)
-            for options in ([],) if read else (["--html"], []):
-                status = 2 if read or options else 0
+        always_read = name.startswith("tables/") or name.endswith("zarr.json")
+        for damaged in (None, content + b"?"):
+            file.unlink() if damaged is None else file.write_bytes(damaged)
+            for options in ([],) if always_read else (["--html"], []):
+                status = 2 if always_read or options else 0
                 assert reported(monkeypatch, *options, path) == status
-                said = capsys.readouterr()
+                captured = capsys.readouterr()
                 if status:
-                    assert said.err.startswith("ncti-report: store is '") and not said.out
-                    assert said.err.count("\n") == 1 and name in said.err
+                    assert captured.err.startswith("ncti-report: store is '") and not captured.out
+                    assert captured.err.count("\n") == 1 and name in captured.err
         file.write_bytes(content)
     (path / GROUP / "accuracy" / "c" / "9").write_bytes(b"")
     assert reported(monkeypatch, path) == 2

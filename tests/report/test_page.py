@@ -1,4 +1,4 @@
-"""The report page: what it has at the head, that it is safe, and that tables need no script."""
+"""The report page: its head, its safety, and tables that need no script."""
 
 import base64
 import hashlib
@@ -33,43 +33,47 @@ def states(*given):
 
 
 def test_every_table_is_there_with_the_figures_of_its_frame(smoke, smoke_store):
-    for name, found in read_frames(smoke_store).items():
-        section, figure = smoke.root.one("section", id=f"table-{name}"), found.figures[0]
-        cells = [one for one in section.all("td") if one.attrs.get("data-f") == figure]
+    for name, table in read_frames(smoke_store).items():
+        section, figure = smoke.root.only("section", id=f"table-{name}"), table.figures[0]
+        cells = [td for td in section.all("td") if td.attrs.get("data-f") == figure]
         assert cells, name
         for cell in cells:
-            value = found.rows.loc[int(cell.attrs["data-r"]), figure]
-            text = found.columns[figure].text(value)
+            value = table.rows.loc[int(cell.attrs["data-r"]), figure]
+            text = table.columns[figure].text(value)
             assert cell.text.split()[0] == text, name
 
 
 def test_the_first_rows_are_at_one_setting_without_a_script(smoke, smoke_store):
-    found = read_frames(smoke_store)["scores"]
-    section = smoke.root.one("section", id="table-scores")
-    shown_rows = [one for one in section.all("tr") if "hidden" not in one.attrs and one.all("td")]
+    table = read_frames(smoke_store)["scores"]
+    section = smoke.root.only("section", id="table-scores")
+    shown_rows = [row for row in section.all("tr") if "hidden" not in row.attrs and row.all("td")]
     labels = [
-        int(one.all("td")[-1].attrs["data-r"])
-        for one in shown_rows
-        if "data-r" in one.all("td")[-1].attrs
+        int(row.all("td")[-1].attrs["data-r"])
+        for row in shown_rows
+        if "data-r" in row.all("td")[-1].attrs
     ]
-    rows = found.rows.loc[labels]
+    rows = table.rows.loc[labels]
     assert rows.vigilance.dropna().nunique() <= 2 and rows.kind.unique().tolist() == ["test"]
     assert {"acn", "mnn", "correlation", "likelihood", "fusion"} <= set(rows.classifier)
 
 
 def test_python_below_a_table_gives_its_rows(smoke, smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
-    for name, found in read_frames(smoke_store).items():
-        section = smoke.root.one("section", id=f"table-{name}")
+    for name, table in read_frames(smoke_store).items():
+        section = smoke.root.only("section", id=f"table-{name}")
         imported, code = section.all("code")[0].text.split("\n")
         assert imported == "from sweeps.report.frames import frame"
-        assert len(eval(code, {"frame": frame})) == len(found.rows)
+        assert len(eval(code, {"frame": frame})) == len(table.rows)
 
 
 def test_the_head_says_what_was_found_before_anything_else(smoke):
-    header = smoke.root.one("header", id="summary")
-    (said, *_) = [one.text for one in header.all("p") if one.attrs.get("class") == "headline"]
-    assert re.search(r"identifies \d+ % \[\d+–\d+\].* of two ships .*chance 50 %", said)
+    header = smoke.root.only("header", id="summary")
+    (headline, *_) = [
+        paragraph.text
+        for paragraph in header.all("p")
+        if paragraph.attrs.get("class") == "headline"
+    ]
+    assert re.search(r"identifies \d+ % \[\d+–\d+\].* of two ships .*chance 50 %", headline)
 
 
 @pytest.mark.parametrize(
@@ -89,8 +93,8 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
         tmp_path / "s.zarr", attributes, status=states(*given), tables__o=scores(a=[1, 2])
     )
     page = parsed(page_of(path))
-    title, alerts = page.root.one("head").one("title").text, page.root.all("div", role="alert")
-    header = page.root.one("header", id="summary").text
+    title, alerts = page.root.only("head").only("title").text, page.root.all("div", role="alert")
+    header = page.root.only("header", id="summary").text
     assert said in header
     if word == "complete":
         assert title == "s.zarr – T" and not alerts and "Complete" in header
@@ -104,7 +108,7 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
 def test_cells_are_counted_as_on_the_screen(tmp_path):
     path = stored(tmp_path / "s.zarr", status=states(1, 1, 1), tables__o=scores(a=[1, 2]))
     write_work(path, {"extent": Progress(1200, 200, 999, 1), "profile": Progress(51, 51)})
-    header = parsed(page_of(path)).root.one("header", id="summary").text
+    header = parsed(page_of(path)).root.only("header", id="summary").text
     assert "1,250 of 1,251 cells done, 1 failed" in header
 
 
@@ -121,14 +125,14 @@ def test_a_page_is_there_when_every_cell_of_a_classifier_failed(tmp_path):
 
 def test_a_store_without_states_does_not_look_complete(tmp_path):
     page = parsed(page_of(stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))))
-    assert page.root.one("head").one("title").text.startswith("UNKNOWN: ")
+    assert page.root.only("head").only("title").text.startswith("UNKNOWN: ")
 
 
 def test_transforms_of_own_meshes_are_on_the_page(tmp_path):
     attributes = {"mesh_digests": {"own": "ab12"}, "mesh_transforms": {"own": "up: y, scale: 0.01"}}
     page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__o=scores(a=[1, 2]))))
-    told = page.root.one("section", id="configuration").text
-    assert "Transforms of the ships' meshes" in told and "up: y, scale: 0.01" in told
+    text = page.root.only("section", id="configuration").text
+    assert "Transforms of the ships' meshes" in text and "up: y, scale: 0.01" in text
 
 
 # safety -------------------------------------------------------------------------------------------
@@ -147,7 +151,7 @@ HOSTILE = [
 def test_whatever_a_store_says_is_text(tmp_path):
     path = tmp_path / '"><img src=x onerror=alert(1)>\x1b[31m{{ 7*7 }}.zarr'
     count = len(HOSTILE)
-    named = xr.Dataset(
+    predictions = xr.Dataset(
         {"predicted": (("ship", "aspect"), np.zeros((count, 2), dtype="i2"))},
         {"ship": HOSTILE, "aspect": [0.0, 90.0]},
     )
@@ -164,7 +168,7 @@ def test_whatever_a_store_says_is_text(tmp_path):
         "versions": {HOSTILE[1]: HOSTILE[0]},
         "seed": HOSTILE[5],
     }
-    groups = {"classification__x": named, "tables__x": table, "ships": portraits}
+    groups = {"classification__x": predictions, "tables__x": table, "ships": portraits}
     stored(path, attributes, **groups, status=states(1, 0))
     other.assign_attrs(title=HOSTILE[1]).to_zarr(
         path, group="tables/other", mode="a", consolidated=False
@@ -173,8 +177,8 @@ def test_whatever_a_store_says_is_text(tmp_path):
     page = parsed(page_of(path))
     assert len(page.root.all("script")) == 5 and not page.root.all("img")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", page.written)
-    assert not any(key.startswith("on") for one in all_of(page.root) for key in one.attrs)
-    assert "49" not in page.root.one("head").one("title").text
+    assert not any(key.startswith("on") for element in all_of(page.root) for key in element.attrs)
+    assert "49" not in page.root.only("head").only("title").text
     for word in HOSTILE:
         assert word.replace("\x1b", "\\x1b") in page.root.text
     words = page.data["tables"]["x"]["rows"]["word"]
@@ -225,7 +229,7 @@ def test_the_axis_of_the_headline_is_along_the_chart_and_the_next_colours(
     }
     page = parsed(page_of(stored(tmp_path / "s.zarr", attributes, tables__acn=table)))
     for name, first in (("against", along), ("colour", colour)):
-        (chosen,) = page.root.one("select", id=name).all("option", selected="")
+        (chosen,) = page.root.only("select", id=name).all("option", selected="")
         assert chosen.attrs["value"] == first
 
 
@@ -244,35 +248,35 @@ def test_lines_join_numbers_and_bins_but_not_words(values, kind):
 
 
 def all_of(element):
-    return [element, *(one for child in element.children for one in all_of(child))]
+    return [element, *(descendant for child in element.children for descendant in all_of(child))]
 
 
 def test_the_policy_allows_its_own_style_and_script_alone(smoke):
     (policy,) = [
-        one.attrs["content"]
-        for one in smoke.root.all("meta")
-        if one.attrs.get("http-equiv") == "Content-Security-Policy"
+        meta.attrs["content"]
+        for meta in smoke.root.all("meta")
+        if meta.attrs.get("http-equiv") == "Content-Security-Policy"
     ]
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
     assert rules.pop("default-src") == "'none'" and rules.pop("img-src") == "data:"
     assert rules.pop("base-uri") == rules.pop("form-action") == "'none'"
-    code = [one.text for one in smoke.root.all("script") if "type" not in one.attrs]
-    for kind, texts in (("script-src", code), ("style-src", [smoke.root.one("style").text])):
+    code = [script.text for script in smoke.root.all("script") if "type" not in script.attrs]
+    for kind, texts in (("script-src", code), ("style-src", [smoke.root.only("style").text])):
         digests = [
             base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in texts
         ]
-        assert rules.pop(kind) == " ".join(f"'sha256-{one}'" for one in digests)
+        assert rules.pop(kind) == " ".join(f"'sha256-{digest}'" for digest in digests)
     assert not rules
-    assert not any("style" in one.attrs for one in all_of(smoke.root))
+    assert not any("style" in element.attrs for element in all_of(smoke.root))
 
 
 def test_nothing_of_the_page_is_elsewhere(smoke):
     assert len(smoke.written.encode()) < LARGEST
-    for one in all_of(smoke.root):
+    for element in all_of(smoke.root):
         for key in ("src", "href", "action", "srcset", "data"):
-            assert one.attrs.get(key, "#").startswith(("#", "data:"))
-    style = smoke.root.one("style").text
-    script = "".join(one.text for one in smoke.root.all("script")[-2:])
+            assert element.attrs.get(key, "#").startswith(("#", "data:"))
+    style = smoke.root.only("style").text
+    script = "".join(script.text for script in smoke.root.all("script")[-2:])
     assert "http" not in style + script and "url(" not in style and "@import" not in style
     assert "innerHTML" not in script and "eval(" not in script and "Function(" not in script
 
@@ -284,14 +288,14 @@ def luminance(colour):
     return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
-def contrast(one, other):
-    low, high = sorted(map(luminance, (one, other)))
+def contrast(first, second):
+    low, high = sorted(map(luminance, (first, second)))
     return (high + 0.05) / (low + 0.05)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_and_curves_stand_out(scheme):
-    """WCAG 2.2: 4.5 for text (1.4.3), 3 for what curves are drawn with (1.4.11)."""
+    """WCAG 2.2: 4.5 for text (1.4.3), 3 for the colours of curves (1.4.11)."""
     style = files("sweeps.report.page").joinpath("templates/page.css").read_text(encoding="utf-8")
     blocks = re.findall(r":root \{(.*?)\}", style, re.DOTALL)
     block = blocks[("light", "dark").index(scheme)]

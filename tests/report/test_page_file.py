@@ -1,4 +1,4 @@
-"""Figures of the report page, and its file: when it is written, and what if it cannot be."""
+"""Figures of the report page, and its file: when it is written, and errors in writing it."""
 
 import base64
 import errno
@@ -48,12 +48,13 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr("pathlib.Path.write_bytes", cut)
     assert reported(monkeypatch, "--html", path) == 2
-    told = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert (
-        told.startswith("ncti-report: the report page is not written: ") and told.count("\n") == 1
+        message.startswith("ncti-report: the report page is not written: ")
+        and message.count("\n") == 1
     )
     assert page_file(path).read_bytes() == before
-    assert [one.name for one in tmp_path.iterdir() if "partial" in one.name] == []
+    assert [entry.name for entry in tmp_path.iterdir() if "partial" in entry.name] == []
 
 
 def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
@@ -97,9 +98,9 @@ def test_work_is_kept_beside_the_tables_and_shown(tmp_path):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     assert read_work(path) is None
     write_work(path, {"fast": Progress(total=3, reused=2, done=1, seconds=0.25), "=x": Progress(1)})
-    kept = read_work(path)
-    assert kept.rows.iloc[0].tolist() == ["fast", 1, 2, 0, 0.25]
-    text = parsed(page_of(path)).root.one("section", id="configuration").text
+    work = read_work(path)
+    assert work.rows.iloc[0].tolist() == ["fast", 1, 2, 0, 0.25]
+    text = parsed(page_of(path)).root.only("section", id="configuration").text
     assert "Work of the last sweep" in text and "fast" in text
 
 
@@ -117,12 +118,12 @@ def test_ships_have_their_measures_and_a_picture(tmp_path):
     )
     table.length.attrs["units"] = "m"
     path = stored(tmp_path / "s.zarr", ships=table, tables__o=scores(a=[1, 2]))
-    one, other = ships_of(zarr.open_group(path))
-    assert other["picture"] == "" and other["warning"] == "stands on its stern"
-    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(one["picture"]))))
+    duncan, own = ships_of(zarr.open_group(path))
+    assert own["picture"] == "" and own["warning"] == "stands on its stern"
+    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(duncan["picture"]))))
     assert pixels.shape == (3, 5, 4)
     assert (pixels[2, :, 3] == 255).all() and (pixels[:2, :, 3] == 0).all()
     page = parsed(page_of(path))
-    text = page.root.one("section", id="ships").text
+    text = page.root.only("section", id="ships").text
     assert "duncan: length 135.6 m, facets 43,672" in text
     assert "own: length 20.0 m, facets 12" in text

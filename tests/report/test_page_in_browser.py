@@ -39,8 +39,8 @@ def give_up(reason):
 
 def executable():
     """The browser that is installed."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    return found or give_up(f"none of {', '.join(BROWSERS)} is installed")
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    return path or give_up(f"none of {', '.join(BROWSERS)} is installed")
 
 
 @pytest.fixture(scope="module")
@@ -88,8 +88,8 @@ def opened(browser, file):
     page.goto(file.as_uri())
     yield page
     assert wrong == []
-    asked = {url.partition("#")[0] for url in requests if not url.startswith("data:")}
-    assert asked <= {file.as_uri(), "about:blank"}
+    addresses = {url.partition("#")[0] for url in requests if not url.startswith("data:")}
+    assert addresses <= {file.as_uri(), "about:blank"}
     page.close()
 
 
@@ -120,7 +120,9 @@ def choose(page, axis, label):
 def shown_rows(page, table):
     """The texts of the rows of a table that are shown, a list a row."""
     rows = page.locator(f"#table-{table} tbody tr:visible")
-    return [[one for one in row.locator("th:visible, td").all_inner_texts()] for row in rows.all()]
+    return [
+        [text for text in row.locator("th:visible, td").all_inner_texts()] for row in rows.all()
+    ]
 
 
 def marks(page, kind, mark, section="#table-scores"):
@@ -153,7 +155,7 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
             & (frame.rows.frame_count == int(count))
             & (frame.rows.aspect_bin_deg == "overall")
         ]
-        expected = [f"{one:.0f}" for one in rows.sort_values("vigilance").percent_correct]
+        expected = [f"{percent:.0f}" for percent in rows.sort_values("vigilance").percent_correct]
         lines = [row for row in shown_rows(seen, "scores") if "ACN, range profile, ship" in row]
         assert [row[-1].split()[0] for row in lines] == expected
         assert f"pulse_width_ns={width}" in seen.url or width == "30"
@@ -166,52 +168,54 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
 
 
 def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_store, file):
-    """The script says of a selection what the command says of a store of that alone."""
-    frames, about = read_frames(smoke_store), attributes(store_of(smoke_store))
+    """The script describes a selection as the command describes a store of it alone."""
+    frames, attrs = read_frames(smoke_store), attributes(store_of(smoke_store))
     scores = frames["scores"]
     page = browser.new_page(viewport=DESK)
     page.goto(file.as_uri())
-    said = {page.locator(".headline").inner_text()}
-    assert said == set(headline(frames, about))
-    places = [
+    sentences = {page.locator(".headline").inner_text()}
+    assert sentences == set(headline(frames, attrs))
+    settings = [
         ("pulse_width_ns", {"frame_count": 4}),
         ("pulse_width_ns", {"frame_count": 4, "infrared_frame_count": 4}),
         ("frame_count", {"pulse_width_ns": 50.0}),
         ("range_km", {"infrared_frame_count": 4, "super_resolution": "perfect"}),
         ("vigilance", {"pulse_width_ns": 10.0, "frame_count": 4}),
     ]
-    for axis, place in places:
+    for axis, setting in settings:
         page.goto("about:blank")
-        by_name = "&".join(f"{name}={scores.columns[name].text(v)}" for name, v in place.items())
+        by_name = "&".join(f"{name}={scores.columns[name].text(v)}" for name, v in setting.items())
         page.goto(f"{file.as_uri()}#by={axis}&{by_name}")
-        alone = {"scores": at_main(scores, [*scores.down, axis, *scores.varying_axes])}
-        for name, value in place.items():
-            rows = alone["scores"].rows
-            alone["scores"] = alone["scores"].where(rows[name].isna() | (rows[name] == value))
-        [wanted] = headline(alone, about | {"swept": [scores.columns[axis].axis]})
+        selected = {"scores": at_main(scores, [*scores.down, axis, *scores.varying_axes])}
+        for name, value in setting.items():
+            rows = selected["scores"].rows
+            selected["scores"] = selected["scores"].where(rows[name].isna() | (rows[name] == value))
+        [expected] = headline(selected, attrs | {"swept": [scores.columns[axis].axis]})
         # A store of one value of an axis may leave it out of its settings.
-        found = page.locator(".headline").inner_text()
-        assert without_settings(found) == without_settings(wanted), place
-        said.add(found)
-    assert len(said) > 3
+        sentence = page.locator(".headline").inner_text()
+        assert without_settings(sentence) == without_settings(expected), setting
+        sentences.add(sentence)
+    assert len(sentences) > 3
     page.close()
 
 
 @pytest.mark.parametrize("failed", [(0, 5.0), (1, 20.0)])
 def test_the_headline_ranks_by_values_that_all_have(browser, failed, tmp_path):
     """One of two classifiers failed at a value, on the page as on the screen, from the start."""
-    made = [scores(seed, cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0]) for seed in (3, 4)]
+    datasets = [scores(seed, cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0]) for seed in (3, 4)]
     number, cnr = failed
-    made[number] = made[number].where(made[number].cnr != cnr)
-    tables = {"tables__acn": shown(made[0]), "tables__mnn": shown(made[1], "mnn")}
-    about = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
-    path = stored(tmp_path / "s.zarr", about, **tables)
+    datasets[number] = datasets[number].where(datasets[number].cnr != cnr)
+    tables = {"tables__acn": shown(datasets[0]), "tables__mnn": shown(datasets[1], "mnn")}
+    attrs = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
+    path = stored(tmp_path / "s.zarr", attrs, **tables)
     assert written_page(path, tables_of(path)) == []
-    [wanted] = headline(read_frames(path), about)
-    assert "Ranked by 2 of 3 values of CNR, those that all have." in wanted
+    [expected] = headline(read_frames(path), attrs)
+    assert "Ranked by 2 of 3 values of CNR, those that all have." in expected
     with opened(browser, page_file(path)) as page:
         page.locator("#table-scores svg").first.wait_for()
-        assert without_settings(page.locator(".headline").inner_text()) == without_settings(wanted)
+        assert without_settings(page.locator(".headline").inner_text()) == without_settings(
+            expected
+        )
 
 
 def without_settings(sentence):
@@ -242,12 +246,12 @@ def test_csv_has_the_rows_and_columns_that_are_seen_or_all(seen, smoke_store):
     rows = shown_rows(seen, "scores")
     assert len(lines) == len(rows) < len(frame.rows)
     shown_heads = seen.locator("#table-scores thead th:visible").all_inner_texts()
-    assert [one for one in heads if not one.endswith((" low", " high"))] == shown_heads
+    assert [head for head in heads if not head.endswith((" low", " high"))] == shown_heads
     for line, row in zip(lines, rows, strict=True):
         value, low, high = line[-3:]
         assert f"{float(value):.0f} {float(low):.0f}–{float(high):.0f}" == row[-1].strip()
-    every = downloaded(seen, "#table-scores button.all").splitlines()
-    assert len(every) == len(frame.rows) + 1
+    lines_of_all = downloaded(seen, "#table-scores button.all").splitlines()
+    assert len(lines_of_all) == len(frame.rows) + 1
 
 
 def test_curves_are_coloured_by_a_second_axis_with_a_titled_legend(both):
@@ -257,7 +261,8 @@ def test_curves_are_coloured_by_a_second_axis_with_a_titled_legend(both):
     both.locator("#table-scores figure.chart svg text", has_text="range [km]").wait_for()
     lines = marks(both, "chart", "line")
     colours, dashes = (
-        [one.get_attribute(name) for one in lines.all()] for name in ("stroke", "stroke-dasharray")
+        [line.get_attribute(name) for line in lines.all()]
+        for name in ("stroke", "stroke-dasharray")
     )
     assert len(set(colours)) == len(set(dashes)) == 3
     assert marks(both, "chart", "text").all_text_contents() == ["25", "50", "100"]
@@ -271,7 +276,7 @@ def test_a_heat_map_has_the_values_of_both_axes(both, two_axes):
     rows = read_frames(two_axes)["scores"].rows
     rows = rows[(rows.classifier == "mnn") & (rows.aspect_bin_deg == "overall")]
     rows = rows[rows.kind == "test"]
-    values = [f"{one:.0f}" for one in rows.percent_correct]
+    values = [f"{percent:.0f}" for percent in rows.percent_correct]
     both.wait_for_timeout(500)
     assert sorted(marks(both, "heat", "text").all_text_contents()) == sorted(values)
 
@@ -280,7 +285,7 @@ def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
     assert both.locator("#against").input_value() == "cnr_db"
     flat = [
         path
-        for path in (one.get_attribute("d") for one in marks(both, "chart", "line").all())
+        for path in (line.get_attribute("d") for line in marks(both, "chart", "line").all())
         if len({place.split(",")[1] for place in path[1:].split("L")}) == 1
     ]
     assert len(flat) == 1 and flat[0].count("L") == 3
@@ -288,8 +293,8 @@ def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
 
 def test_a_name_in_the_legend_shows_its_curve_alone(both):
     marks(both, "chart", "text").nth(1).click()
-    faint = [one.get_attribute("opacity") for one in marks(both, "chart", "line").all()]
-    assert [float(one or 1) < 0.5 for one in faint] == [True, False, True]
+    faint = [line.get_attribute("opacity") for line in marks(both, "chart", "line").all()]
+    assert [float(opacity or 1) < 0.5 for opacity in faint] == [True, False, True]
 
 
 def test_a_figure_that_depends_on_no_axis_is_a_table_without_a_chart(both):
@@ -304,8 +309,8 @@ def test_cells_say_how_to_reproduce_them_by_keyboard(seen, smoke_store, monkeypa
     for key in ("ArrowRight", "ArrowDown"):
         seen.keyboard.press(key)
         code = seen.locator("#where code").inner_text()
-        shown = seen.evaluate("document.activeElement.firstChild.textContent").strip()
-        assert f"{eval(code, {'xr': xr}):.0f}" == shown
+        cell_text = seen.evaluate("document.activeElement.firstChild.textContent").strip()
+        assert f"{eval(code, {'xr': xr}):.0f}" == cell_text
     assert seen.locator("#where button").is_visible()
 
 
@@ -317,12 +322,13 @@ def test_markers_say_their_values_and_how_to_reproduce_them(both, two_axes, monk
         assert f"percent correct [%]: {value:.4g}" in both.locator("#tip").inner_text()
 
 
-CUT = """[...document.querySelectorAll("body *")].filter((one) => {
-  const style = getComputedStyle(one);
-  return one.scrollWidth > one.clientWidth + 1 && one.clientWidth && style.overflowX !== "visible"
-    && !style.backgroundImage.includes("gradient") && !one.closest("svg, select");
-}).map((one) => one.outerHTML.slice(0, 99))"""
-"""What is wider than its place without the shadow that says so."""
+CUT = """[...document.querySelectorAll("body *")].filter((node) => {
+  const style = getComputedStyle(node);
+  return node.scrollWidth > node.clientWidth + 1 && node.clientWidth
+    && style.overflowX !== "visible"
+    && !style.backgroundImage.includes("gradient") && !node.closest("svg, select");
+}).map((node) => node.outerHTML.slice(0, 99))"""
+"""Elements wider than their place, without the shadow that says so."""
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -330,7 +336,7 @@ CUT = """[...document.querySelectorAll("body *")].filter((one) => {
 def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
     page = browser.new_page(viewport=size, color_scheme=scheme)
     page.goto(file.as_uri())
-    page.eval_on_selector_all("details", "all => all.forEach(one => { one.open = true; })")
+    page.eval_on_selector_all("details", "all => all.forEach(node => { node.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
     assert page.evaluate(CUT) == []
     light = page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -368,16 +374,16 @@ def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
         (zero,) = marks(page, "chart", "rule", "#table-tree_differences").all()
         points = marks(page, "chart", "symbol", "#table-tree_differences").all()
         level, *heights = (
-            one.bounding_box()["y"] + one.bounding_box()["height"] / 2 for one in (zero, *points)
+            mark.bounding_box()["y"] + mark.bounding_box()["height"] / 2 for mark in (zero, *points)
         )
-        one, none, less = sorted(height - level for height in heights)  # +1, 0 and -3 m
-        assert abs(none) < 1 and one < -10 and less == pytest.approx(-3 * one, abs=2)
+        gain, none, loss = sorted(height - level for height in heights)  # +1, 0 and -3 m
+        assert abs(none) < 1 and gain < -10 and loss == pytest.approx(-3 * gain, abs=2)
 
 
 def test_a_chart_of_a_notebook_is_drawn_and_changes_with_its_selectors(browser, tmp_path):
     table = shown(scores(cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0], votes=[1, 3]))
-    made = chart(table, x="cnr", colour="range")
-    (tmp_path / "cell.html").write_text(made._repr_html_(), encoding="utf-8")
+    notebook_chart = chart(table, x="cnr", colour="range")
+    (tmp_path / "cell.html").write_text(notebook_chart._repr_html_(), encoding="utf-8")
     with opened(browser, tmp_path / "cell.html") as page:
         cell = page.frame_locator("iframe")
         cell.locator(".chart svg").wait_for()

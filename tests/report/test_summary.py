@@ -20,7 +20,7 @@ from sweeps.report.summary import finish, print_answer, report, tables_of
 
 
 def page(path, width=80):
-    """What is printed at the end of a sweep."""
+    """Text printed at the end of a sweep."""
     console = Console(file=io.StringIO(), width=width)
     print_answer(path, tables_of(path), console)
     finish(path, tables_of(path), console)
@@ -34,7 +34,7 @@ def unwrapped(text):
 def table_of(text):
     """The lines of the one table of a page: its heading, and its rows."""
     above, _, below = text.partition("────\n")
-    return above.splitlines(), [one.split() for one in below.split("\n\n")[0].splitlines()]
+    return above.splitlines(), [line.split() for line in below.split("\n\n")[0].splitlines()]
 
 
 def test_it_is_a_headline_one_table_and_where_the_rest_is(smoke_store, monkeypatch):
@@ -62,18 +62,28 @@ def test_the_answer_does_not_wait_for_the_page(smoke_store, monkeypatch):
 
 def test_its_rows_are_the_overall_percentages_of_the_files_best_first(smoke_store):
     _, rows = table_of(page(smoke_store))
-    at = {"frame_count": "16", "kind": "test", "left_out": "False", "aspect_bin_deg": "overall"}
-    found = [one for one in rows_of(smoke_store, "scores") if at.items() <= one.items()]
+    setting = {
+        "frame_count": "16",
+        "kind": "test",
+        "left_out": "False",
+        "aspect_bin_deg": "overall",
+    }
+    file_rows = [
+        file_row
+        for file_row in rows_of(smoke_store, "scores")
+        if setting.items() <= file_row.items()
+    ]
     widths = [row for row in rows if row[0] in ("10", "30", "50")]
     assert [row[0] for row in widths] == ["10", "30", "50"]
     for row in widths:
-        of = {
-            float(one["percent_correct"])
-            for one in found
-            if one["classifier"] == "correlation" and float(one["pulse_width_ns"]) == float(row[0])
+        percentages = {
+            float(file_row["percent_correct"])
+            for file_row in file_rows
+            if file_row["classifier"] == "correlation"
+            and float(file_row["pulse_width_ns"]) == float(row[0])
         }
         # Files have tenths, and the page is rounded once: halves may differ.
-        assert any(abs(value - float(cell)) <= 0.6 for value in of for cell in row[1:])
+        assert any(abs(value - float(cell)) <= 0.6 for value in percentages for cell in row[1:])
     means = np.mean([[float(cell) for cell in row[1:]] for row in widths], axis=0)
     assert (np.diff(means) < 1).all()
 
@@ -146,10 +156,10 @@ def test_the_error_of_profiles_is_said_once_on_screen_and_page(smoke_store):
     errors = xr.open_zarr(smoke_store, group="range_profile").profile_error
     html = page_file(smoke_store).read_text()
     for text in (page(smoke_store), html):
-        [said] = re.findall(r"Profiles are within (\S+) % of the exact ones", unwrapped(text))
+        [percent] = re.findall(r"Profiles are within (\S+) % of the exact ones", unwrapped(text))
         assert "(95 % of views)" in unwrapped(text)
-        assert (errors <= float(said) / 100).mean() >= 0.95
-        assert (errors <= float(said) / 110).mean() < 0.95
+        assert (errors <= float(percent) / 100).mean() >= 0.95
+        assert (errors <= float(percent) / 110).mean() < 0.95
 
 
 def test_the_next_commands_would_run(smoke_store, monkeypatch):

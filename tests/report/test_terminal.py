@@ -46,7 +46,7 @@ def test_no_line_is_wider_and_no_word_is_broken(width, frames):
         words = set(text.split())
         assert {word for head in laid.heads for word in head.split()} <= words, frame.name
         for line in laid.lines:
-            assert {one.text for one in line.cells if one.text} <= words
+            assert {cell.text for cell in line.cells if cell.text} <= words
 
 
 @given(
@@ -56,7 +56,7 @@ def test_no_line_is_wider_and_no_word_is_broken(width, frames):
     width=st.integers(40, 120),
 )
 def test_any_words_fit(words, width):
-    table = scores(word=[f"{k} {one}" for k, one in enumerate(words)], size=[1.0, 2.0])
+    table = scores(word=[f"{k} {word}" for k, word in enumerate(words)], size=[1.0, 2.0])
     text = printed(tidy(table, DISPLAY, "tables/acn"), width)
     assert max(map(cell_len, text.splitlines())) <= width
 

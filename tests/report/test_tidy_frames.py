@@ -36,52 +36,52 @@ def test_every_figure_is_the_number_of_the_store_at_its_place(name, request):
     path = request.getfixturevalue(name)
     frames, rng = read_frames(path), np.random.default_rng(0)
     assert {"scores"} <= set(frames)
-    for found in frames.values():
-        for label in rng.choice(found.rows.index, min(25, len(found.rows)), replace=False):
-            row = found.rows.loc[label]
-            part = found.parts[int(row[PART])]
-            figures = {one.column: one for one in part.display.figures}
+    for table in frames.values():
+        for label in rng.choice(table.rows.index, min(25, len(table.rows)), replace=False):
+            row = table.rows.loc[label]
+            part = table.parts[int(row[PART])]
+            figures = {figure.column: figure for figure in part.display.figures}
             for column in part.variables:
                 value = number_at(path, part, column, row)
-                about = found.columns[column]
-                figure = figures[about.axis]
+                described = table.columns[column]
+                figure = figures[described.axis]
                 expected = float(value)
-                if figure.percent and (about.role != "beside" or column == "spread"):
+                if figure.percent and (described.role != "beside" or column == "spread"):
                     expected = 100 * expected
                 shown_value = row[column]
                 if math.isnan(expected):
-                    assert missing(shown_value), (found.name, column)
+                    assert missing(shown_value), (table.name, column)
                 else:
-                    assert float(shown_value) == expected, (found.name, column)
+                    assert float(shown_value) == expected, (table.name, column)
 
 
 def test_every_cell_of_a_store_is_a_row(smoke_store):
     """None is lost, none is repeated: a row per place on the axes of the main figure."""
-    for found in read_frames(smoke_store).values():
-        for k, part in enumerate(found.parts):
-            rows = found.rows[found.rows[PART] == k]
-            axes = [name for name in found.of_role("axis") if rows[name].notna().any()]
-            assert not rows.duplicated(axes).any(), found.name
+    for tidied in read_frames(smoke_store).values():
+        for k, part in enumerate(tidied.parts):
+            rows = tidied.rows[tidied.rows[PART] == k]
+            axes = [name for name in tidied.of_role("axis") if rows[name].notna().any()]
+            assert not rows.duplicated(axes).any(), tidied.name
             table = xr.open_zarr(smoke_store, group=part.group)
             variables = {part.variables[name] for name in part.variables}
             sizes = table[sorted(variables)].sizes
-            assert len(rows) == math.prod(sizes.values()), found.name
+            assert len(rows) == math.prod(sizes.values()), tidied.name
 
 
 def test_files_have_what_frames_have(smoke_store, tmp_path):
-    for found in read_frames(smoke_store).values():
-        (tmp_path / "t.csv").write_bytes(csv_of(found))
-        again = pd.read_csv(tmp_path / "t.csv", dtype={"aspect_bin_deg": str}, na_values=[""])
-        assert list(again) == [name for name in found.rows if name != PART]
-        for name in again:
-            for ours, theirs in zip(found.rows[name], again[name], strict=True):
-                digits = found.columns[name].digits
-                if missing(ours):
-                    assert missing(theirs)
+    for table in read_frames(smoke_store).values():
+        (tmp_path / "t.csv").write_bytes(csv_of(table))
+        copy = pd.read_csv(tmp_path / "t.csv", dtype={"aspect_bin_deg": str}, na_values=[""])
+        assert list(copy) == [name for name in table.rows if name != PART]
+        for name in copy:
+            for value, read in zip(table.rows[name], copy[name], strict=True):
+                digits = table.columns[name].digits
+                if missing(value):
+                    assert missing(read)
                 elif digits is not None:
-                    assert theirs == round(ours, digits)
+                    assert read == round(value, digits)
                 else:
-                    assert ours == theirs or float(ours) == float(theirs), name
+                    assert value == read or float(value) == float(read), name
 
 
 def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
@@ -95,15 +95,15 @@ def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
 
 
 def test_groups_of_one_table_are_stacked_and_chance_stands_in_every_row(tmp_path):
-    one, other = scores(1, frame_count=[4, 16]), scores(2, cnr=[20.0, 30.0])
+    acn, oracle = scores(1, frame_count=[4, 16]), scores(2, cnr=[20.0, 30.0])
     path = stored(
-        tmp_path / "s.zarr", tables__acn=shown(one), tables__oracle=shown(other, "oracle")
+        tmp_path / "s.zarr", tables__acn=shown(acn), tables__oracle=shown(oracle, "oracle")
     )
-    found = read_frames(path)["scores"]
-    assert set(found.rows.classifier) == {"acn", "oracle"}
-    assert found.rows.cnr_dB.isna().sum() == 6 if "cnr_dB" in found.rows else True
-    assert (found.rows.percent_correct_by_chance == 25).all()
-    assert found.rows.frame_count.dropna().unique().tolist() == [4, 16]
+    table = read_frames(path)["scores"]
+    assert set(table.rows.classifier) == {"acn", "oracle"}
+    assert table.rows.cnr_dB.isna().sum() == 6 if "cnr_dB" in table.rows else True
+    assert (table.rows.percent_correct_by_chance == 25).all()
+    assert table.rows.frame_count.dropna().unique().tolist() == [4, 16]
 
 
 def test_a_table_of_anyone_needs_no_display(tmp_path):
@@ -118,11 +118,11 @@ def test_a_table_of_anyone_needs_no_display(tmp_path):
         {"title": "Apples"},
     )
     table.height.attrs = {"units": "m", "long_name": "height of a tree"}
-    found = read_frames(stored(tmp_path / "s.zarr", tables__apples=table))["apples"]
-    assert found.title == "Apples" and found.figures == ["height"]
-    assert found.of_role("low", "height") == ["ci_low"] and "image" not in found.rows
-    assert len(found.rows) == 4 and found.columns["height"].unit == "m"
-    assert b"'=rain" in csv_of(found)
+    tidied = read_frames(stored(tmp_path / "s.zarr", tables__apples=table))["apples"]
+    assert tidied.title == "Apples" and tidied.figures == ["height"]
+    assert tidied.of_role("low", "height") == ["ci_low"] and "image" not in tidied.rows
+    assert len(tidied.rows) == 4 and tidied.columns["height"].unit == "m"
+    assert b"'=rain" in csv_of(tidied)
 
 
 def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):

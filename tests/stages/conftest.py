@@ -5,5 +5,5 @@ import pytest
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Where sweeps of flights in one module find what others finished."""
+    """Folder in which sweeps of flights of one module share results."""
     return tmp_path_factory.mktemp("flights")

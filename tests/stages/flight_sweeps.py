@@ -45,10 +45,10 @@ def checked(**given):
 def flown(folder, name="s", **given):
     """Path of the store of a sweep of small flights; finished cells are kept in the folder."""
     inline = ClusterChoice(kind="inline")
-    place = RunOptions(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
-    found = sweep(Plan(EXPERIMENT, checked(**given)), place, Watch(lambda text: None))
-    assert not found.failures
-    return place.store
+    options = RunOptions(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
+    summary = sweep(Plan(EXPERIMENT, checked(**given)), options, Watch(lambda text: None))
+    assert not summary.failures
+    return options.store
 
 
 def at(found, **values):
@@ -56,10 +56,10 @@ def at(found, **values):
     errors = list(
         zip(np.atleast_1d(found.error_parameter), np.atleast_1d(found.error_value), strict=True)
     )
-    place = {"error": errors.index(values.pop("error"))} if "error" in values else {}
-    one = found.isel(place).sel(values)
-    own = {"source", "down_range", "row", "column", "pulse_width", "kind"}
-    return one.isel({name: 0 for name in one.dims if name not in own})
+    indices = {"error": errors.index(values.pop("error"))} if "error" in values else {}
+    flight = found.isel(indices).sel(values)
+    dims = {"source", "down_range", "row", "column", "pulse_width", "kind"}
+    return flight.isel({name: 0 for name in flight.dims if name not in dims})
 
 
 def in_window(found, name, window):

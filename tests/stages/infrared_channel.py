@@ -41,5 +41,5 @@ PATCHES = Hits.of(drawn()).patches()
 def view_from(slant_range, **changed):
     """The boxes before the detector at a range [km]."""
     view = {"ship": "boxes", "aspect": 60.0, "drawn_aspect": 60.0, "range": slant_range * 1e3}
-    detector = {name: changed.pop(name, given) for name, given in DETECTOR.items()}
+    detector = {name: changed.pop(name, default) for name, default in DETECTOR.items()}
     return infrared.detector_view(HITS, Imager(**{**IMAGER, **changed}), **view, **detector)

@@ -34,10 +34,14 @@ def choose(**given):
 
 
 def called(stage, **given):
-    """What a stage returns, with the default in SI of every setting that is not given."""
-    named = {name: setting for group in stage.uses for name, setting in by_key(group).items()}
-    own = {key: named[key].in_si(named[key].default) for key in stage.arguments if key in named}
-    return stage(**own | given)
+    """Result of a stage, with the default in SI of every setting that is not given."""
+    settings = {name: setting for group in stage.uses for name, setting in by_key(group).items()}
+    defaults = {
+        key: settings[key].in_si(settings[key].default)
+        for key in stage.arguments
+        if key in settings
+    }
+    return stage(**defaults | given)
 
 
 def learned(unknown=None, training_aspect=None):
@@ -98,20 +102,20 @@ def bands(cell, variance=0.1):
     """(ship, aspect, lag, bin): a covariance of one frame for every view."""
     shape = cell.valid.shape
     scale = variance * (1 + 0.01 * np.arange(cell.valid.size).reshape(shape))
-    whole = scale[..., None, None] * np.broadcast_to(BAND[:, None], (len(BAND), BINS))
-    whole = whole.copy()
+    band = scale[..., None, None] * np.broadcast_to(BAND[:, None], (len(BAND), BINS))
+    band = band.copy()
     for lag in range(1, len(BAND)):
-        whole[..., lag, BINS - lag :] = 0
-    return whole.astype(np.float32)
+        band[..., lag, BINS - lag :] = 0
+    return band.astype(np.float32)
 
 
 def dense(band):
     """The covariance that a band of lags stands for."""
-    whole = np.diag(band[0].astype(np.float64))
+    covariance = np.diag(band[0].astype(np.float64))
     for lag in range(1, len(band)):
         beside = np.diag(band[lag, : BINS - lag].astype(np.float64), lag)
-        whole += beside + beside.T
-    return whole
+        covariance += beside + beside.T
+    return covariance
 
 
 def few_learned(aspects, learned=20):

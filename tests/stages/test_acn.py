@@ -48,12 +48,12 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
         tests[unknown] = angle, angle + 1
         network = network_of(training_set, formed)
-        found = match_learning(network, unit(tests).reshape(4, 2).__getitem__, formed)
-        return tuple(values.reshape(2, 2) for values in found)
+        matches = match_learning(network, unit(tests).reshape(4, 2).__getitem__, formed)
+        return tuple(values.reshape(2, 2) for values in matches)
 
     first, second = matched(40.0), matched(-20.0)
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one[known], other[known])
+    for before, after in zip(first, second, strict=True):
+        np.testing.assert_array_equal(before[known], after[known])
     np.testing.assert_allclose(first[1][known], np.cos(np.radians([3.0, 10.0])), atol=1e-12)
     # They meet categories that known ones have moved half the way: from 0 to 1.5 deg.
     moved = np.cos(np.radians(40.0 - 1.5))
@@ -91,13 +91,13 @@ def stacked(rows):
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
-def trained(kind, seen, orders, levels, label, valid=None, training_views=None):
-    """What the stages of training give, and what they share."""
-    valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
+def trained(kind, views, orders, levels, label, valid=None, training_views=None):
+    """Arguments of the stage of tests that come from the stages of training."""
+    valid = np.ones(views.shape[:2], dtype=bool) if valid is None else valid
     training_views = np.ones_like(valid) if training_views is None else training_views
     training_set = {"profiles": acn.profile_training_set, "maps": acn.silhouette_training_set}[
         kind
-    ](seen, valid, training_views)
+    ](views, valid, training_views)
     formed = [
         stacked(
             [
@@ -114,7 +114,7 @@ def answered(
     kind, views, orders=ORDERS, levels=None, frames=(0, 1), rules=RULES[1],
     valid=None, learn=False, training_views=None,
 ):  # fmt: skip
-    """What the stage of tests gives, called as the engine calls it."""
+    """Arrays of the stage of tests, called as the engine calls it."""
     seen, tests = views
     valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
     label, score = rules
@@ -131,10 +131,10 @@ def test_the_stages_are_the_network(kind, learn, monkeypatch):
         monkeypatch.setattr(acn, "row_blocks", lambda count: row_blocks(count, 4))
     learn = bool(learn)
     seen, tests = views = views_of(kind)
-    found = answered(kind, views, learn=learn)
+    answers = answered(kind, views, learn=learn)
     _, formed = trained(kind, seen, ORDERS, LEVELS[kind], "majority")
     ship = np.repeat(np.arange(SHIPS), len(ASPECTS))
-    vectors, *shown = (SEE[kind](one).astype(float) for one in (seen, *tests))
+    vectors, *test_vectors = (SEE[kind](images).astype(float) for images in (seen, *tests))
     shared = False
     for o, v in np.ndindex(len(ORDERS), len(LEVELS[kind])):
         turn = presentation_order(ship.size, *ORDERS[o])
@@ -146,19 +146,19 @@ def test_the_stages_are_the_network(kind, learn, monkeypatch):
         np.testing.assert_array_equal(labels[turn], network.labels_)
         assert abs(formed["passes"][o, v]) == network.n_passes_
         shared |= SHIPS < labels.max() + 1 < ship.size
-        for f, one in enumerate(shown):
+        for f, vectors_of_count in enumerate(test_vectors):
             if learn:
                 network.fit(vectors[turn], ship[turn])
             category, cosine = np.empty(ship.size, int), np.empty(ship.size)
-            category[turn], cosine[turn] = network.match(one[turn], learning=learn)
-            place = (o, v, f)
-            np.testing.assert_array_equal(found["category"][place].ravel(), category)
-            np.testing.assert_allclose(found["similarity"][place].ravel(), cosine, atol=1e-12)
-            named = network.category_labels_[category]
-            np.testing.assert_array_equal(found["predicted"][place].ravel(), named)
-            np.testing.assert_array_equal(found["correct"][place].ravel(), named == ship)
+            category[turn], cosine[turn] = network.match(vectors_of_count[turn], learning=learn)
+            index = (o, v, f)
+            np.testing.assert_array_equal(answers["category"][index].ravel(), category)
+            np.testing.assert_allclose(answers["similarity"][index].ravel(), cosine, atol=1e-12)
+            predicted = network.category_labels_[category]
+            np.testing.assert_array_equal(answers["predicted"][index].ravel(), predicted)
+            np.testing.assert_array_equal(answers["correct"][index].ravel(), predicted == ship)
     assert shared
-    assert 0 < found["correct"].mean() < 1
+    assert 0 < answers["correct"].mean() < 1
 
 
 @of_both
@@ -169,14 +169,14 @@ def test_views_that_are_not_there_change_no_other_answer(kind):
     valid[2] = False
     seen, tests = seen.copy(), tests.copy()
     seen[2] = tests[:, 2] = np.nan if kind == "profiles" else 0  # as the engine fills them
-    found = answered(kind, (seen, tests), valid=valid, orders=ORDERS[:1])
+    answers = answered(kind, (seen, tests), valid=valid, orders=ORDERS[:1])
     smaller = answered(kind, (seen[:2], tests[:, :2]), orders=ORDERS[:1])
     for name, values in smaller.items():
-        np.testing.assert_allclose(found[name][..., :2, :], values, atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(answers[name][..., :2, :], values, atol=1e-12, err_msg=name)
     for name in ("category", "predicted", "correct"):
-        assert (found[name][..., 2, :] == -1).all()
-    assert np.isnan(found["similarity"][..., 2, :]).all()
-    np.testing.assert_array_equal(found["cell"][..., 2, :], 0)
+        assert (answers[name][..., 2, :] == -1).all()
+    assert np.isnan(answers["similarity"][..., 2, :]).all()
+    np.testing.assert_array_equal(answers["cell"][..., 2, :], 0)
 
 
 @of_both
@@ -185,19 +185,21 @@ def test_by_category_views_outside_training_are_not_asked_for(kind):
     training_views = np.ones((SHIPS, len(ASPECTS)), dtype=bool)
     training_views[1], training_views[:, 3] = False, False
     views = views_of(kind)
-    for score, asked in (("category", training_views), ("ship", training_views | True)):
-        found = answered(kind, views, rules=("first", score), training_views=training_views)
+    for score, scored in (("category", training_views), ("ship", training_views | True)):
+        answers = answered(kind, views, rules=("first", score), training_views=training_views)
         np.testing.assert_array_equal(
-            found["correct"] >= 0, np.broadcast_to(asked, found["correct"].shape)
+            answers["correct"] >= 0, np.broadcast_to(scored, answers["correct"].shape)
         )
-        np.testing.assert_array_equal(found["cell"], np.where(asked, 1, -1) + 0 * found["cell"])
-        assert (found["category"] >= 0).all()
+        np.testing.assert_array_equal(
+            answers["cell"], np.where(scored, 1, -1) + 0 * answers["cell"]
+        )
+        assert (answers["category"] >= 0).all()
 
 
 def test_orders_of_presentation_but_that_of_the_grid_are_drawn_from_the_seed():
     def keys(seed):
-        given = {"sensor": "range", "classifier__name": "acn", "classifier__orders": 2}
-        plan = Plan(EXPERIMENT, choose(seed=seed, **given))
+        overrides = {"sensor": "range", "classifier__name": "acn", "classifier__orders": 2}
+        plan = Plan(EXPERIMENT, choose(seed=seed, **overrides))
         return [plan.key(plan.bound["acn_training"], place) for place in (0, 1)]
 
     (of_grid, drawn), (same, other) = keys(0), keys(1)
@@ -210,11 +212,11 @@ def test_orders_of_presentation_but_that_of_the_grid_are_drawn_from_the_seed():
 def few_learned(aspects, learned, seed=0):
     """Three ships in noise: (ship, aspect, bin) views and tests of them, and those learned."""
     rng = np.random.default_rng(seed)
-    seen = np.abs(rng.standard_normal((3, aspects, 40))).astype(np.float32)
-    tests = (seen + 0.3 * rng.standard_normal(seen.shape)).astype(np.float32)
+    views = np.abs(rng.standard_normal((3, aspects, 40))).astype(np.float32)
+    tests = (views + 0.3 * rng.standard_normal(views.shape)).astype(np.float32)
     training_views = np.zeros((3, aspects), dtype=bool)
     training_views[:2, rng.permutation(aspects)[:learned]] = True
-    return seen, tests, training_views
+    return views, tests, training_views
 
 
 @settings(deadline=None, max_examples=25)
@@ -223,44 +225,49 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     aspects, learned, seed
 ):
     """With all views in one training set and all tests at once, only some views presented."""
-    seen, tests, training_views = few_learned(aspects, learned, seed)
+    views, tests, training_views = few_learned(aspects, learned, seed)
     valid = np.random.default_rng(seed).random(training_views.shape) < 0.9
     valid[training_views.nonzero()[0][0], training_views.nonzero()[1][0]] = True
-    how = ((1, 7), 0.8, 0.1, 200, "majority")
-    training_set = TrainingSet.of_views(seen, valid, training_views, profile_vectors)
-    of_all = TrainingSet.of_views(seen, valid, training_views | True, profile_vectors)
+    options = ((1, 7), 0.8, 0.1, 200, "majority")
+    training_set = TrainingSet.of_views(views, valid, training_views, profile_vectors)
+    of_all = TrainingSet.of_views(views, valid, training_views | True, profile_vectors)
     of_all = acn.replace(
         of_all,
-        vectors=(every := profile_vectors(seen)),
-        similarities=Similarities.of(every),
+        vectors=(all_vectors := profile_vectors(views)),
+        similarities=Similarities.of(all_vectors),
         views=np.arange(valid.size),
     )
-    formed, plain = (form_categories(one, training_views, *how) for one in (training_set, of_all))
+    formed, of_all_views = (
+        form_categories(views_learned, training_views, *options)
+        for views_learned in (training_set, of_all)
+    )
     training = ("training_category", "training_confused", "training_correct")
     for name in (*training, "passes", "view_order"):
-        np.testing.assert_array_equal(formed[name], plain[name], err_msg=name)
-    found = answer_tests(training_set, formed, tests[None], valid, "ship", False)
-    [clustering] = [acn._clustering(plain)]
+        np.testing.assert_array_equal(formed[name], of_all_views[name], err_msg=name)
+    answers = answer_tests(training_set, formed, tests[None], valid, "ship", False)
+    [clustering] = [acn._clustering(of_all_views)]
     category, cosine = clustering.match(of_all.similarities.to(profile_vectors(tests)))
-    np.testing.assert_array_equal(found["category"][0][valid], category.reshape(valid.shape)[valid])
+    np.testing.assert_array_equal(
+        answers["category"][0][valid], category.reshape(valid.shape)[valid]
+    )
     # Sums over features or over all views, zero where one is not learned, of cosines with weights.
-    bound = 4 * valid.size * np.finfo(float).eps * max(1, np.abs(plain["weights"]).max())
+    bound = 4 * valid.size * np.finfo(float).eps * max(1, np.abs(of_all_views["weights"]).max())
     cosine = cosine.reshape(valid.shape)[valid]
-    np.testing.assert_allclose(found["similarity"][0][valid], cosine, rtol=0, atol=bound)
+    np.testing.assert_allclose(answers["similarity"][0][valid], cosine, rtol=0, atol=bound)
 
 
 def test_memory_of_tests_is_in_proportion_to_their_number():
     def peak(aspects):
-        seen, tests, training_views = few_learned(aspects, 50)
+        views, tests, training_views = few_learned(aspects, 50)
         tracemalloc.start()
         training_set = TrainingSet.of_views(
-            seen, training_views | True, training_views, profile_vectors
+            views, training_views | True, training_views, profile_vectors
         )
         formed = form_categories(training_set, training_views, (0, 0), 0.8, 0.1, 200, "first")
         answer_tests(training_set, formed, tests[None], training_views | True, "ship", False)
-        held = tracemalloc.get_traced_memory()[1]
+        peak_bytes = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        return held
+        return peak_bytes
 
     peak(60)  # imports
     small, large = peak(500), peak(4_000)

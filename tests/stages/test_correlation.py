@@ -16,7 +16,7 @@ def answered(cell, training="expected", left_out=(False,), frames=0, **training_
     """Answers of all replicates, (replicate, left_out, ship, aspect)."""
     ships, aspects = cell.valid.shape
     draws = correlation.profile_draws(cell.averaged[:, frames], training)
-    found = [
+    answers = [
         correlation.correlation(
             draws,
             learned(**training_views)[:ships, :aspects],
@@ -30,7 +30,9 @@ def answered(cell, training="expected", left_out=(False,), frames=0, **training_
         for replicate, leave in product(range(len(cell.averaged)), left_out)
     ]
     shape = len(cell.averaged), len(left_out), ships, aspects
-    return {name: np.stack([one[name] for one in found]).reshape(shape) for name in found[0]}
+    return {
+        name: np.stack([answer[name] for answer in answers]).reshape(shape) for name in answers[0]
+    }
 
 
 @pytest.mark.parametrize(("training", "frames"), list(product(("expected", "noisy"), range(2))))
@@ -48,20 +50,20 @@ def test_it_is_the_most_similar_profile(training, frames):
             if left_out:
                 cosines[:, :, aspect] = -2
             _, name, _ = np.unravel_index(cosines.argmax(), cosines.shape)
-            place = (replicate, j, ship, aspect)
-            assert answers["predicted"][place] == name
-            assert answers["correct"][place] == (name == ship)
-            assert answers["similarity"][place] == pytest.approx(cosines.max(), abs=1e-7)
+            index = (replicate, j, ship, aspect)
+            assert answers["predicted"][index] == name
+            assert answers["correct"][index] == (name == ship)
+            assert answers["similarity"][index] == pytest.approx(cosines.max(), abs=1e-7)
     # Neither all right nor all wrong: a wrong rule would show.
     for j in range(2):
         assert 0 < answers["correct"][:, j].mean() < 1
 
 
 def test_an_only_aspect_is_not_left_out():
-    given = {"training_aspect": (30.0,)}
+    training = {"training_aspect": (30.0,)}
     with pytest.raises(ValueError, match=r"^classifier\.left_out has True"):
-        answered(made(), left_out=(True,), **given)
-    assert (answered(made(), left_out=(False,), **given)["predicted"] >= 0).all()
+        answered(made(), left_out=(True,), **training)
+    assert (answered(made(), left_out=(False,), **training)["predicted"] >= 0).all()
 
 
 def test_the_draw_that_is_tested_is_not_learned():
@@ -121,12 +123,12 @@ def matched(aspects, left_out, learned_every=1):
     profiles = classifier.by_view(expected)[None], classifier.by_view(averaged)
     tracemalloc.start()
     answers = correlation.match_views(*profiles, valid, known, left_out, see=classifier.vectors_of)
-    held = tracemalloc.get_traced_memory()[1]
+    peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     vectors = (classifier.profile_vectors(expected)[None], classifier.profile_vectors(averaged))
     for name, values in correlation.match_views(*vectors, valid, known, left_out).items():
         np.testing.assert_array_equal(values, answers[name], err_msg=name)
-    return held
+    return peak_bytes
 
 
 @pytest.mark.parametrize("left_out", BOTH)

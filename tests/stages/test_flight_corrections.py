@@ -17,14 +17,17 @@ from sweeps.stages.irar import FLOWN, RECORDED, scan_again
 @pytest.mark.parametrize(("chain", "rate"), [("printed", "line"), ("printed_pulse_rate", "pulse")])
 def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     """Its image by the library, with the estimate of the cell."""
-    given = {"chain": ["exact", "printed", "printed_pulse_rate"], "errors": {"aircraft_speed": 1}}
-    found = opened(flown(folder, "printed", **given), "validation")
+    settings = {
+        "chain": ["exact", "printed", "printed_pulse_rate"],
+        "errors": {"aircraft_speed": 1},
+    }
+    flights = opened(flown(folder, "printed", **settings), "validation")
     error = ("aircraft_speed", 1.0)
-    ours = at(found, chain=chain, error=error)
+    ours = at(flights, chain=chain, error=error)
     mesh, choices = ncti.ships.load("roberts"), read()
-    values = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
-    where = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
-    scan = scan_again(values, mesh, **where)
+    values = {setting.name: choices[setting][0] for setting in (*FLOWN, *RECORDED)}
+    view = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
+    scan = scan_again(values, mesh, **view)
     window = Chain(chain=chain).window(mesh, scan.flight, error)
     estimate = replace(scan.flight, aircraft_speed=90.9)
     image = segmented(
@@ -33,22 +36,24 @@ def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     stored = in_window(ours, "intensity", window)
     np.testing.assert_array_equal(stored, image.intensity.astype(np.float32))
     np.testing.assert_array_equal(ours.profile[0], profile(image, estimate).astype(np.float32))
-    # What it leaves behind is what the exact chain is there for.
-    leans = [abs(float(at(found, chain=one).noiseless_mast_tilt)) for one in ("exact", chain)]
+    # The exact chain is there for the tilt that it leaves behind.
+    leans = [abs(float(at(flights, chain=way).noiseless_mast_tilt)) for way in ("exact", chain)]
     assert leans[0] < 0.5 and leans[1] > 1.0
 
 
 def test_a_wrong_pointing_leaves_the_ship_in_its_window(folder):
     """It seems to be 35 or 14 pixels aside, where the window follows it; with as many looks."""
-    found = opened(flown(folder, "pointing", errors={"pointing": [-1, 0.4]}), "validation")
-    right = at(found, error=("none", 0.0))
+    flights = opened(flown(folder, "pointing", errors={"pointing": [-1, 0.4]}), "validation")
+    right = at(flights, error=("none", 0.0))
     middle = {}
     for degrees in (0.0, -1.0, 0.4):
         error = ("pointing", degrees) if degrees else ("none", 0.0)
-        one = at(found, error=error)
-        assert float(one.intensity.sum()) == pytest.approx(float(right.intensity.sum()), rel=0.05)
-        assert float(one.looks) == pytest.approx(float(right.looks), rel=0.1)
-        line = one.intensity.sum("row")
+        flight = at(flights, error=error)
+        assert float(flight.intensity.sum()) == pytest.approx(
+            float(right.intensity.sum()), rel=0.05
+        )
+        assert float(flight.looks) == pytest.approx(float(right.looks), rel=0.1)
+        line = flight.intensity.sum("row")
         middle[degrees] = float((line * line.column).sum() / line.sum())
     for degrees in (-1.0, 0.4):
         expected = math.radians(degrees) * math.cos(math.radians(6.7)) / 500e-6

@@ -24,14 +24,14 @@ OTHERS = {
 
 
 def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
-    """By jitter alone: what is drawn instead of a flight, from the numbers of its attitude."""
+    """By jitter alone: one number instead of a flight, drawn from the stream of its attitude."""
     monkeypatch.setattr(irar, "fly", lambda mesh, flight, *, rng, **surface: rng.random())
     mesh, choices = ncti.ships.load("roberts"), read()
-    course = {one.name: choices[one][0] for one in FLOWN} | {"jitter": 50.0}
-    one = {"ship": "roberts", "aspect": 175.0, "seed": 0, "replicate": 0, "reflectance": ""}
+    course = {setting.name: choices[setting][0] for setting in FLOWN} | {"jitter": 50.0}
+    view = {"ship": "roberts", "aspect": 175.0, "seed": 0, "replicate": 0, "reflectance": ""}
     others = ({}, {"ship": "duncan"}, {"aspect": 176.0}, {"seed": 1}, {"replicate": 1})
-    drawn = [irar.fly_past(mesh, course, **one | other) for other in others]
-    drawn.append(irar.fly_past(mesh, course | {"range": 4.0}, **one))
+    drawn = [irar.fly_past(mesh, course, **view | other) for other in others]
+    drawn.append(irar.fly_past(mesh, course | {"range": 4.0}, **view))
     assert len(set(drawn)) == len(others) + 1
 
 
@@ -39,24 +39,35 @@ def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
 def scanned():
     """Function: the bytes of a scan of given values, made once."""
     mesh, choices = ncti.ships.load("roberts"), read(**FEW)
-    where = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
-    plain = {one.name: choices[one][0] for one in (*FLOWN, *RECORDED)}
+    view = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
+    defaults = {setting.name: choices[setting][0] for setting in (*FLOWN, *RECORDED)}
 
     @cache
     def scan(**given):
-        one = scan_again(plain | given, mesh, **where)
-        return [part.tobytes() for part in (one.time, one.intensity, one.range, one.infrared)]
+        flight_scan = scan_again(defaults | given, mesh, **view)
+        return [
+            part.tobytes()
+            for part in (
+                flight_scan.time,
+                flight_scan.intensity,
+                flight_scan.range,
+                flight_scan.infrared,
+            )
+        ]
 
     return scan
 
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_every_parameter_changes_the_scan(name, scanned, monkeypatch):
-    """With the same noise for all, whatever the values: what differs is their doing."""
-    assert set(OTHERS) == {one.name for one in (*FLOWN, *RECORDED)}
+    """With the same noise for all values, so that any difference is their doing."""
+    assert set(OTHERS) == {setting.name for setting in (*FLOWN, *RECORDED)}
     if name != "replicate":  # which has other noise, and no other doing
         monkeypatch.setattr(irar, "cell_rng", lambda seed, **_: np.random.default_rng(seed))
-    given = {"jitter": 50.0 * (name == "jitter_time"), "clutter": 0.3 * (name == "clutter_length")}
+    changed = {
+        "jitter": 50.0 * (name == "jitter_time"),
+        "clutter": 0.3 * (name == "clutter_length"),
+    }
     if name == "replicate":
-        given["replicate"] = 0
-    assert scanned(**given) != scanned(**given | {name: OTHERS[name]})
+        changed["replicate"] = 0
+    assert scanned(**changed) != scanned(**changed | {name: OTHERS[name]})

@@ -14,8 +14,8 @@ from sweeps.engine.resolve.keys import cell_rng
 
 def test_synthetic_signatures_are_those_of_the_range_channel(folder):
     """Same view, same sensor, drawn at the flight's depression; tests have a name of their own."""
-    given = {"depression": 5, "profile_frames": [8, 16], "grid__replicate": 2}
-    found = opened(flown(folder, "deep", **given), "validation")
+    settings = {"depression": 5, "profile_frames": [8, 16], "grid__replicate": 2}
+    flights = opened(flown(folder, "deep", **settings), "validation")
     mesh = ncti.ships.load("roberts")
     view = {"aspect": 175.0, "depression": 5.0, "slant_range": 100e3, "engine": "embree"}
     image = range_image(mesh, pixel=0.5, **view)
@@ -30,7 +30,7 @@ def test_synthetic_signatures_are_those_of_the_range_channel(folder):
     )  # fmt: skip
     frames = sample_frames(extent, frame_count=16, rng=rng, **sensor)
     for count in (8, 16):
-        ours = at(found, replicate=1, profile_frames=count).signature.isel(pulse_width=0)
+        ours = at(flights, replicate=1, profile_frames=count).signature.isel(pulse_width=0)
         np.testing.assert_array_equal(ours.sel(kind="learned"), learned)
         test = cumulative_average(frames, (count,))[0].astype(np.float32)
         np.testing.assert_array_equal(ours.sel(kind="test"), test)

@@ -79,8 +79,8 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
             narrow.rows + 2 * above,
             narrow.columns + 2 * narrow.rows,
         )
-    whole = irar.correct(scan, irar.Correction(), estimate=estimate, window=window)
-    image = irar.segmented(whole, estimate)
+    unsegmented = irar.correct(scan, irar.Correction(), estimate=estimate, window=window)
+    image = irar.segmented(unsegmented, estimate)
     fine = irar.correct(scan, irar.Correction(), estimate=estimate, window=window, overscanned=True)
     fine = irar.segmented(fine, estimate)
     truth = irar.true_snapshot(mesh, flight, narrow, cells=8, reflectivity=surface)
@@ -98,7 +98,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
     row, column, _ = places(scan, irar.Correction(), estimate=estimate)
     spots = row - window.bottom, column - window.left
-    pair = whole.intensity, whole.infrared
+    pair = unsegmented.intensity, unsegmented.infrared
     tilts = {
         "": irar.tilts([*pair], truths, places=spots),
         "intensity_": irar.tilts(pair[0], truths[0], places=spots),
@@ -132,29 +132,29 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     spike = down_range[profiles[2].argmax()]
     near = np.abs(down_range - spike) <= 4
     for name, without in (("", None), ("_without_hangar", near)):
-        alike = irar.profile_correlation(profiles[0], profiles[1], exclude=without)
-        assert float(ours[f"profile_correlation{name}"]) == pytest.approx(alike, rel=1e-6)
+        correlation = irar.profile_correlation(profiles[0], profiles[1], exclude=without)
+        assert float(ours[f"profile_correlation{name}"]) == pytest.approx(correlation, rel=1e-6)
     ends = (0.02, 0.02, 0.05, 0.05)
-    told = [
-        irar.landmarks(one, down_range, hangar=(spike - 8, spike + 8), end=end)
-        for one, end in zip(profiles, ends, strict=True)
+    landmarks = [
+        irar.landmarks(profile, down_range, hangar=(spike - 8, spike + 8), end=end)
+        for profile, end in zip(profiles, ends, strict=True)
     ]
-    offset = told[0].hangar - told[1].hangar
+    offset = landmarks[0].hangar - landmarks[1].hangar
     assert float(ours.hangar_spike_offset) == pytest.approx(offset, abs=1e-5)
-    for k, marks in enumerate(told):
-        wanted = {"stern_to_hangar": marks.stern, "stern_to_bridge": marks.stern_to_bridge}
+    for k, marks in enumerate(landmarks):
+        expected_marks = {"stern_to_hangar": marks.stern, "stern_to_bridge": marks.stern_to_bridge}
         for name in ("transom", "mast", "forward"):
             peak = getattr(marks, name)
-            wanted |= {f"{name}_ratio": peak.height, f"{name}_energy": peak.energy}
-            wanted |= {f"{name}_position": peak.offset} if name != "transom" else {}
-        for name, value in (wanted | {"deck_spikes": len(marks.deck_spikes)}).items():
+            expected_marks |= {f"{name}_ratio": peak.height, f"{name}_energy": peak.energy}
+            expected_marks |= {f"{name}_position": peak.offset} if name != "transom" else {}
+        for name, value in (expected_marks | {"deck_spikes": len(marks.deck_spikes)}).items():
             assert float(ours[name][k]) == pytest.approx(value, rel=1e-4, nan_ok=True), name
 
-    seen = irar.measured_extent(fine, estimate, slant_range=100e3)
+    flown_extent = irar.measured_extent(fine, estimate, slant_range=100e3)
     cnr = carrier_to_noise(100e3, reference=10**3.2, reference_range=100e3)
     for width in (30, 50):
         expected = expected_profile(
-            seen, pulse_width=width * 1e-9, cnr=cnr, target_free_ifovs=4000
+            flown_extent, pulse_width=width * 1e-9, cnr=cnr, target_free_ifovs=4000
         ).astype(np.float32)
         stored = ours.signature.sel(pulse_width=width, kind="measured")
         np.testing.assert_array_equal(stored, expected)
@@ -170,16 +170,18 @@ def test_a_flight_is_the_same_in_another_grid(several, tmp_path):
         "validation",
     )  # fmt: skip
     ours, theirs = (
-        at(found, ship="roberts", mast_gain=mast, cnr=20, range=3, error=("none", 0.0))
-        for found, mast in ((other.expand_dims(mast_gain=[3.0]), 3), (several, 3))
+        at(flights, ship="roberts", mast_gain=mast, cnr=20, range=3, error=("none", 0.0))
+        for flights, mast in ((other.expand_dims(mast_gain=[3.0]), 3), (several, 3))
     )
     theirs = theirs.sel(pulse_width=[30])
     for name in ours.data_vars:
-        mine, yours = ours[name], theirs[name]
+        values, yours = ours[name], theirs[name]
         if name in IMAGES:
-            mine, yours = (one.stack(at=("row", "column")).dropna("at") for one in (mine, yours))
-            np.testing.assert_array_equal(mine["at"], yours["at"])
-        np.testing.assert_array_equal(mine, yours, err_msg=name)
+            values, yours = (
+                image.stack(at=("row", "column")).dropna("at") for image in (values, yours)
+            )
+            np.testing.assert_array_equal(values["at"], yours["at"])
+        np.testing.assert_array_equal(values, yours, err_msg=name)
     assert other.sizes["column"] != several.sizes["column"]
     quieter = at(other, ship="roberts", cnr=12, range=3)
     assert not np.array_equal(quieter.profile, ours.profile)

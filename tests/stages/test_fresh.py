@@ -36,15 +36,15 @@ def chosen(**settings):
 )
 def test_every_thirty_degrees_have_as_many_within_the_ends(ends, number, more, seed):
     low, high = ends
-    found = np.array(drawn_aspects(low, high, number, seed))
+    drawn = np.array(drawn_aspects(low, high, number, seed))
     bins = np.arange(30 * (low // 30), high, 30)
-    assert found.size == number * bins.size
-    for part, start in zip(found.reshape(bins.size, number), bins, strict=True):
+    assert drawn.size == number * bins.size
+    for part, start in zip(drawn.reshape(bins.size, number), bins, strict=True):
         first, last = max(low, start), min(high, start + 30)
         assert ((first - 1e-3 <= part) & (part <= last + 1e-3)).all()
     # More of them begin with the same.
     longer = np.array(drawn_aspects(low, high, number + more, seed)).reshape(bins.size, -1)
-    np.testing.assert_array_equal(longer[:, :number], found.reshape(bins.size, number))
+    np.testing.assert_array_equal(longer[:, :number], drawn.reshape(bins.size, number))
 
 
 def test_they_come_into_the_grid_and_are_not_learned():
@@ -55,25 +55,28 @@ def test_they_come_into_the_grid_and_are_not_learned():
     assert list(kinds) == ["learned", "random"]
     aspects = np.array(choices[Grid.aspect])
     np.testing.assert_array_equal(aspects[kinds["random"]], sorted(drawn))
-    # What is drawn does not depend on what is drawn already.
+    # New draws do not depend on aspects already drawn.
     again = classifier.check(choices)
     assert again.values == choices.values
 
 
 def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     """Of each ship learned: variants of sizes between 0.7 and 1.1, whatever else is learned."""
-    given = {"grid__ship": ["duncan", "texas", "roberts"], "classifier__unknown": ["roberts"]}
-    given["classifier__name"] = ["likelihood"]
-    choices = chosen(**given, classifier__generated=3)
-    made = choices.value(Classifier.alternative)
-    assert len(made) == 6 and {name.partition("@")[0] for name in made} == {"duncan", "texas"}
-    assert choices[Grid.ship] == tuple(sorted({"duncan", "texas", "roberts", *made}))
-    assert choices.value(Classifier.unknown) == tuple(sorted({"roberts", *made}))
+    settings = {"grid__ship": ["duncan", "texas", "roberts"], "classifier__unknown": ["roberts"]}
+    settings["classifier__name"] = ["likelihood"]
+    choices = chosen(**settings, classifier__generated=3)
+    generated = choices.value(Classifier.alternative)
+    assert len(generated) == 6 and {name.partition("@")[0] for name in generated} == {
+        "duncan",
+        "texas",
+    }
+    assert choices[Grid.ship] == tuple(sorted({"duncan", "texas", "roberts", *generated}))
+    assert choices.value(Classifier.unknown) == tuple(sorted({"roberts", *generated}))
     assert known_of(choices).sum() == 2
     assert likelihood.check_first(choices).values == choices.values
     # The first of many, and of fewer ships, are the same.
     many = generated_ships(["texas"], 200)
-    assert set(many[:3]) < set(made)
+    assert set(many[:3]) < set(generated)
     sizes = np.array([Variant.read(name).size for name in many])
     # Log-uniform: three distances make a sequence of the golden ratio's steps of 1/n and 2/n.
     share = np.sort(np.log(sizes / 0.7) / np.log(1.1 / 0.7))
@@ -103,18 +106,19 @@ def test_answers_at_several_kinds_of_aspects_are_counted_apart():
     answers = rng.integers(0, 2, (3, 2, 5))
     answers[:, 1, 3] = -1  # a view that failed
     correct = xr.DataArray(answers, coords, dims)
-    where = {"learned": [1, 0, 1, 0, 0], "random": [0, 1, 0, 1, 1]}
+    flags_by_kind = {"learned": [1, 0, 1, 0, 0], "random": [0, 1, 0, 1, 1]}
     kinds = {
-        name: xr.DataArray(np.array(flags, bool), dims="aspect") for name, flags in where.items()
+        name: xr.DataArray(np.array(flags, bool), dims="aspect")
+        for name, flags in flags_by_kind.items()
     }
-    found = scored(correct, "", "tests", kinds)
-    share, n = found.accuracy, found.n
+    table = scored(correct, "", "tests", kinds)
+    share, n = table.accuracy, table.n
     assert share.aspects.values.tolist() == ["learned", "random"]
-    for name, flags in where.items():
-        asked = correct.values[..., np.array(flags, bool)]
-        assert n.sel(aspects=name, aspect_bin="overall") == (asked >= 0).sum()
-        wanted = (asked == 1).sum() / (asked >= 0).sum()
-        np.testing.assert_allclose(share.sel(aspects=name, aspect_bin="overall"), wanted)
+    for name, flags in flags_by_kind.items():
+        answers_of_kind = correct.values[..., np.array(flags, bool)]
+        assert n.sel(aspects=name, aspect_bin="overall") == (answers_of_kind >= 0).sum()
+        expected = (answers_of_kind == 1).sum() / (answers_of_kind >= 0).sum()
+        np.testing.assert_allclose(share.sel(aspects=name, aspect_bin="overall"), expected)
     assert np.isnan(share.sel(aspects="learned", aspect_bin="62"))
     # Of one kind there is no such dimension.
     assert "aspects" not in scored(correct, "", "tests", {}).dims

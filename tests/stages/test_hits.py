@@ -32,26 +32,26 @@ def image(request):
 
 def test_patches_cover_what_the_view_does(image):
     hits = Hits.of(image)
-    kept = restored(Hits, {name: np.asarray(array) for name, array in vars(hits).items()})
-    assert type(kept.columns) is int
-    patches = kept.patches()
-    seen = patches.covering(15.0, PLACE)
-    whole = silhouette(image, footprint=15.0, phase=PLACE, extent=patches.extent)
-    np.testing.assert_array_equal(seen.coverage, whole.coverage)
-    assert seen.origin == whole.origin
+    hits_restored = restored(Hits, {name: np.asarray(array) for name, array in vars(hits).items()})
+    assert type(hits_restored.columns) is int
+    patches = hits_restored.patches()
+    raster = patches.covering(15.0, PLACE)
+    expected = silhouette(image, footprint=15.0, phase=PLACE, extent=patches.extent)
+    np.testing.assert_array_equal(raster.coverage, expected.coverage)
+    assert raster.origin == expected.origin
 
 
 def test_a_mirrored_ship_covers_the_mirrored_pixels(image):
     """About a ship origin in the middle of a pixel columns change places, and nothing else."""
-    plain, mirrored = (shares(Hits.of(image).patches(mirrored=flag)) for flag in (False, True))
-    assert plain.keys() == {-column for column in mirrored}
-    for column, share in plain.items():
+    drawn, mirrored = (shares(Hits.of(image).patches(mirrored=flag)) for flag in (False, True))
+    assert drawn.keys() == {-column for column in mirrored}
+    for column, share in drawn.items():
         np.testing.assert_allclose(mirrored[-column], share, atol=1e-9)
-    assert any(abs(share - plain[-column]).max() > 0.5 for column, share in plain.items())
+    assert any(abs(share - drawn[-column]).max() > 0.5 for column, share in drawn.items())
 
 
 def shares(patches):
     """Coverage of each column of pixels that shows the ship, by its number from the origin."""
-    seen = patches.covering(3.75, (0.5, 0.5))
-    columns = np.rint(seen.origin[0] / 3.75).astype(int) + np.arange(seen.coverage.shape[1])
-    return {c: seen.coverage[:, k] for k, c in enumerate(columns) if seen.coverage[:, k].any()}
+    raster = patches.covering(3.75, (0.5, 0.5))
+    columns = np.rint(raster.origin[0] / 3.75).astype(int) + np.arange(raster.coverage.shape[1])
+    return {c: raster.coverage[:, k] for k, c in enumerate(columns) if raster.coverage[:, k].any()}

@@ -1,4 +1,4 @@
-"""Infrared images: against the library by hand, in what company, and what is refused."""
+"""Infrared images: against the library by hand, beside other values, and refused settings."""
 
 import numpy as np
 import pytest
@@ -21,9 +21,9 @@ WINDOW = {"depression": 3.84, "ifov": 150e-6, "length": 200.0, "height": 50.0}
 def placed(view, slant_range, way, frame_count):
     """(frame_count, row, col) images in the window of the largest ship."""
     largest = LargestWindow(slant_range * 1e3, **WINDOW)
-    found = thermal_image(view, largest, super_resolution=way, frame_count=frame_count)
-    assert not found["first_row"].any() and not found["first_col"].any()
-    return found["image"]
+    images = thermal_image(view, largest, super_resolution=way, frame_count=frame_count)
+    assert not images["first_row"].any() and not images["first_col"].any()
+    return images["image"]
 
 
 # The ship
@@ -54,11 +54,11 @@ def test_images_of_one_view_are_drawn_once_for_all_sensors():
 
     OpenGL draws images for the range channel alone: silhouettes are masks, one for both ranges.
     """
-    given = {"sensor": "both", "grid__ship": "duncan", "grid__aspect": 60}
-    given |= {"grid__range": 50, "infrared__range": 50, "infrared__training_range": 25}
+    overrides = {"sensor": "both", "grid__ship": "duncan", "grid__aspect": 60}
+    overrides |= {"grid__range": 50, "infrared__range": 50, "infrared__training_range": 25}
 
     def keys(**more):
-        plan = Plan(EXPERIMENT, choose(**given | more))
+        plan = Plan(EXPERIMENT, choose(**overrides | more))
         names = ("image", "infrared_image", "training_image")
         return [plan.key(plan.bound[name], 0) for name in names]
 
@@ -76,14 +76,14 @@ def test_images_of_one_view_are_drawn_once_for_all_sensors():
 
 def test_templates_are_seen_from_the_training_range_whatever_is_tested():
     """At one altitude, where the depression goes by the range: 25 km is seen from 15.6 deg."""
-    given = {"sensor": "infrared", "grid__ship": "duncan", "grid__aspect": 60}
-    given |= {"scene__geometry": "altitude", "infrared__training_range": 25}
-    given["infrared__subpixel_offsets"] = 1
+    overrides = {"sensor": "infrared", "grid__ship": "duncan", "grid__aspect": 60}
+    overrides |= {"scene__geometry": "altitude", "infrared__training_range": 25}
+    overrides["infrared__subpixel_offsets"] = 1
 
     def template(**more):
-        plan = Plan(EXPERIMENT, choose(**given, **more))
-        (place,) = plan.cells(plan.bound["template_log_polar"])
-        return plan.key(plan.bound["template_log_polar"], place)
+        plan = Plan(EXPERIMENT, choose(**overrides, **more))
+        (cell,) = plan.cells(plan.bound["template_log_polar"])
+        return plan.key(plan.bound["template_log_polar"], cell)
 
     at_50 = template(infrared__range=50)
     assert at_50 == template(infrared__range=100) == template(infrared__range=[50, 100])
@@ -93,8 +93,8 @@ def test_templates_are_seen_from_the_training_range_whatever_is_tested():
 def test_pixels_that_are_just_filled_show_the_ship():
     coverage = view_from(25.0).covered(0).coverage
     rule = coverage[(coverage > 0.2) & (coverage < 0.9)][0]
-    shown = view_from(25.0, coverage_rule=rule).shown(0, 1)
-    np.testing.assert_array_equal(shown, coverage >= rule)
+    mask = view_from(25.0, coverage_rule=rule).shown(0, 1)
+    np.testing.assert_array_equal(mask, coverage >= rule)
 
 
 # One cell by hand
@@ -106,21 +106,21 @@ def test_a_cell_is_the_library_done_by_hand(slant_range, rule):
     """Every variable of every way to see the ship, from templates counted by histogram."""
     frames, phases = (1, 16), (0, 1)
     view = view_from(slant_range, coverage_rule=rule)
-    named = {"ship": "boxes", "aspect": 60.0, "range": slant_range}
-    places = cell_rng(3, stage="infrared_place", **named).random((2, 2))
+    view_name = {"ship": "boxes", "aspect": 60.0, "range": slant_range}
+    places = cell_rng(3, stage="infrared_place", **view_name).random((2, 2))
     x, y, area = PATCHES.horizontal, PATCHES.vertical, PATCHES.area
     warmth = contrast(slant_range * 1e3)
     footprint = 150e-6 * slant_range * 1e3
     detected = view.detection_probability(1e-4, phases, frames)
     for way in WAYS:
-        rng = cell_rng(3, stage="infrared", super_resolution=way, **named)
-        shown = placed(view, slant_range, way, frames)
+        rng = cell_rng(3, stage="infrared", super_resolution=way, **view_name)
+        placed_images = placed(view, slant_range, way, frames)
         errors = view.reconstruction_error(way, phases, frames)
         for phase, (across, up) in enumerate(places):
             # Whole pixels about the ship, and four more on each side of its own bounding box.
             edges = [
-                footprint * (np.arange(np.floor(v.min() / footprint + part) - 4, 400) - part)
-                for v, part in ((y, up), (x, across))
+                footprint * (np.arange(np.floor(v.min() / footprint + offset) - 4, 400) - offset)
+                for v, offset in ((y, up), (x, across))
             ]
             long = [np.ptp(v) // footprint + 2 + 8 for v in (y, x)]
             edges = [line[: int(n) + 1] for line, n in zip(edges, long, strict=True)]
@@ -144,7 +144,7 @@ def test_a_cell_is_the_library_done_by_hand(slant_range, rule):
             doubled = images.repeat(2, 1).repeat(2, 2) if way == "none" else images
             for n, count in enumerate(frames):
                 if phase == 0:
-                    ours = shown[n][~np.isnan(shown[n])].reshape(images[n].shape)
+                    ours = placed_images[n][~np.isnan(placed_images[n])].reshape(images[n].shape)
                     np.testing.assert_array_equal(ours, images[n])
                 error = np.sqrt(np.mean((doubled[n] - warmth * fine) ** 2)) / warmth
                 assert errors[phase, n] == pytest.approx(error)

@@ -1,4 +1,4 @@
-"""Settings of flights: what each may hold, what it means, and what is refused before any work."""
+"""Settings of flights: their bounds, their meaning, and values refused before any work."""
 
 from dataclasses import fields, replace
 
@@ -22,16 +22,16 @@ from sweeps.stages.irar import FLOWN, MOST_WRONG, RECORDED, Irar, flight_of
         st.lists(st.integers(-300, 300), min_size=1, max_size=4, unique=True),
     )
 )
-def test_errors_are_read_back_from_what_is_written(given):
-    values = Irar.errors.values({name: [n / 10 for n in listed] for name, listed in given.items()})
-    assert len(values) == 1 + sum(n != 0 for listed in given.values() for n in listed)
+def test_errors_are_read_back_from_what_is_written(errors):
+    values = Irar.errors.values({name: [n / 10 for n in listed] for name, listed in errors.items()})
+    assert len(values) == 1 + sum(n != 0 for listed in errors.values() for n in listed)
     assert Irar.errors.values(Irar.errors.kind.as_input(values)) == values
-    found = Irar.errors.kind.coordinates(values)
-    assert list(found) == ["error", "error_parameter", "error_value"]
-    arrays = [array for array, _ in found.values()]
+    coordinates = Irar.errors.kind.coordinates(values)
+    assert list(coordinates) == ["error", "error_parameter", "error_value"]
+    arrays = [array for array, _ in coordinates.values()]
     assert arrays[0].tolist() == list(range(len(values)))
     assert list(zip(arrays[1].tolist(), arrays[2].tolist(), strict=True)) == list(values)
-    assert all(attrs["long_name"] for _, attrs in found.values())
+    assert all(attrs["long_name"] for _, attrs in coordinates.values())
 
 
 # flights --------------------------------------------------------------------------------------
@@ -40,11 +40,11 @@ def test_errors_are_read_back_from_what_is_written(given):
 def first(*settings, **changes):
     """The first value of each setting, or another one."""
     choices = read()
-    return {one.name: choices[one][0] for one in settings} | changes
+    return {setting.name: choices[setting][0] for setting in settings} | changes
 
 
 def test_defaults_are_those_of_the_library():
-    values = {one.name: one.default for one in (*FLOWN, *RECORDED)}
+    values = {setting.name: setting.default for setting in (*FLOWN, *RECORDED)}
     flight = flight_of(175.0, values)
     expected = Flight(slant_range=3900.0, ship_heading=ship_heading(aspect=175.0, sight=5.0))
     for field in fields(Flight):

@@ -38,14 +38,16 @@ def test_signals_are_in_the_units_of_the_library(ifovs):
 
 
 def test_the_floor_is_that_of_every_ifov(ifovs):
-    """Those on the ship included, as its ends are free of the pulse; what is left begins at 0."""
+    """Those on the ship included, as its ends are free of the pulse; the rest begins at 0."""
     profile = expected_profile(ifovs, cnr=1600.0, **SIGNAL)
-    found = ladar.above_floor(profile)
+    profiles = ladar.above_floor(profile)
     level = (len(ifovs.cell) + 100) * noise_floor()
-    np.testing.assert_allclose(found["noise_floor"], level, rtol=1e-6)
-    np.testing.assert_allclose(found["floor_removed"] + found["noise_floor"], profile, rtol=1e-6)
-    assert abs(found["floor_removed"][[0, -1]]).max() < 1e-6 * level
-    assert found["floor_removed"].max() > 0
+    np.testing.assert_allclose(profiles["noise_floor"], level, rtol=1e-6)
+    np.testing.assert_allclose(
+        profiles["floor_removed"] + profiles["noise_floor"], profile, rtol=1e-6
+    )
+    assert abs(profiles["floor_removed"][[0, -1]]).max() < 1e-6 * level
+    assert profiles["floor_removed"].max() > 0
 
 
 def test_extinction_reaches_the_profile_in_its_units():
@@ -63,7 +65,7 @@ def test_an_image_of_pixels_states_its_error(ifovs):
 
 
 def place_of(drawn_aspect=300.0, **other):
-    """Place of the ship in an average, by name of what it depends on."""
+    """Place of the ship in an average, by the names of the settings that it depends on."""
     view = {"ship": "duncan", "aspect": 300.0, "range": 100e3, "replicate": 0, "seed": 0}
     return called(
         ladar.seen_shift, **view | {"place": "random", "drawn_aspect": drawn_aspect} | other
@@ -73,11 +75,11 @@ def place_of(drawn_aspect=300.0, **other):
 @pytest.mark.parametrize("place", ["corner", "random"])
 def test_the_place_of_a_ship_drawn_from_the_other_side_is_mirrored(image, place):
     """So that the place seen is that of the view, and IFOVs have the numbers of a view drawn."""
-    seen, drawn = place_of(place=place), place_of(60.0, place=place)
-    assert (seen == drawn == ladar.shift()) if place == "corner" else seen != drawn
+    place_seen, drawn = place_of(place=place), place_of(60.0, place=place)
+    assert (place_seen == drawn == ladar.shift()) if place == "corner" else place_seen != drawn
     assert repr(place_of(60.0, place="corner")) == repr(ladar.shift())  # one cell
-    found = ladar.ifovs(ladar.extent(image, slant_range=100e3, shift=drawn), 300.0, 60.0)
-    assert found.shift == seen
+    extent = ladar.ifovs(ladar.extent(image, slant_range=100e3, shift=drawn), 300.0, 60.0)
+    assert extent.shift == place_seen
 
 
 def test_places_are_uniform_and_of_each_draw_alone():
@@ -88,8 +90,8 @@ def test_places_are_uniform_and_of_each_draw_alone():
     for part in places.T:
         assert stats.kstest(part, "uniform").pvalue > 1e-3
     other = {"ship": "texas", "aspect": 301.0, "range": 50e3, "replicate": 1, "seed": 1}
-    found = [place_of(), *(place_of(**{name: value}) for name, value in other.items())]
-    assert len(set(found)) == len(found)
+    all_places = [place_of(), *(place_of(**{name: value}) for name, value in other.items())]
+    assert len(set(all_places)) == len(all_places)
     assert np.abs(np.corrcoef(places.T)[0, 1]) < 3.3 / np.sqrt(len(places))
 
 

@@ -30,7 +30,7 @@ ERRORS = (0.0, 0.2)
 def templates_of(
     cell, covariance, diagonal_loading=1e-3, error=0.0, floor_sigma=1.0, **training_views
 ):
-    """Templates of what is learned; exact ones by default, as densities by hand are."""
+    """Templates of learned views; exact ones by default, as densities by hand are."""
     known = learned(**training_views)[: len(cell.valid)]
     prior = likelihood.Prior(diagonal_loading, floor_sigma, floor_estimated=False)
     alternative = learned(**training_views)[: len(cell.valid)] & False
@@ -47,8 +47,8 @@ def scores(templates, averaged, gain, prior):
     flat = averaged.reshape(len(FRAMES), -1, averaged.shape[-1])
     return np.stack(
         [
-            templates[0].log_likelihood(prior.levelled(seen), count, gain_sigma=gain)
-            for count, seen in zip(FRAMES, flat, strict=True)
+            templates[0].log_likelihood(prior.levelled(block), count, gain_sigma=gain)
+            for count, block in zip(FRAMES, flat, strict=True)
         ]
     )
 
@@ -60,21 +60,21 @@ def answered(
     frames=FRAMES,
     replicate=0,
     diagonal_loading=1e-3,
-    **given,
+    **arguments,
 ):
-    sigma = given.pop("aspect_sigma", None)
+    sigma = arguments.pop("aspect_sigma", None)
     track = likelihood.track(NAMED, ASPECTS, sigma, replicate, 0)
-    alternative = given.pop("alternative", None)
-    weight = given.pop("misfit_weight", 0.0)
-    covariance = given.pop("covariance", None)
+    alternative = arguments.pop("alternative", None)
+    weight = arguments.pop("misfit_weight", 0.0)
+    covariance = arguments.pop("covariance", None)
     covariance = bands(cell) if covariance is None else covariance
-    templates = templates_of(cell, covariance, diagonal_loading, **given)
+    templates = templates_of(cell, covariance, diagonal_loading, **arguments)
     averaged = cell.averaged[replicate, [FRAMES.index(count) for count in frames]]
     prior = likelihood.Prior(diagonal_loading, 1.0, floor_estimated=False)
-    given = averaged, cell.valid
-    others = alternative or (None, np.zeros_like(cell.valid))
+    arguments = averaged, cell.valid
+    alternatives = alternative or (None, np.zeros_like(cell.valid))
     return likelihood.likelihood(
-        *(templates, others, *given, prior, track),
+        *(templates, alternatives, *arguments, prior, track),
         ship=NAMED,
         misfit_weight=weight,
         gain_sigma=gains,
@@ -98,7 +98,7 @@ def test_by_hand(place, gain):
     shift = GaussianTemplates().floor_sigma ** 2 * variance * np.ones((BINS, BINS))
     samples = cell.averaged[0].astype(np.float64)
     logs = np.empty((len(FRAMES), *cell.valid.shape, *cell.valid.shape))
-    for f, (ship, aspect) in ((f, at) for f in range(2) for at in np.ndindex(cell.valid.shape)):
+    for f, (ship, aspect) in ((f, view) for f in range(2) for view in np.ndindex(cell.valid.shape)):
         mean = cell.expected[ship, aspect].astype(np.float64)
         signal = gain * (mean - mean[0])
         frame = (
@@ -106,17 +106,19 @@ def test_by_hand(place, gain):
         ) / FRAMES[f]
         density = multivariate_normal(mean, frame + np.outer(signal, signal) + shift)
         logs[f, ..., ship, aspect] = density.logpdf(samples[f])
-    same = np.eye(len(ASPECTS), dtype=bool)[:, None, :]  # test's aspect, ship, template's aspect
+    # Test's aspect, ship, template's aspect.
+    same_aspect = np.eye(len(ASPECTS), dtype=bool)[:, None, :]
     for j, left_out in enumerate(BOTH):
-        answering = np.broadcast_to(~(same & left_out), logs.shape)
+        answering = np.broadcast_to(~(same_aspect & left_out), logs.shape)
         of_ship = logsumexp(logs, axis=-1, b=answering) - np.log(answering.sum(axis=-1))
         posterior = np.exp(of_ship - logsumexp(of_ship, axis=-1, keepdims=True))
         true = np.take_along_axis(posterior, np.arange(SHIPS)[None, :, None, None], axis=-1)[..., 0]
-        found = answers["probability"][j, place]
+        probability = answers["probability"][j, place]
         # Logarithms of some 100 err by 1e-13 of it times the condition of the covariances, 1e4.
-        np.testing.assert_allclose(found, true, atol=1e-6)
+        np.testing.assert_allclose(probability, true, atol=1e-6)
         np.testing.assert_array_equal(answers["predicted"][j, place], posterior.argmax(axis=-1))
-        assert np.mean((found > 0.05) & (found < 0.95)) > 0.1  # many of them are in doubt
+        # Many of them are in doubt.
+        assert np.mean((probability > 0.05) & (probability < 0.95)) > 0.1
     right = answers["predicted"] == np.arange(SHIPS)[:, None]
     np.testing.assert_array_equal(answers["correct"], right)
 
@@ -135,7 +137,7 @@ def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
         changed = cell.changed(expected=expected)
         after = answered(changed, left_out=BOTH, covariance=bands(cell), error=error)
         for name in before.keys() - {"calibrated_error"}:
-            first, second = (one[name][:, 0, ..., column] for one in (before, after))
+            first, second = (answers[name][:, 0, ..., column] for answers in (before, after))
             np.testing.assert_array_equal(first[1], second[1], err_msg=name)
             if name == "probability":
                 assert (first[0] != second[0]).any()
@@ -146,21 +148,23 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
     rng = np.random.default_rng(5)
     cell = made(noise=5.0)
     lifted = rng.uniform(-40, 40, (*cell.averaged.shape[:-1], 1)).astype(np.float32)
-    other = rng.uniform(-40, 40, (*cell.expected.shape[:-1], 1)).astype(np.float32)
+    lifted_templates = rng.uniform(-40, 40, (*cell.expected.shape[:-1], 1)).astype(np.float32)
     covariance = bands(cell, variance=25.0)
-    found = {}
-    for name, up, down in (("as it is", 0, 0), ("lifted", lifted, other)):
-        here = cell.changed(expected=cell.expected + down, averaged=cell.averaged + up)
+    densities = {}
+    for name, up, down in (("as it is", 0, 0), ("lifted", lifted, lifted_templates)):
+        shifted = cell.changed(expected=cell.expected + down, averaged=cell.averaged + up)
         for estimated in BOTH:
             prior = likelihood.Prior(1e-3, 0.0, estimated)
-            views = here.valid[None], learned(), ~learned()
-            given = here.expected[None], covariance, *views, ASPECTS, prior
-            moments = likelihood.profile_moments(*given)
+            views = shifted.valid[None], learned(), ~learned()
+            inputs = shifted.expected[None], covariance, *views, ASPECTS, prior
+            moments = likelihood.profile_moments(*inputs)
             templates = likelihood.profile_templates(moments, np.array(0.0))
-            found[name, estimated] = scores(templates, here.averaged[0], 0.0, prior)
-    scale = np.max(np.abs(found["as it is", True]))
-    np.testing.assert_allclose(found["lifted", True], found["as it is", True], atol=1e-4 * scale)
-    assert np.max(np.abs(found["lifted", False] - found["as it is", False])) > scale / 10
+            densities[name, estimated] = scores(templates, shifted.averaged[0], 0.0, prior)
+    scale = np.max(np.abs(densities["as it is", True]))
+    np.testing.assert_allclose(
+        densities["lifted", True], densities["as it is", True], atol=1e-4 * scale
+    )
+    assert np.max(np.abs(densities["lifted", False] - densities["as it is", False])) > scale / 10
 
 
 @pytest.mark.parametrize("rows", [2, 4, 10])
@@ -169,12 +173,12 @@ def test_answers_in_blocks_are_those_of_all_views(rows, error, monkeypatch):
     """Of existing views, with a ship and aspects that are not learned."""
     cell = made(noise=5.0).without([0, 2, 2], [3, 0, 5])
     known = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0)}
-    whole = answered(cell, GAINS, BOTH, error=error, **known)
+    expected = answered(cell, GAINS, BOTH, error=error, **known)
     monkeypatch.setattr(likelihood, "row_blocks", lambda count, most: row_blocks(count, rows))
     for name, values in answered(cell, GAINS, BOTH, error=error, **known).items():
         # Probabilities are sums of as many terms as templates.
-        np.testing.assert_allclose(values, whole[name], rtol=1e-13, err_msg=name)
-    assert set(np.unique(whole["predicted"])) == {-1, 0, 1}
+        np.testing.assert_allclose(values, expected[name], rtol=1e-13, err_msg=name)
+    assert set(np.unique(expected["predicted"])) == {-1, 0, 1}
 
 
 def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
@@ -183,12 +187,17 @@ def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
 
     def peak(aspects):
         known, templates, averaged = few_learned(aspects)
-        prior, others = likelihood.Prior(1e-3, 1.0, False), (None, known & False)
+        prior, alternatives = likelihood.Prior(1e-3, 1.0, False), (None, known & False)
         track = likelihood.Track(tuple(range(aspects)), None, np.zeros(known.shape))
-        how = {"misfit_weight": 0.01, "gain_sigma": (1.0,), "frame_count": (4,), "left_out": BOTH}
-        how["ship"] = NAMED[: len(known)]
-        given = templates, others, averaged[None], known | True, prior, track
-        return peak_memory(lambda: likelihood.likelihood(*given, **how))
+        options = {
+            "misfit_weight": 0.01,
+            "gain_sigma": (1.0,),
+            "frame_count": (4,),
+            "left_out": BOTH,
+        }
+        options["ship"] = NAMED[: len(known)]
+        inputs = templates, alternatives, averaged[None], known | True, prior, track
+        return peak_memory(lambda: likelihood.likelihood(*inputs, **options))
 
     peak(20)  # imports
     # Four times as many tests, whose densities would be 0.9 MB more.
@@ -216,9 +225,9 @@ def test_a_track_without_error_leaves_the_templates_at_its_aspect():
 
 def test_errors_of_a_track_belong_to_views_and_scale():
     """Other ships and aspects change none; other draws, seeds and views are others."""
-    whole = likelihood.track(NAMED, ASPECTS, 2.0, 0, 0).reported - np.array(ASPECTS)
+    errors = likelihood.track(NAMED, ASPECTS, 2.0, 0, 0).reported - np.array(ASPECTS)
     few = likelihood.track(NAMED[1:], ASPECTS[::2], 6.0, 0, 0).reported - np.array(ASPECTS[::2])
-    np.testing.assert_allclose(few, 3 * whole[1:, ::2], atol=1e-12)
+    np.testing.assert_allclose(few, 3 * errors[1:, ::2], atol=1e-12)
     drawn = np.array(
         [
             likelihood.track(NAMED, tuple(range(60)), 1.0, replicate, seed).reported - range(60)
@@ -245,12 +254,12 @@ def test_ships_known_to_be_unknown_take_their_share():
     alternative = likelihood.alternative_templates(moments, np.array(0.0))
     with_it = answered(cell, covariance=covariance, alternative=alternative, **only)
     without = answered(cell, covariance=covariance, **only)
-    every = answered(cell, covariance=covariance)
+    of_all = answered(cell, covariance=covariance)
     np.testing.assert_array_equal(with_it["predicted"], without["predicted"])
     # With the third one learned, too, posteriors of the first two are the same as with it known.
     first = slice(0, 2)
     np.testing.assert_allclose(
-        with_it["probability"][..., first, :], every["probability"][..., first, :], rtol=1e-9
+        with_it["probability"][..., first, :], of_all["probability"][..., first, :], rtol=1e-9
     )
     assert (with_it["similarity"] < without["similarity"]).mean() > 0.5
 
@@ -261,11 +270,11 @@ def test_answers_are_accepted_by_their_density_over_that_of_the_alternative():
     At no share of the unknown ship rejected do posteriors keep more of the right answers, and they
     keep fewer at most: they doubt what lies between both ships known, far from the third.
     """
-    tests, bins, at = 2000, 16, np.array([0.0, 1.0, 2.5])
+    tests, bins, positions = 2000, 16, np.array([0.0, 1.0, 2.5])
     known = np.zeros((SHIPS, tests), dtype=bool)
     known[:2, 0] = True
     means = np.zeros((SHIPS, bins))
-    means[:, 8] = at
+    means[:, 8] = positions
     exact = {"gain_sigma": 0.0, "floor_sigma": 0.0, "template_error": 0.0, "diagonal_loading": 0.0}
     fitted = [
         GaussianTemplates(**exact).fit(
@@ -273,16 +282,16 @@ def test_answers_are_accepted_by_their_density_over_that_of_the_alternative():
         )
         for some in ([0, 1], [2])
     ]
-    seen = np.zeros((SHIPS, tests, bins))
-    seen[..., 8] = at[:, None] + norm.ppf((np.arange(tests) + 0.5) / tests)
+    profiles = np.zeros((SHIPS, tests, bins))
+    profiles[..., 8] = positions[:, None] + norm.ppf((np.arange(tests) + 0.5) / tests)
     answers = likelihood.likelihood(
         *((fitted[0], known), (fitted[1], np.roll(known, 1, axis=0) & ~known)),
-        *(seen[None], known | True, likelihood.Prior(0.0, 0.0, False)),
+        *(profiles[None], known | True, likelihood.Prior(0.0, 0.0, False)),
         likelihood.Track(tuple(range(tests)), None, np.zeros(known.shape)),
         **{"misfit_weight": 0.0, "gain_sigma": (0.0,), "frame_count": (1,), "left_out": (False,)},
         ship=NAMED[:SHIPS],
     )
-    logs = norm.logpdf(seen[..., 8, None], at)
+    logs = norm.logpdf(profiles[..., 8, None], positions)
     likely = logs[..., :2].max(axis=-1)
     similarity, right = (answers[name][0, 0, 0] for name in ("similarity", "correct"))
     np.testing.assert_allclose(similarity, expit(likely - logs[..., 2]), rtol=1e-9)
@@ -299,11 +308,11 @@ def test_similarity_falls_with_the_misfit():
     """By a power of the chi-squared probability of the distance from the best template."""
     cell = made(noise=5.0)
     covariance = bands(cell, variance=25.0)
-    plain, weighed = (
+    unweighed, weighed = (
         answered(cell, covariance=covariance, misfit_weight=weight) for weight in (0.0, 0.5)
     )
-    share = np.exp(0.5 * plain["fit"])
-    np.testing.assert_allclose(weighed["similarity"], plain["similarity"] * share, rtol=1e-12)
+    share = np.exp(0.5 * unweighed["fit"])
+    np.testing.assert_allclose(weighed["similarity"], unweighed["similarity"] * share, rtol=1e-12)
     templates, _ = templates_of(cell, covariance)
     for f, count in enumerate(FRAMES):
         samples = cell.averaged[0, f].reshape(-1, BINS).astype(np.float64)
@@ -314,9 +323,9 @@ def test_similarity_falls_with_the_misfit():
             mean = templates.mean_[t, 0]
             signal = mean - mean[0]
             shift = covariance[..., 0, :].mean(dtype=np.float64)
-            whole = dense(covariance.reshape(-1, *covariance.shape[2:])[t])
-            whole = (whole + 1e-3 * shift * np.eye(BINS)) / count
-            whole = whole + np.outer(signal, signal) + shift * np.ones((BINS, BINS))
-            distance = (samples[k] - mean) @ np.linalg.solve(whole, samples[k] - mean)
+            total = dense(covariance.reshape(-1, *covariance.shape[2:])[t])
+            total = (total + 1e-3 * shift * np.eye(BINS)) / count
+            total = total + np.outer(signal, signal) + shift * np.ones((BINS, BINS))
+            distance = (samples[k] - mean) @ np.linalg.solve(total, samples[k] - mean)
             expected = chi2.logsf(distance, BINS)
-            assert plain["fit"][0, 0, f].reshape(-1)[k] == pytest.approx(expected, rel=1e-6)
+            assert unweighed["fit"][0, 0, f].reshape(-1)[k] == pytest.approx(expected, rel=1e-6)

@@ -30,28 +30,28 @@ def signatures():
     rng = np.random.default_rng(3)
     learned = np.zeros((*VIEWS, BINS))
     learned[..., 20:100] = rng.exponential(1.0, (*VIEWS, 80))
-    found = np.repeat(learned[:, :, None], len(KINDS), axis=2)
+    profiles = np.repeat(learned[:, :, None], len(KINDS), axis=2)
     for kind, scatter in ((TEST, 0.2), (MEASURED, 3.0)):
-        noise = rng.normal(0, scatter, found[:, :, kind].shape)
-        found[:, :, kind] += np.where(np.arange(BINS) % 119 == 0, 0.0, noise)
-    found += 5.0
-    found[2, :, MEASURED] = np.nan
-    return found.astype(np.float32)
+        noise = rng.normal(0, scatter, profiles[:, :, kind].shape)
+        profiles[:, :, kind] += np.where(np.arange(BINS) % 119 == 0, 0.0, noise)
+    profiles += 5.0
+    profiles[2, :, MEASURED] = np.nan
+    return profiles.astype(np.float32)
 
 
 def training_views(name, **changes):
-    """What a classifier is trained with, of few epochs."""
+    """Arguments that a classifier is trained with, of few epochs."""
     choices = read()
     names = (setting for setting in EXPERIMENT.declared if setting.key.startswith("classifier."))
-    given = {setting.name: choices[setting][0] for setting in names}
-    given |= {"name": name, "vigilance": 0.9, "epochs": 60} | changes
-    of_mnn = {one.key.rpartition(".")[2]: given[one.name] for one in Mnn.declared}
-    given["mnn_settings"] = mnn_settings(**of_mnn)
-    given["profile_order"] = profile_order(given["order"], 0)
-    given["presentation"] = given["profile_order"]
-    given["orders"] = given["order"]
-    given["acn_settings"] = acn_settings(**{key: given[key] for key in acn_settings.arguments})
-    return training_method(**{key: given[key] for key in training_method.arguments})
+    values = {setting.name: choices[setting][0] for setting in names}
+    values |= {"name": name, "vigilance": 0.9, "epochs": 60} | changes
+    of_mnn = {setting.key.rpartition(".")[2]: values[setting.name] for setting in Mnn.declared}
+    values["mnn_settings"] = mnn_settings(**of_mnn)
+    values["profile_order"] = profile_order(values["order"], 0)
+    values["presentation"] = values["profile_order"]
+    values["orders"] = values["order"]
+    values["acn_settings"] = acn_settings(**{key: values[key] for key in acn_settings.arguments})
+    return training_method(**{key: values[key] for key in training_method.arguments})
 
 
 class Fixed:
@@ -63,7 +63,7 @@ class Fixed:
 
 
 def named(signatures, name, valid=ALL, unknown=None, **changes):
-    """What a classifier calls signatures that it learned the synthetic ones of."""
+    """Names that a classifier trained on synthetic signatures gives to measured ones."""
     known = signatures[:, :, LEARNED]
     learned = classifier.training_views(SHIPS, ASPECTS, unknown, None, None, ())
     trained = namer(training_views(name, **changes), known, valid, learned, ASPECTS, Fixed())
@@ -91,17 +91,17 @@ def test_answers_are_those_of_the_library(signatures, name, vigilance):
     }[name].fit(vectors, classes if name == "mnn" else ship)
     wrong = 0
     for kind in range(len(KINDS)):
-        asked = ship < 2 if kind == MEASURED else ship < len(SHIPS)
-        seen = profile_vector(signatures[:, :, kind].reshape(-1, BINS)[asked])
-        told = trained.predict(seen)
-        right = told == (classes if name == "mnn" else ship)[asked]
-        told = told // len(labels) if name == "mnn" else told
-        ours = {one: values[kind].reshape(-1) for one, values in answers.items()}
-        np.testing.assert_array_equal(ours["predicted"][asked], told)
-        np.testing.assert_array_equal(ours["ship_correct"][asked], told == ship[asked])
-        np.testing.assert_array_equal(ours["correct"][asked], right)
-        assert np.all(ours["cell"][asked] == 1)
-        assert all(np.all(values[~asked] == -1) for values in ours.values())
+        answered = ship < 2 if kind == MEASURED else ship < len(SHIPS)
+        tests = profile_vector(signatures[:, :, kind].reshape(-1, BINS)[answered])
+        predicted = trained.predict(tests)
+        right = predicted == (classes if name == "mnn" else ship)[answered]
+        predicted = predicted // len(labels) if name == "mnn" else predicted
+        ours = {key: values[kind].reshape(-1) for key, values in answers.items()}
+        np.testing.assert_array_equal(ours["predicted"][answered], predicted)
+        np.testing.assert_array_equal(ours["ship_correct"][answered], predicted == ship[answered])
+        np.testing.assert_array_equal(ours["correct"][answered], right)
+        assert np.all(ours["cell"][answered] == 1)
+        assert all(np.all(values[~answered] == -1) for values in ours.values())
         wrong += np.sum(~right)
     assert wrong > 0  # the test would tell answers that are all right from ours
 

@@ -30,7 +30,7 @@ def streams(stage, *overrides):
     plan = Plan(EXPERIMENT, chosen(*overrides))
     bound = plan.bound[stage]
     return {
-        repr(sorted(plan.stream(bound, place)[1].items())): place for place in plan.cells(bound)
+        repr(sorted(plan.stream(bound, cell)[1].items())): cell for cell in plan.cells(bound)
     }, len(list(plan.cells(bound)))
 
 

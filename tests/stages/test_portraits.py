@@ -30,8 +30,8 @@ def hull(tmp_path, monkeypatch):
 
 
 def ship(**given):
-    [found] = choose(grid__ship=given)[Grid.ship]
-    return found
+    [name] = choose(grid__ship=given)[Grid.ship]
+    return name
 
 
 def test_a_transform_counts_in_the_key_of_results(hull):

@@ -1,4 +1,4 @@
-"""What is learned, and tables of percent correct, counted by hand."""
+"""Learned views, and tables of percent correct, counted by hand."""
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 
 def test_unknown_ships_and_aspects_between_are_not_learned():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
-    wanted = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
-    np.testing.assert_array_equal(classifier.learned_of(choices), wanted)
+    expected = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
+    np.testing.assert_array_equal(classifier.learned_of(choices), expected)
     views = training_views(("a", "b"), (0.0, 1.5), ("b",), None, None, ())
     np.testing.assert_array_equal(views, [[1, 1], [0, 0]])
 
@@ -70,25 +70,25 @@ def test_draws_are_means_with_a_spread(prefix, lost, mean, spread):
     if lost is not None:
         right[lost] = -1
     dims, ships = ("phase", "order", "ship", "aspect"), ["duncan", "texas"]
-    given = xr.Dataset(
+    classified = xr.Dataset(
         {f"{prefix}correct": (dims, right)}, {"ship": ships, "aspect": [0.0, 15.0, 45.0]}
     )
     choices = choose(grid__ship=ships, grid__aspect=[0, 15, 45])
-    table = tabulate_answers(given, choices, "silhouettes")
+    table = tabulate_answers(classified, choices, "silhouettes")
     np.testing.assert_allclose(table[f"{prefix}accuracy"], mean, rtol=1e-12)
     np.testing.assert_allclose(table[f"{prefix}spread"], spread, atol=1e-6)
     np.testing.assert_array_equal(
         table[f"{prefix}n"], np.array([16, 8, 24]) // (2 - (lost is None))
     )
-    wanted = replicated_accuracy(right == 1, [0.0, 15.0, 45.0], draws=2, answered=right >= 0)
-    for name, values in (("ci_low", wanted.ci_low), ("ci_high", wanted.ci_high)):
+    expected = replicated_accuracy(right == 1, [0.0, 15.0, 45.0], draws=2, answered=right >= 0)
+    for name, values in (("ci_low", expected.ci_low), ("ci_high", expected.ci_high)):
         np.testing.assert_array_equal(table[prefix + name], values)
 
 
 def test_categories_are_counted():
     category = np.array([[0, 1, 1], [-1, -1, -1], [2, 2, 0]])
-    given = answers(correct=np.ones((3, 3), int), training_category=category)
+    classified = answers(correct=np.ones((3, 3), int), training_category=category)
     for passes, settled in ((4, 1), (-4, 0)):
         choices = choose(**GRID, classifier__unknown="horne")
-        table = tabulate_answers(given.assign(passes=passes), choices)
+        table = tabulate_answers(classified.assign(passes=passes), choices)
         assert (table.category_count, table.view_count, table.settled) == (3, 6, settled)

@@ -1,4 +1,4 @@
-"""Ships by name and path, what an image is drawn of, and which ranges a scene allows."""
+"""Ships by name and path, the inputs of an image, and the ranges that a scene allows."""
 
 import numpy as np
 import pytest

@@ -21,14 +21,14 @@ from sweeps.experiment import EXPERIMENT
 COMMAND = command()
 
 FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
-"""Coarse images: what a test does not look at need not be exact."""
+"""Coarse images, for tests that need no exact ones."""
 
 
 def prepared(*arguments: str) -> list[tuple[Choices, Path]]:
     """Checked choices and stores of the sweeps of a command line, `-m` among it or not."""
-    overrides = [one for one in arguments if one != "-m"]
+    overrides = [argument for argument in arguments if argument != "-m"]
     jobs = read_jobs(EXPERIMENT, overrides, several=len(overrides) < len(arguments))
-    return [(plan.choices, place.store) for plan, place in COMMAND.prepare(jobs)]
+    return [(plan.choices, options.store) for plan, options in COMMAND.prepare(jobs)]
 
 
 def chosen(*overrides: str) -> Choices:
@@ -41,8 +41,8 @@ def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> F
     """Run one sweep, and the tables of its store, without the report."""
     drop_objects()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)
-    place = RunOptions(store, sharing_ships(cache), ClusterChoice(kind="inline"))
-    return sweep(Plan(experiment, choices), place, Watch(lambda sentence: None))
+    options = RunOptions(store, sharing_ships(cache), ClusterChoice(kind="inline"))
+    return sweep(Plan(experiment, choices), options, Watch(lambda sentence: None))
 
 
 def ran(*arguments: str, modules=()) -> int:
@@ -67,23 +67,26 @@ def groups_of(store: Path) -> dict[str, xr.Dataset]:
     return {node.path[1:]: node.to_dataset().load() for node in tree.subtree if node.data_vars}
 
 
-def assert_slice(whole: Path, alone: Path, **place: object) -> set[str]:
+def assert_slice(store: Path, reference: Path, **place: object) -> set[str]:
     """Hold a slice of a store against the store of a sweep of that one value, bit for bit.
 
     Returns the names of all dimensions along which a variable was sliced.
     """
-    axes, single = set(), groups_of(alone)
-    many = groups_of(whole)
-    assert set(many) == set(single)
+    axes, single = set(), groups_of(reference)
+    groups = groups_of(store)
+    assert set(groups) == set(single)
     for group, dataset in single.items():
         for name, expected in dataset.data_vars.items():
-            array = many[group][name]
-            at = {dim: value for dim, value in place.items() if dim in array.dims}
-            axes |= set(at)
-            found = array.sel(at).squeeze([dim for dim in at if dim in array.sel(at).dims])
-            found = found.transpose(*expected.dims)
-            # What is as large as its largest cell is padded in company.
-            found = found.isel({dim: slice(size) for dim, size in expected.sizes.items()})
-            assert found.dtype == expected.dtype, (group, name)
-            assert np.array_equal(found, expected, equal_nan=array.dtype.kind == "f"), (group, name)
+            array = groups[group][name]
+            labels = {dim: value for dim, value in place.items() if dim in array.dims}
+            axes |= set(labels)
+            sliced = array.sel(labels).squeeze(
+                [dim for dim in labels if dim in array.sel(labels).dims]
+            )
+            sliced = sliced.transpose(*expected.dims)
+            # A variable as large as its largest cell is padded in company.
+            sliced = sliced.isel({dim: slice(size) for dim, size in expected.sizes.items()})
+            assert sliced.dtype == expected.dtype, (group, name)
+            equal = np.array_equal(sliced, expected, equal_nan=array.dtype.kind == "f")
+            assert equal, (group, name)
     return axes

@@ -44,13 +44,13 @@ UNITS = {setting.key: setting.unit for setting in EXPERIMENT.declared}
 @pytest.mark.parametrize("name", AXES)
 def test_slices_are_the_stores_of_single_values(name, folder, results):
     """Last of each setting, which was given first, in a store of all combinations."""
-    given, values = AXES[name]
-    given = (*given, *OTHER_KEYS.get(name, ()))
+    overrides, values = AXES[name]
+    overrides = (*overrides, *OTHER_KEYS.get(name, ()))
     lists = [f"{key}=[{','.join(map(str, pair[::-1]))}]" for key, pair in values.items()]
-    swept(folder / "all.zarr", results, *given, *lists)
-    whole = xr.open_datatree(folder / "all.zarr", engine="zarr")
+    swept(folder / "all.zarr", results, *overrides, *lists)
+    tree = xr.open_datatree(folder / "all.zarr", engine="zarr")
     sizes: dict[str, tuple] = {}
-    for node in whole.subtree:
+    for node in tree.subtree:
         for dim in node.to_dataset().indexes:
             sizes.setdefault(dim, tuple(node[dim].values.tolist()))
             if dim in dimensions(values):
@@ -58,15 +58,15 @@ def test_slices_are_the_stores_of_single_values(name, folder, results):
                 key = dimensions(values)[dim]
                 assert attrs["long_name"] and attrs.get("units", "1") == UNITS[key]
     single = [f"{key}={pair[1]}" for key, pair in values.items()]
-    alone = folder / "alone.zarr"
-    swept(alone, folder / "own", *given, *single)
-    at = {dim: values[key][1] for dim, key in dimensions(values).items()}
-    assert assert_slice(folder / "all.zarr", alone, **at) >= set(at) - {"ladar_cnr"}
+    reference = folder / "alone.zarr"
+    swept(reference, folder / "own", *overrides, *single)
+    labels = {dim: values[key][1] for dim, key in dimensions(values).items()}
+    assert assert_slice(folder / "all.zarr", reference, **labels) >= set(labels) - {"ladar_cnr"}
     for dim, key in dimensions(values).items():
         assert sizes[dim] == values[key]
 
 
 def dimensions(values):
     """Keys by the names of their dimensions."""
-    named = {"ladar.cnr": "ladar_cnr"} if "irar.cnr" in values else {}
-    return {named.get(key, key.rpartition(".")[2]): key for key in values}
+    dims = {"ladar.cnr": "ladar_cnr"} if "irar.cnr" in values else {}
+    return {dims.get(key, key.rpartition(".")[2]): key for key in values}

@@ -1,4 +1,4 @@
-"""What no setting has wrong alone: settings, ships and stores that do not go together."""
+"""Settings, ships and stores that are valid alone but do not go together."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,19 +14,19 @@ from sweeps.stages.views import Grid
 
 
 def sentence(*overrides):
-    """What is said of a wrong command line."""
+    """Error message of a wrong command line."""
     with pytest.raises(ConfigurationError) as caught:
         prepared(*overrides)
-    told = str(caught.value)
-    assert "\n" not in told and "full_key" not in told
-    return told
+    message = str(caught.value)
+    assert "\n" not in message and "full_key" not in message
+    return message
 
 
 ROWS = yaml.safe_load(Path(__file__).with_name("refused.yaml").read_text())
 WRONG = {
-    f"{before} {given}".strip(): words
-    for before, rows in ROWS.items()
-    for given, words in rows.items()
+    f"{common} {added}".strip(): words
+    for common, rows in ROWS.items()
+    for added, words in rows.items()
 }
 
 
@@ -35,24 +35,24 @@ def test_a_wrong_combination_is_refused_in_one_sentence(overrides, folder):
     box = trimesh.creation.box((40, 8, 6))
     trimesh.Trimesh(box.vertices, box.faces[1:]).export(folder / "leak.stl")
     ship = [] if "grid.ship" in overrides else ["grid.ship=duncan"]
-    said = sentence(*ship, *overrides.split(" "))
-    missing = [word for word in WRONG[overrides].split(" ") if word not in said]
-    assert not missing, said
+    message = sentence(*ship, *overrides.split(" "))
+    missing = [word for word in WRONG[overrides].split(" ") if word not in message]
+    assert not missing, message
     assert [path.name for path in folder.iterdir()] == ["leak.stl"]
 
 
 @pytest.mark.skipif(find_spec("torch") is not None, reason="the extra torch is installed")
 def test_a_classifier_of_an_extra_is_refused_where_that_is_not_installed():
-    said = sentence("sensor=benchmark", "benchmark.classifier=[mlp,cnn]")
-    assert said.startswith("benchmark.classifier has cnn") and "ncti-sweep[torch]" in said
+    message = sentence("sensor=benchmark", "benchmark.classifier=[mlp,cnn]")
+    assert message.startswith("benchmark.classifier has cnn") and "ncti-sweep[torch]" in message
 
 
 def test_the_imager_has_the_grids_axes_unless_it_has_its_own():
     choices = chosen("sensor=infrared", "grid.ship=duncan", "grid.range=[50,25]")
     assert choices[Infrared.range] == (25, 50) == choices[Grid.range]
     assert choices[Infrared.vigilance] == choices[Grid.vigilance]
-    told = sentence("sensor=infrared", "grid.ship=duncan", "grid.range=1")
-    assert told.startswith("grid.range has 1, where half infrared.ifov")
+    message = sentence("sensor=infrared", "grid.ship=duncan", "grid.range=1")
+    assert message.startswith("grid.range has 1, where half infrared.ifov")
 
 
 def test_a_box_that_floats_is_a_ship(folder):

@@ -1,4 +1,4 @@
-"""What the commands say of themselves: help, version, completion and their first words."""
+"""Help and version of the commands."""
 
 from importlib.metadata import version
 
@@ -22,24 +22,24 @@ atexit.register(lambda: print(*sys.modules))
 from {COMMANDS[name]} import main
 main()
 """
-    first, modules = python("-c", program, "--version").stdout.splitlines()
-    assert first == f"{name} {version('ncti-sweep')}"
+    line, modules = python("-c", program, "--version").stdout.splitlines()
+    assert line == f"{name} {version('ncti-sweep')}"
     assert not HEAVY & set(modules.split())
 
 
 def test_help_has_every_experiment_and_the_main_keys_in_80_columns(capsys):
     assert ran("--help") == 0
-    said = capsys.readouterr()
-    assert said.out == f"{usage(EXPERIMENT)}\n" and said.err == ""
-    assert max(map(cell_len, said.out.splitlines())) < 80
-    words = " ".join(said.out.split())
+    captured = capsys.readouterr()
+    assert captured.out == f"{usage(EXPERIMENT)}\n" and captured.err == ""
+    assert max(map(cell_len, captured.out.splitlines())) < 80
+    words = " ".join(captured.out.split())
     experiments = dict(descriptions(conf_folder(), "experiment"))
     assert set(experiments) == {path.stem for path in (conf_folder() / "experiment").iterdir()}
-    for name, about in experiments.items():
-        assert about.endswith(".") and f" {name} {about}" in words
+    for name, description in experiments.items():
+        assert description.endswith(".") and f" {name} {description}" in words
     settings = main_settings(EXPERIMENT)
-    keys = {one.key for one in settings}
+    keys = {setting.key for setting in settings}
     assert {"sensor", "grid.aspect", "classifier.name", "store", "cache"} <= keys
     assert {"seed", "dry_run", "cluster.kind", "grid.zip"} <= keys
-    for one in settings:
-        assert f" {one.key} {one.label}" in words
+    for setting in settings:
+        assert f" {setting.key} {setting.label}" in words

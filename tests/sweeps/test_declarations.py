@@ -15,7 +15,7 @@ from sweeps.experiment import EXPERIMENT
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DECLARED = EXPERIMENT.declared
-# What no result depends on, and what chooses stages and tables instead of entering them.
+# Settings without effect on results, and those that choose stages and tables instead.
 NOT_READ = {
     *("benchmark.classifier", "sensor", "dataset.sensor", "classifier.test_vigilance"),
     "classifier.generated",  # its ships come into three other settings
@@ -49,7 +49,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("key", REFUSED)
 def test_what_a_setting_of_its_own_kind_refuses_is_named(key):
-    (setting,) = (one for one in DECLARED if one.key == key)
+    (setting,) = (declared for declared in DECLARED if declared.key == key)
     for value, word in REFUSED[key]:
         with pytest.raises((ConfigurationError, ValueError)) as caught:
             setting.values(value)
@@ -83,12 +83,12 @@ def test_anything_is_values_or_a_sentence(setting, value):
 
 def test_every_setting_is_read_by_a_stage_or_says_where_to_run():
     bound = bind(EXPERIMENT).values()
-    read = {key for stage in bound for key in (*stage.needs, *stage.gather)}
-    unread = {setting.key for setting in DECLARED if setting.affects_results} - read
+    read_keys = {key for stage in bound for key in (*stage.needs, *stage.gather)}
+    unread = {setting.key for setting in DECLARED if setting.affects_results} - read_keys
     assert unread == NOT_READ
 
 
-# What is said of it -------------------------------------------------------------------------
+# Its documentation --------------------------------------------------------------------------
 
 
 def test_the_table_in_the_docs_is_current(monkeypatch):
@@ -108,8 +108,8 @@ def test_the_table_of_inputs_of_a_stage_is_current(monkeypatch):
         "not current: python docs/_extensions/stage_inputs.py"
     )
     units = {name: unit for names, _, unit, _ in rows() for name in re.findall(r"\w+", names)}
-    asked = {"aspect": "degree", "range": "m", "pulse_width": "s", "depression": "degree"}
-    assert asked.items() <= units.items() and {"image", "mesh", "hull", "rng"} <= units.keys()
+    expected = {"aspect": "degree", "range": "m", "pulse_width": "s", "depression": "degree"}
+    assert expected.items() <= units.items() and {"image", "mesh", "hull", "rng"} <= units.keys()
 
 
 # On the command line ------------------------------------------------------------------------

@@ -19,22 +19,22 @@ def groups(smoke_store):
 
 
 def test_every_group_is_plotted_along_every_axis(groups):
-    axes, seen = plt.figure().subplots(), set()
+    axes, plotted = plt.figure().subplots(), set()
     for group, dataset in groups.items():
         for variable in dataset.data_vars.values():
-            new = [dim for dim in variable.dims if (group, dim) not in seen]
+            new = [dim for dim in variable.dims if (group, dim) not in plotted]
             for dim in new:
                 if variable.dtype.kind == "U":  # texts are plotted along, not plotted
                     continue
-                variable.isel({other: 0 for other in variable.dims if other != dim}).plot.line(
-                    x=dim, ax=axes
-                )
-                seen.add((group, dim))
+                variable.isel(
+                    {dimension: 0 for dimension in variable.dims if dimension != dim}
+                ).plot.line(x=dim, ax=axes)
+                plotted.add((group, dim))
                 axes.clear()
     plt.close(axes.figure)
-    lacking = {(group, dim) for group, one in groups.items() for dim in one.dims} - seen
+    lacking = {(group, dim) for group, data in groups.items() for dim in data.dims} - plotted
     assert lacking == set()
-    assert len(seen) > 100
+    assert len(plotted) > 100
 
 
 def test_every_group_and_the_root_are_written_as_netcdf(smoke_store, tmp_path):
@@ -45,6 +45,6 @@ def test_every_group_and_the_root_are_written_as_netcdf(smoke_store, tmp_path):
         assert dataset.attrs["seed"] == root.seed == 0, node.path
         assert dataset.attrs["version"] == root.version == f"ncti-sweep {ncti.__version__}"
         dataset.to_netcdf(file, engine="scipy")
-        with xr.open_dataset(file, engine="scipy") as read:
-            assert read.attrs == dataset.attrs
-            xr.testing.assert_equal(read, dataset)
+        with xr.open_dataset(file, engine="scipy") as copy:
+            assert copy.attrs == dataset.attrs
+            xr.testing.assert_equal(copy, dataset)

@@ -45,7 +45,7 @@ def test_every_group_choice_composes(group, name):
 
 def test_files_of_classifiers_and_receivers_name_those_that_there_are():
     key = Classifier.name.key
-    (names,) = (own.kind.words for own in EXPERIMENT.declared if own.key == key)
+    (names,) = (setting.kind.words for setting in EXPERIMENT.declared if setting.key == key)
     choices = {file for group, file in GROUPS if group == "classifier"}
     assert "all" in choices and choices - {"all"} <= {*names}
     receivers = {file for group, file in GROUPS if group == "ladar"}
@@ -69,9 +69,9 @@ def test_what_the_command_line_sweeps_comes_before_the_axes_of_an_experiment():
 
 def test_a_classifier_without_use_is_named_where_it_was_asked_for():
     infrared = ("sensor=infrared", "grid.ship=[duncan,texas]")
-    asked = chosen(*infrared, "classifier.name=[acn,correlation]")
+    choices = chosen(*infrared, "classifier.name=[acn,correlation]")
     line = "classifier.name=correlation has nothing to do for sensor=infrared; ignored"
-    assert line in COMMAND.about(asked)
+    assert line in COMMAND.about(choices)
     unasked = COMMAND.about(chosen("+experiment=scan"))  # it has acn by default
     assert not [line for line in unasked if "ignored" in line]
 
@@ -107,8 +107,8 @@ def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
 
 def draw_gallery(experiment, monkeypatch):
     """Run the gallery's scripts for an experiment on its store."""
-    for script, *more in GALLERY.get(experiment, ()):
-        draw(script, "s.zarr", *more, monkeypatch=monkeypatch)
+    for script, *arguments in GALLERY.get(experiment, ()):
+        draw(script, "s.zarr", *arguments, monkeypatch=monkeypatch)
 
 
 def draw(script, *arguments, monkeypatch):
@@ -139,7 +139,7 @@ def assert_on_a_page(text):
     lines = text.splitlines()
     assert len(lines) <= 40 and max(map(cell_len, lines)) <= 80
     assert "store   s.zarr" in lines and "page    s-report.html" in lines
-    assert any(one.startswith("next    ncti-report s.zarr --table ") for one in lines)
+    assert any(line.startswith("next    ncti-report s.zarr --table ") for line in lines)
 
 
 # Ships that are not flown past have no answers.

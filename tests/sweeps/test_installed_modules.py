@@ -55,11 +55,11 @@ def package(tmp_path, monkeypatch):
 
     def install(source):
         site = tmp_path / "site"
-        about = site / "sounder-1.0.dist-info"
+        metadata = site / "sounder-1.0.dist-info"
         (site / "sounder_conf" / "experiment").mkdir(parents=True)
-        about.mkdir()
-        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: sounder\nVersion: 1.0\n")
-        (about / "entry_points.txt").write_text("[sweeps.modules]\nsounder = sounder\n")
+        metadata.mkdir()
+        (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: sounder\nVersion: 1.0\n")
+        (metadata / "entry_points.txt").write_text("[sweeps.modules]\nsounder = sounder\n")
         (site / "sounder.py").write_text(source)
         (site / "sounder_conf" / "experiment" / "sounding.yaml").write_text(
             "# @package _global_\n# Depths at two aspects.\n"
@@ -75,7 +75,8 @@ def package(tmp_path, monkeypatch):
 def test_a_module_of_a_package_joins_with_its_experiment(package, folder, capsys):
     package(SOUNDER)
     modules = (*CORE, *installed())
-    assert [one.__name__ for one in modules if one not in (*CORE, *INSTALLED)] == ["sounder"]
+    added = [module.__name__ for module in modules if module not in (*CORE, *INSTALLED)]
+    assert added == ["sounder"]
     command = Command(assemble(*modules, code=("sounder",)))
     assert command.main(["--help"]) == 0
     assert "sounding          Depths at two aspects." in capsys.readouterr().out
@@ -92,18 +93,18 @@ def test_a_module_that_cannot_be_imported_is_named(package):
     with pytest.raises(DeclarationError, match=r"sounder has the entry point sounder of sweeps"):
         installed()
     code = f"import sys; sys.path.insert(0, {str(site)!r}); from sweeps.app import main; main()"
-    ended = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code, "--help"], capture_output=True, text=True, timeout=120
     )
-    assert ended.returncode == 2
-    assert ended.stderr.count("\n") == 1 and "No module named 'no_such_library'" in ended.stderr
+    assert process.returncode == 2
+    assert process.stderr.count("\n") == 1 and "No module named 'no_such_library'" in process.stderr
 
 
 @pytest.mark.parametrize("module", [*CORE, *INSTALLED], ids=lambda module: module.__name__)
 def test_modules_of_the_project_list_every_stage_they_declare(module):
-    values = [one for value in vars(module).values() for one in flat(value)]
+    values = [item for value in vars(module).values() for item in flat(value)]
     declared = {
-        one for one in values if isinstance(one, Stage) and of_module(one) == module.__name__
+        item for item in values if isinstance(item, Stage) and of_module(item) == module.__name__
     }
     assert declared <= {*stages_of([module])}
 

@@ -12,43 +12,43 @@ WHOLE = ("grid.ship=[duncan,spruance]", "grid.aspect=[0,30,60]", "grid.pulse_wid
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole_store(tmp_path_factory):
     """Store of a sweep with all classifiers of profiles."""
     folder = tmp_path_factory.mktemp("whole")
     swept(folder / "s.zarr", folder / "cache", *ALL, *WHOLE)
     return folder / "s.zarr"
 
 
-def test_a_store_grows_by_what_is_new(whole, folder):
+def test_a_store_grows_by_what_is_new(whole_store, folder):
     """By a view in front and a longer pulse, after which it is that of the whole sweep."""
     store, cache = folder / "s.zarr", folder / "cache"
-    before = ("grid.ship=[duncan,spruance]", "grid.aspect=[30,60]", "grid.pulse_width=30")
-    first = swept(store, cache, *ALL, *before)
+    overrides = ("grid.ship=[duncan,spruance]", "grid.aspect=[30,60]", "grid.pulse_width=30")
+    finished = swept(store, cache, *ALL, *overrides)
     grown = swept(store, cache, *ALL, *WHOLE)
-    assert contents(store) == contents(whole)
-    done = {name: (one.done, one.reused) for name, one in grown.progress.items()}
+    assert contents(store) == contents(whole_store)
+    counts = {name: (progress.done, progress.reused) for name, progress in grown.progress.items()}
     # At one place on the grid of IFOVs tests, templates and expected profiles share an extent.
-    extents = [done[name] for name in ("extent", "seen_extent", "placed_extent")]
+    extents = [counts[name] for name in ("extent", "seen_extent", "placed_extent")]
     assert sorted(extents) == [(0, 4), (0, 4), (2, 4)]
     new = 2 * 3 * 2 - 4
-    assert sorted((done["expected"], done["placed_profile"])) == [(0, 4), (new, 4)]
-    assert done["covariance"] == (new, 4)
-    assert done["averaged"] == (2 * new, 2 * 4)
+    assert sorted((counts["expected"], counts["placed_profile"])) == [(0, 4), (new, 4)]
+    assert counts["covariance"] == (new, 4)
+    assert counts["averaged"] == (2 * new, 2 * 4)
     # Classifiers see all views, so all of their answers are new.
     for name in ("acn", "mnn", "correlation", "likelihood"):
-        assert done[name] == (2 * 2, 0) and first.progress[name].done == 2
-    again = swept(store, cache, *ALL, *WHOLE)
-    assert not again.written and contents(store) == contents(whole)
+        assert counts[name] == (2 * 2, 0) and finished.progress[name].done == 2
+    repeated = swept(store, cache, *ALL, *WHOLE)
+    assert not repeated.written and contents(store) == contents(whole_store)
 
 
-def test_one_more_number_of_frames_answers_alone(whole, folder):
-    """What does not look at the number of frames is not trained again."""
+def test_one_more_number_of_frames_answers_alone(whole_store, folder):
+    """Classifiers that do not depend on the number of frames are not trained again."""
     store, cache = folder / "s.zarr", folder / "cache"
     swept(store, cache, *ALL, *WHOLE, "grid.frame_count=2")
     grown = swept(store, cache, *ALL, *WHOLE)
-    assert contents(store) == contents(whole)
-    done = {name: (one.done, one.reused) for name, one in grown.progress.items()}
-    assert done["averaged"] == (12, 12) and done["expected"] == (0, 12)
-    assert done["mnn_training"] == done["acn_training"] == (0, 2)
+    assert contents(store) == contents(whole_store)
+    counts = {name: (progress.done, progress.reused) for name, progress in grown.progress.items()}
+    assert counts["averaged"] == (12, 12) and counts["expected"] == (0, 12)
+    assert counts["mnn_training"] == counts["acn_training"] == (0, 2)
     for name in ("acn", "mnn", "correlation", "likelihood"):
-        assert done[name] == (2, 2)
+        assert counts[name] == (2, 2)

@@ -26,18 +26,18 @@ def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsy
     common = (*FAST, "grid.aspect=[30,60]", "grid.frame_count=4", "store=s.zarr")
     assert ran(MILLIMETRES, *common, f"cache={results}") == 0, capsys.readouterr().err
     assert "hull  133.5 x 14.2 x 36.9 m, 28,860 facets\n" in capsys.readouterr().err
-    alone = opened(folder / "s.zarr", "ships")
+    reference = opened(folder / "s.zarr", "ships")
     assert ran(BOTH, *common, f"cache={results}") == 0
     assert "warning" not in capsys.readouterr().err
     ships = opened(folder / "s.zarr", "ships")
     assert ships.ship.values.tolist() == ["duncan", "hull"]
-    assert ships.sel(ship=["hull"]).drop_vars("ship").equals(alone.drop_vars("ship"))
-    own = ships.sel(ship="hull")
+    assert ships.sel(ship=["hull"]).drop_vars("ship").equals(reference.drop_vars("ship"))
+    hull = ships.sel(ship="hull")
     # STL is single precision.
-    measured = [float(own[name]) for name in ("length", "beam", "height")]
+    measured = [float(hull[name]) for name in ("length", "beam", "height")]
     assert measured == pytest.approx(mesh.extents, abs=1e-4)
-    assert own.facets == len(mesh.faces) and own.warning == ""
-    assert own.picture.shape == (80, 200) and 1000 < own.picture.count() < 12_000
+    assert hull.facets == len(mesh.faces) and hull.warning == ""
+    assert hull.picture.shape == (80, 200) and 1000 < hull.picture.count() < 12_000
 
     attributes = read_attributes(folder / "s.zarr")
     assert attributes["mesh_transforms"] == {"hull": "up: y, scale: 0.001"}
@@ -55,5 +55,5 @@ def test_a_line_says_what_was_mended(mesh, folder, capsys):
     assert ran(MILLIMETRES, "dry_run=true") == 2
     assert "repair: true would close it" in capsys.readouterr().err
     assert ran(MILLIMETRES.replace("}", ", repair: true}"), "dry_run=true") == 0
-    said = capsys.readouterr().err
-    assert "opening" in said and "inside out, which are mended\n" in said
+    message = capsys.readouterr().err
+    assert "opening" in message and "inside out, which are mended\n" in message

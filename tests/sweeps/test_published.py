@@ -33,14 +33,14 @@ PUBLISHED = {
 
 
 def values_of(choices, key):
-    (setting,) = (one for one in EXPERIMENT.declared if one.key == key)
+    (setting,) = (declared for declared in EXPERIMENT.declared if declared.key == key)
     return choices.values[setting.key]
 
 
 @pytest.mark.parametrize("key", PUBLISHED)
 def test_a_setting_is_that_of_the_source(key):
-    found = values_of(chosen(), key)
-    assert (found if isinstance(found, tuple) else (found,)) == PUBLISHED[key]
+    values = values_of(chosen(), key)
+    assert (values if isinstance(values, tuple) else (values,)) == PUBLISHED[key]
 
 
 def test_the_source_s_own_experiments_are_asked_for():

@@ -1,4 +1,4 @@
-"""Views at their own slant range: what sweeps state of their error holds near and far."""
+"""Views at their own slant range: the error bound of sweeps holds near and far."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def drawn_in_sweeps(
     """Range extent of a ship at a range [km], by the stages of a sweep."""
     hull = views.hull(ship_name(view.ship))
     drawn = views.drawn_range(hull, slant_range * 1e3, tolerance, skip)
-    how = (drawn, Sampling(views.LINES, PIXEL, 0, ROLL), (tolerance, PULSE * 1e-9, 1.0))
-    image = views.image(views.mesh(hull), view.aspect, view.depression, *how)
+    arguments = (drawn, Sampling(views.LINES, PIXEL, 0, ROLL), (tolerance, PULSE * 1e-9, 1.0))
+    image = views.image(views.mesh(hull), view.aspect, view.depression, *arguments)
     extent = ladar.extent(image, slant_range=slant_range * 1e3)
     return ladar.ifovs(extent, view.aspect, view.aspect)
 
@@ -43,9 +43,9 @@ def after_pulse(extent: np.ndarray) -> np.ndarray:
     return np.convolve(extent, target_response(pulse_width=PULSE * 1e-9, bin_width=1.0) ** 2)
 
 
-def error(found: np.ndarray, exact: np.ndarray) -> float:
+def error(computed: np.ndarray, exact: np.ndarray) -> float:
     """Sum of absolute differences over the sum, after the pulse."""
-    p, q = after_pulse(found), after_pulse(exact)
+    p, q = after_pulse(computed), after_pulse(exact)
     return float(np.abs(p - q).sum() / q.sum())
 
 
@@ -92,9 +92,11 @@ def test_noise_does_not_know_which_bins_a_drawing_occupies(aspect):
     far, near = (drawn_in_sweeps(900.0, 1e-2, view=horne, skip=skip) for skip in ("all", "none"))
     assert np.count_nonzero(far.fraction) != np.count_nonzero(near.fraction)
     signal = {"pulse_width": PULSE * 1e-9, "cnr": cnr, "frame_count": 32, "target_free_ifovs": 4000}
-    found, wanted = (sample_frames(e, rng=np.random.default_rng(1), **signal) for e in (far, near))
+    far_frames, near_frames = (
+        sample_frames(e, rng=np.random.default_rng(1), **signal) for e in (far, near)
+    )
     kernel = target_kernel(pulse_width=PULSE * 1e-9, bin_width=1.0, bin_count=250)
     moved = np.sqrt(cnr) * (np.sqrt(far.density) - np.sqrt(near.density))
     sigma = np.sqrt(moved**2 @ kernel**2).max(axis=1).sum()
     assert sigma < 1e-3
-    assert np.abs(found - wanted).max() < 6 * sigma
+    assert np.abs(far_frames - near_frames).max() < 6 * sigma

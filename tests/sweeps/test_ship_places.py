@@ -36,7 +36,7 @@ def plan_of(*overrides):
 
 
 def to_make(*overrides):
-    """Range extents that a sweep makes when nothing is at hand, of what is learned and tested."""
+    """Range extents of learned and tested views that a sweep with an empty cache makes."""
     schedule = Schedule(plan_of(*overrides))
     schedule.look_up(CellIndex(Objects(Path("none")), print))
     extents = {"extent", "seen_extent", "placed_extent"}
@@ -49,23 +49,23 @@ def keys(stage, *overrides):
 
 
 def test_the_corner_beside_random_places_is_what_a_sweep_of_the_corner_has(folder, results):
-    """Bit for bit; what is learned has no place of tests."""
+    """Bit for bit; learned arrays have no place of tests."""
     swept(folder / "all.zarr", results, *GIVEN, PLACES)
     swept(folder / "one.zarr", folder / "own", *GIVEN, "ladar.place=corner")
-    every, one = groups_of(folder / "all.zarr"), groups_of(folder / "one.zarr")
-    assert set(every) == set(one)
-    for name, group in one.items():
-        for variable, plain in group.data_vars.items():
-            found = every[name][variable]
-            moved = found.dims != plain.dims
+    groups, corner_groups = groups_of(folder / "all.zarr"), groups_of(folder / "one.zarr")
+    assert set(groups) == set(corner_groups)
+    for name, group in corner_groups.items():
+        for variable, expected in group.data_vars.items():
+            array = groups[name][variable]
+            moved = array.dims != expected.dims
             assert not (moved and variable in LEARNED), (name, variable)
-            first = found.sel(place="corner") if moved else found
-            same = np.array_equal(first, plain, equal_nan=plain.dtype.kind == "f")
-            assert same and first.dtype == plain.dtype, (name, variable)
+            sliced = array.sel(place="corner") if moved else array
+            equal = np.array_equal(sliced, expected, equal_nan=expected.dtype.kind == "f")
+            assert equal and sliced.dtype == expected.dtype, (name, variable)
 
 
 def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
-    """Templates have eight places, of which the corner is one; a draw has one of its own."""
+    """Templates have eight places, the corner among them; a draw has one of its own."""
     views, corner = 4, "ladar.place=corner"
     assert to_make(corner, "classifier.template_places=1") == views
     assert to_make(corner) == 8 * views
@@ -75,19 +75,19 @@ def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
     assert keys("expected") < keys("placed_profile")
     assert keys("expected") == keys("placed_profile", "classifier.template_places=1")
     # Views that are not learned are no templates.
-    one = "classifier.training_aspect=[60]"
-    assert to_make(one) == (1 + 1) * 2 + (8 + 1) * 2
-    unknown = ("classifier.unknown=[spruance]", one)
+    training = "classifier.training_aspect=[60]"
+    assert to_make(training) == (1 + 1) * 2 + (8 + 1) * 2
+    unknown = ("classifier.unknown=[spruance]", training)
     assert to_make(*unknown) == (1 + 1) * 3 + (8 + 1)
 
 
 @pytest.mark.parametrize("number", [0, 1, 5])
 def test_the_place_of_a_template_drawn_from_the_other_side_is_mirrored(number):
-    seen, drawn = (
+    shift, mirrored_shift = (
         likelihood.template_shift(number, "duncan", 300.0, side, None, None, None, None, ())
         for side in (300.0, 60.0)
     )
-    assert seen == spread_place(number)
+    assert shift == spread_place(number)
     image = line_image(box((60.0, 10.0, 8.0)), aspect=60, depression=3.84, spacing=0.5)
-    found = ladar.ifovs(ladar.extent(image, slant_range=100e3, shift=drawn), 300.0, 60.0)
-    assert found.shift == seen
+    ifovs = ladar.ifovs(ladar.extent(image, slant_range=100e3, shift=mirrored_shift), 300.0, 60.0)
+    assert ifovs.shift == shift

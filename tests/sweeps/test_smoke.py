@@ -1,4 +1,4 @@
-"""The smoke sweep: what its users find in the store and in the CSV files, number by number."""
+"""The smoke sweep: numbers in the store and in the CSV files."""
 
 import re
 
@@ -71,8 +71,8 @@ def test_profiles_are_what_a_physicist_expects(groups):
     # the few (at most 60) IFOVs on the ship.
     edge = profiles.expected.isel(down_range=0)
     assert ((edge >= floor) & (edge <= floor + 60 * noise_floor())).all()
-    # From the bow the return is as long as the ship, 135.6 and 171.7 m, less what the houses
-    # hide and plus the tails of the pulse; from the beam it is a house and its masts deep.
+    # From the bow the return is as long as the ship, 135.6 and 171.7 m, less the length behind
+    # houses, plus the tails of the pulse; from the beam it is a house and its masts deep.
     vectors = profile_vector(profiles.expected.sel(pulse_width=30, range=100))
     for row, length in zip(vectors, (135.6, 171.7), strict=True):
         bow_on, beam_on = (np.ptp(np.flatnonzero(row[i] > 0.01)) for i in (0, -1))
@@ -105,14 +105,14 @@ RIGHT = {
 }
 
 
-def right(tables, answers, **place):
-    return np.rint(answers * tables.accuracy.sel(aspect_bin="overall", **place).squeeze())
+def right(tables, answers, **labels):
+    return np.rint(answers * tables.accuracy.sel(aspect_bin="overall", **labels).squeeze())
 
 
 @pytest.mark.parametrize("name", RIGHT)
 def test_classifiers_answer_as_they_did(name, groups):
-    found = right(groups[f"tables/{name}"], VIEWS)
-    np.testing.assert_array_equal(found, RIGHT[name])
+    counts = right(groups[f"tables/{name}"], VIEWS)
+    np.testing.assert_array_equal(counts, RIGHT[name])
 
 
 # The duncan at 30 deg, 30 ns, 100 km, in four bins: noiseless, and of 16 frames.
@@ -123,9 +123,9 @@ NEAR = 0.05  # machines, and engines that draw, differ by less; one frame's nois
 
 
 def profile(dataset, name):
-    at = {"ship": "duncan", "aspect": 30, "pulse_width": 30, "range": 100, "frame_count": 16}
-    at = {key: value for key, value in at.items() if key in dataset[name].dims}
-    return dataset[name].sel(at).values.squeeze()[BINS]
+    labels = {"ship": "duncan", "aspect": 30, "pulse_width": 30, "range": 100, "frame_count": 16}
+    labels = {key: value for key, value in labels.items() if key in dataset[name].dims}
+    return dataset[name].sel(labels).values.squeeze()[BINS]
 
 
 def is_pinned(dataset):

@@ -44,8 +44,8 @@ ANSWERS = Group("classification/toy", names_by(NAME, SENSOR), (Grid,), status=St
 )
 def toy_depth(ship, echoes, scatter, rng):
     """(echoes,): mean depth of the first echoes."""
-    found = DRAUGHT[ship] + scatter * rng.standard_normal(max(echoes))
-    return np.array([found[:number].mean() for number in echoes])
+    depths = DRAUGHT[ship] + scatter * rng.standard_normal(max(echoes))
+    return np.array([depths[:number].mean() for number in echoes])
 
 
 @ANSWERS.stage(
@@ -56,10 +56,10 @@ def toy_depth(ship, echoes, scatter, rng):
 )
 def toy_namer(toy_depth, ship, valid):
     """The ship of the nearest draught."""
-    known = np.array([DRAUGHT[one] for one in ship])
-    named = np.abs(toy_depth[..., None] - known).argmin(axis=-1)
-    right = named == np.arange(len(ship))[:, None]
-    return {"predicted": named, "correct": right, "cell": valid}
+    draughts = np.array([DRAUGHT[name] for name in ship])
+    predicted = np.abs(toy_depth[..., None] - draughts).argmin(axis=-1)
+    right = predicted == np.arange(len(ship))[:, None]
+    return {"predicted": predicted, "correct": right, "cell": valid}
 
 
 def tabulate(answers, choices):
@@ -94,16 +94,18 @@ def store(folder, capsys):
 
 
 def test_it_has_axes_names_ships_and_is_reported(store):
-    seen, answers, table = (
+    keels, answers, table = (
         opened(store, group) for group in ("toy", "classification/toy", "tables/toy")
     )
-    assert seen.depth.dims == ("ship", "aspect", "echoes", "scatter")
-    assert seen.scatter.attrs == {"units": "m", "long_name": "scatter of one echo"}
-    exact = seen.depth.sel(scatter=0)
+    assert keels.depth.dims == ("ship", "aspect", "echoes", "scatter")
+    assert keels.scatter.attrs == {"units": "m", "long_name": "scatter of one echo"}
+    exact = keels.depth.sel(scatter=0)
     for ship, draught in DRAUGHT.items():
         assert (exact.sel(ship=ship) == np.float32(draught)).all()
-    one, nine = (abs(seen.depth - exact).sel(echoes=number, scatter=2).mean() for number in (1, 9))
-    assert 0 < nine < one
+    one_echo, nine_echoes = (
+        abs(keels.depth - exact).sel(echoes=number, scatter=2).mean() for number in (1, 9)
+    )
+    assert 0 < nine_echoes < one_echo
     assert answers.correct.dims == ("echoes", "scatter", "ship", "aspect")
     assert (answers.correct.sel(scatter=0) == 1).all() and not answers.correct.all()
     assert (opened(store, "status").view == 1).all()
@@ -119,24 +121,24 @@ def test_it_has_axes_names_ships_and_is_reported(store):
 
 
 def test_it_stands_beside_the_others(folder, results, capsys):
-    both = (*SWEEP, "sensor=[range,toy]", "classifier.name=[acn,toy]", "render.pixel=1")
-    assert ran(*both, "grid.frame_count=2", f"cache={results}", modules=MODULES) == 0
+    overrides = (*SWEEP, "sensor=[range,toy]", "classifier.name=[acn,toy]", "render.pixel=1")
+    assert ran(*overrides, "grid.frame_count=2", f"cache={results}", modules=MODULES) == 0
     assert {"range_profile", "toy"} <= {path.name for path in (folder / "s.zarr").iterdir()}
     assert "nothing to do" not in capsys.readouterr().err
 
 
 def test_it_is_described_and_checked_like_the_others(capsys):
     assert ran("--settings", "toy.scatter", modules=MODULES) == 0
-    printed = capsys.readouterr().out
-    assert printed.startswith("toy.scatter=0.5 [m]\n") and "to 10 m" in printed
-    for overrides, said in {
+    output = capsys.readouterr().out
+    assert output.startswith("toy.scatter=0.5 [m]\n") and "to 10 m" in output
+    for overrides, message in {
         "toy.scatter=11": "toy.scatter has 11",
         "grid.ship=horne": "toy knows duncan",
         "toy.volume=1": "toy.volume is not a key of the configuration; toy has echoes, scatter",
         "toy.cnr=1": "did you mean ladar.cnr",
     }.items():
         assert ran(*SWEEP, overrides, modules=MODULES) == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
 
 
 def test_a_ship_need_not_fit_into_the_window_of_a_radar_that_is_not_there(folder, capsys):

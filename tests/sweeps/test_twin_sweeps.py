@@ -39,9 +39,9 @@ def drawn(*overrides):
 def test_the_store_is_that_of_all_views_drawn(engine, folder, results):
     """Up to rounding, of numbers in float32: 1e-6; maps in 255ths and names exactly."""
     ship = barge(folder / "barge.stl")
-    given = (*SMALL, *FAST, f"render.engine={engine}", "grid.aspect=[40,180,199.7,320]", ship)
-    given += ("grid.replicate=2",)
-    swept(folder / "both.zarr", results, *given, "render.skip=[all,none]")
+    overrides = (*SMALL, *FAST, f"render.engine={engine}", "grid.aspect=[40,180,199.7,320]", ship)
+    overrides += ("grid.replicate=2",)
+    swept(folder / "both.zarr", results, *overrides, "render.skip=[all,none]")
     compared = set()
     for name, group in groups_of(folder / "both.zarr").items():
         for variable in group.data_vars.values():

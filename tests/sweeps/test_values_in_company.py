@@ -18,10 +18,10 @@ def of_new_sensors(compared):
     """Overrides of a sweep of each sensor with stages that none above has, with pairs of values."""
     for module in MODULES:
         along = [s.along for s in stages_of([module]) if s.name not in compared]
-        settings = {setting for several in along for setting in several}
+        settings = {setting for axes in along for setting in axes}
         if settings and hasattr(module, "SENSOR"):
-            first = {one.key: one.values(one.default)[0] for one in settings}
-            pairs = [f"{key}=[{value},{value + 1}]" for key, value in first.items()]
+            first_values = {setting.key: setting.values(setting.default)[0] for setting in settings}
+            pairs = [f"{key}=[{value},{value + 1}]" for key, value in first_values.items()]
             yield ["grid.ship=[duncan,texas]", "grid.aspect=60", f"sensor={module.SENSOR}", *pairs]
 
 
@@ -30,13 +30,13 @@ def test_every_value_is_the_same_alone_and_in_company():
     for sweeps in (SWEEPS.values(), of_new_sensors(compared)):
         for overrides in sweeps:
             choices = chosen(*FAST, *overrides)
-            several = {
+            names = {
                 bound.name
                 for bound, axes in Plan(EXPERIMENT, choices).along_strides.items()
                 if axes
             }
-            found = check_pure(EXPERIMENT, choices, most=MOST)
-            compared.update({name: cells for name, cells in found.items() if name in several})
+            counts = check_pure(EXPERIMENT, choices, most=MOST)
+            compared.update({name: cells for name, cells in counts.items() if name in names})
     together = {stage.name for stage in EXPERIMENT.stages if stage.along}
     assert len(together) > 10
     assert {name for name, cells in compared.items() if cells >= 2} == together

@@ -42,12 +42,12 @@ def test_code_and_data_of_users_are_in_the_wheel(unpacked):
     assert conf == below(ROOT / "conf", "*.yaml")
     for package in packages:
         kinds = ("*.py", "*.yaml", "*.vert", "*.frag", "*.glsl", "*.html", "*.css", "*.js", "*.md")
-        found = below(unpacked / package, *kinds) - {Path("conf") / path for path in conf}
-        assert found == below(ROOT / package, *kinds)
+        files = below(unpacked / package, *kinds) - {Path("conf") / path for path in conf}
+        assert files == below(ROOT / package, *kinds)
 
 
 def test_the_command_runs_from_the_wheel(unpacked, folder, cache):
     arguments = (*TINY, f"cache={cache}")
-    done = python("-c", COMMAND, *arguments, cwd=folder, PYTHONPATH=str(unpacked))
-    assert done.stdout.splitlines()[0] == str(unpacked / "sweeps" / "conf")
+    process = python("-c", COMMAND, *arguments, cwd=folder, PYTHONPATH=str(unpacked))
+    assert process.stdout.splitlines()[0] == str(unpacked / "sweeps" / "conf")
     assert xr.open_zarr(folder / "s.zarr", group="range_profile").sizes["aspect"] == 2

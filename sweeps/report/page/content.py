@@ -1,4 +1,4 @@
-"""What the report page shows of a store, for its template and its script."""
+"""Content of the report page, for its template and its script."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
 def content_of(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any]:
-    """Return the content of the page of a store, of its tables; OSError if it cannot be read."""
+    """Return the content of a store's page from its tables; OSError if it cannot be read."""
     store = opened(path)
-    about = attributes(store)
+    attrs = attributes(store)
     predictions = read_predictions(store)
     work, matrix = frames.get(WORK), confusion_of(predictions, frames)
     tables = {name: frame for name, frame in frames.items() if name != WORK}
-    sentences = headline(tables, about)
-    axes, first = list(about.get("swept", ())), next(iter(tables.values()))
+    sentences = headline(tables, attrs)
+    axes, main_table = list(attrs.get("swept", ())), next(iter(tables.values()))
     if matrix is not None:
-        tables = {first.name: first, CONFUSION: matrix, **tables}
-    settings = list(flat(about.get("configuration", {})))
+        tables = {main_table.name: main_table, CONFUSION: matrix, **tables}
+    settings = list(flat(attrs.get("configuration", {})))
     drawn = pictures_of(path, store, predictions)
     charts = charted(tables, axes, path_beside(path).name)
-    charts["data"]["headline"] = headline_for_script(tables, about, CHARTED)
+    charts["data"]["headline"] = headline_for_script(tables, attrs, CHARTED)
     return {
         "store": path_beside(path).name,
-        "about": about,
+        "about": attrs,
         "headline": sentences,
         "accuracy": accuracy(store),
         "status": status_of(store, work),
@@ -89,22 +89,22 @@ def charted(
     along: str = "",
     colour: str = "",
 ) -> dict[str, Any]:
-    """Return the tables of a page, its selectors, and what its script draws charts from.
+    """Return the tables of a page, its selectors, and the data of its charts.
 
     `along` and `colour` are the columns of the axes of charts and of their colours, by default
     those of the headline.
     """
     # Rows and charts run along the axis of the headline.
-    first = next(iter(frames.values()))
-    ordinary = [name for name in first.varying_axes if name not in curves_of(first)]
-    numbers = swept_axes(first, swept)
-    against = next(filter(None, [along, main_axis(first, swept), *ordinary]), "")
+    main = next(iter(frames.values()))
+    ordinary = [name for name in main.varying_axes if name not in curves_of(main)]
+    numbers = swept_axes(main, swept)
+    against = next(filter(None, [along, main_axis(main, swept), *ordinary]), "")
     second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
     return {
         "against": against,
         # Without declared curves, a curve for each value of the second axis.
-        "colour": colour or ("" if curves_of(first) else second),
-        "curves": ", ".join(first.columns[name].words for name in curves_of(first)[:1]),
+        "colour": colour or ("" if curves_of(main) else second),
+        "curves": ", ".join(main.columns[name].words for name in curves_of(main)[:1]),
         "axes": axes_of(frames),
         "tables": [table_of(table, against, swept) for table in frames.values()],
         "data": {
@@ -112,18 +112,18 @@ def charted(
             "headline": None,
             "second": second,
             "tables": {name: data_of(table) for name, table in frames.items()},
-            # Their places give classifiers a colour, the same in every chart.
+            # The position in this list is a classifier's colour, the same in every chart.
             "colours": list(
-                dict.fromkeys(colour for of in frames.values() for colour in colours_of(of))
+                dict.fromkeys(colour for frame in frames.values() for colour in colours_of(frame))
             ),
         },
     }
 
 
 def swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
-    """Return the swept axes of numbers that are not down or across, those of most values first."""
-    several = [name for name in frame.varying_axes if name not in (*frame.down, frame.across)]
-    names = [n for axis in swept for n in several if frame.columns[n].axis == axis]
+    """Return the numeric swept axes that are not down or across, by number of values."""
+    varying = [name for name in frame.varying_axes if name not in (*frame.down, frame.across)]
+    names = [n for axis in swept for n in varying if frame.columns[n].axis == axis]
     numeric = [name for name in names if frame.rows[name].dtype.kind in "fiu"]
     return sorted(numeric, key=lambda name: -frame.rows[name].nunique())
 
@@ -140,7 +140,7 @@ def colours_of(frame: Frame) -> list[str]:
 
 
 def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
-    """Return the axes of several values, which are not down or across everywhere, to select."""
+    """Return the selectors: axes of several values that are not down or across everywhere."""
     columns, values = dict[str, Column](), dict[str, list[Any]]()
     for frame in frames.values():
         for name in frame.varying_axes:
@@ -160,7 +160,7 @@ def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
 
 
 def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]:
-    """Return a table of the page: all rows, of which those of the first selection are shown."""
+    """Return a table of the page: all rows, with those of the first selection visible."""
     chosen = set(at_main(frame, [*curves_of(frame), against]).rows.index)
     order = [frame.columns[name].axis for name in (against,) if name in frame.columns]
     table = laid_out(frame, [*order, *swept])
@@ -180,7 +180,7 @@ def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]
 
 
 def data_of(frame: Frame) -> dict[str, Any]:
-    """Return a frame for the script: its rows, and how its charts are specified."""
+    """Return a frame for the script: its rows and the encodings of its charts."""
     rows, curves, columns = frame.rows.head(CHARTED), curves_of(frame), frame.columns
     numeric = [name for name in frame.varying_axes if frame.rows[name].dtype.kind in "fiu"]
     along = [name for name in frame.varying_axes if name not in curves or name in numeric]
@@ -219,7 +219,7 @@ def data_of(frame: Frame) -> dict[str, Any]:
 
 
 def _for_json(value: Any) -> Any:
-    """Return a value of a frame as JSON has it, control characters of texts escaped."""
+    """Return a value of a frame for JSON, with control characters escaped."""
     if missing(value) or (isinstance(value, float) and not math.isfinite(value)):
         return None
     return printable(value) if isinstance(value, str) else value

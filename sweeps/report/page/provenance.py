@@ -46,19 +46,19 @@ class Status:
 
     @property
     def sentence(self) -> str:
-        """How many cells are done: of the sweep's own count, or else the results in the store."""
-        (done, failed), missing, of = self.cells, 0, "cells"
+        """Number of finished cells, by the sweep's own count or else by the results stored."""
+        (done, failed), missing, unit = self.cells, 0, "cells"
         if not done + failed:
-            (done, failed, missing), of = self.counts, "results"
+            (done, failed, missing), unit = self.counts, "results"
         if not done + failed + missing:
             return "The store has no record of its cells"
-        said = f"{done:,} of {done + failed + missing:,} {of} done"
-        said += f", {failed:,} failed" if failed else ""
-        return said + (f", {missing:,} missing" if missing else "")
+        sentence = f"{done:,} of {done + failed + missing:,} {unit} done"
+        sentence += f", {failed:,} failed" if failed else ""
+        return sentence + (f", {missing:,} missing" if missing else "")
 
 
 def status_of(store: Any, work: Frame | None = None) -> Status:
-    """Return the states of all cells of a store, whose last sweep did some work."""
+    """Return the states of a store's cells, counted by its last sweep's `work` if known."""
     parts = {}
     for name, array in read(store, STATUS).data_vars.items() if STATUS in groups(store) else ():
         counts = tuple(int((array.values == state).sum()) for state in STATES)
@@ -78,7 +78,7 @@ def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def swept(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, str]]:
-    """Return key and values of the settings that are axes of a store, and of those that choose."""
+    """Return key and values of the settings that are axes or that choose between stages."""
     axes = attributes(store).get("axes", ())
     units = {
         path.rpartition("/")[2]: unit_of(str(array.attrs.get("units", "1")))

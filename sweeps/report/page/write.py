@@ -71,7 +71,7 @@ def _code() -> str:
 
 
 def page_of(path: PathOrUrl, frames: Mapping[str, Frame]) -> str:
-    """Return the page of a store, of its tables, not yet sealed."""
+    """Return the page of a store with its tables, not yet sealed."""
     # Imported here, since a page that is current needs none of it.
     from sweeps.report.page.content import content_of
 
@@ -86,7 +86,7 @@ def comparison_page(compared: Comparison) -> str:
 
 
 def rendered(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
-    """Return the HTML of some content; everything but templates is escaped."""
+    """Return the HTML of some content, which is escaped; templates are not."""
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
@@ -97,7 +97,7 @@ def rendered(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
         return value
 
     def explained(heading: str) -> str:
-        """Return what the words of a heading mean, as far as the glossary has them."""
+        """Return the glossary's meanings of the words of a heading."""
         words = heading.partition(" [")[0].split(", ")
         return "\n".join(filter(None, (explain.meaning(word) for word in words)))
 

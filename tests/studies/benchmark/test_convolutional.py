@@ -32,8 +32,8 @@ def test_it_learns_where_a_feature_lies():
     X, y = blips(rng, [10, 30, 50])
     network = ConvolutionalNetwork(random_state=0).fit(X, y)
     tests, truth = blips(rng, [10, 30, 50])
-    likely = network.predict_proba(tests)
-    np.testing.assert_allclose(likely.sum(axis=1), 1.0, rtol=0, atol=1e-12)
+    probability = network.predict_proba(tests)
+    np.testing.assert_allclose(probability.sum(axis=1), 1.0, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(network.predict(tests), truth)
     assert network.loss_curve_[-1] < 0.1 * np.log(CLASSES)
 
@@ -68,10 +68,10 @@ def test_answers_are_of_the_seed_alone_whatever_the_threads():
             assert torch.equal(torch.get_rng_state(), state)
     finally:
         torch.set_num_threads(threads)
-    for other in answers[1:]:
-        np.testing.assert_array_equal(other, answers[0])
-    other = ConvolutionalNetwork(epochs=3, random_state=8).fit(X, y).predict_proba(X)
-    assert not np.array_equal(other, answers[0])
+    for answer in answers[1:]:
+        np.testing.assert_array_equal(answer, answers[0])
+    answer = ConvolutionalNetwork(epochs=3, random_state=8).fit(X, y).predict_proba(X)
+    assert not np.array_equal(answer, answers[0])
 
 
 def test_numbers_beyond_single_precision_are_refused():

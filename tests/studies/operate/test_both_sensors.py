@@ -52,19 +52,26 @@ def drawn():
 @cache
 def shares(footprint, slant_range, cnr):
     """Percent identified, (seed, pulse, frames, channel), of all ships."""
-    seen = [seen_views(*one, footprint=footprint) for one in zip(*drawn(), strict=True)]
-    images = [packed(silhouettes(one, footprint=footprint, **WINDOW)) for one in seen]
-    shown = {name: np.stack([one[name] for one in images]) for name in ("shown", "shape")}
-    how = {"bin_width": 1.0, "bins": 250, "learned": len(ASPECTS)}
-    made = [signatures(one, pulse_width=PULSES, cnr=[cnr], **how) for one in seen]
-    arrays = {name: np.stack([one[name][0] for one in made], axis=1) for name in made[0]}
+    seen = [
+        seen_views(*ship_views, footprint=footprint) for ship_views in zip(*drawn(), strict=True)
+    ]
+    images = [packed(silhouettes(ship_views, footprint=footprint, **WINDOW)) for ship_views in seen]
+    masks = {name: np.stack([image[name] for image in images]) for name in ("shown", "shape")}
+    options = {"bin_width": 1.0, "bins": 250, "learned": len(ASPECTS)}
+    per_ship = [
+        signatures(ship_views, pulse_width=PULSES, cnr=[cnr], **options) for ship_views in seen
+    ]
+    arrays = {
+        name: np.stack([ship_arrays[name][0] for ship_arrays in per_ship], axis=1)
+        for name in per_ship[0]
+    }
     answers = []
     for seed in range(SEEDS):
         rng = np.random.default_rng(seed)
         answers.append(
             identify(
                 arrays,
-                match_silhouettes(shown, SHIPS, ASPECTS, TESTS, rng),
+                match_silhouettes(masks, SHIPS, ASPECTS, TESTS, rng),
                 IMAGER,
                 Trial(TESTS, 2, 1.0, 4000, 1.0, 1.0),
                 cnr=cnr,
@@ -82,13 +89,13 @@ def shares(footprint, slant_range, cnr):
 
 
 def test_both_sensors_are_never_worse_than_the_better_of_them():
-    apart = []
+    gains = []
     for setting in ((3.75, 25e3, 10**2.8), (7.5, 25e3, 10**4)):
         share = shares(*setting).mean(axis=0)
         assert share[..., 0].max() > 95 > 90 > share[..., 1].max()  # where fusion is hardest
-        apart.append(share[..., 2] - share[..., :2].max(axis=-1))
+        gains.append(share[..., 2] - share[..., :2].max(axis=-1))
     # The aim over all settings, in percentage points. Both may gain, but not in exchange.
-    assert np.minimum(apart, 0).mean() > -0.1 and np.min(apart) > -1
+    assert np.minimum(gains, 0).mean() > -0.1 and np.min(gains) > -1
 
 
 def densities(seed, samples=5, ships=3, templates=9):
@@ -97,21 +104,22 @@ def densities(seed, samples=5, ships=3, templates=9):
 
 
 def test_joint_evidence_is_the_mean_over_templates_of_the_product():
-    (first, one), (second, other) = densities(0), densities(1)
-    exact = logsumexp((first + second).reshape(5, 3, 9), axis=2) - np.log(9)
-    assert np.allclose(joint_evidence(one, other), exact, atol=1e-3)  # 2^-24 of 100, several times
-    assert np.array_equal(joint_evidence(one), ship_evidence(first, 3))
+    (first_logs, first_density), (second_logs, second_density) = densities(0), densities(1)
+    exact = logsumexp((first_logs + second_logs).reshape(5, 3, 9), axis=2) - np.log(9)
+    # 2^-24 of 100, several times.
+    assert np.allclose(joint_evidence(first_density, second_density), exact, atol=1e-3)
+    assert np.array_equal(joint_evidence(first_density), ship_evidence(first_logs, 3))
 
 
 @pytest.mark.parametrize("templates", [2, 4, 5, 30])
 def test_densities_over_places_have_every_place_alike(templates):
     # A density that only depends on the place, and one that does not.
     of_place = np.array([0.1, 1.0, 0.4, 0.2], dtype=np.float32)
-    seen = np.tile(np.resize(of_place, templates), (3, 2, 1))
-    some = of_place[:templates].mean()
-    assert np.allclose(over_places(seen, 4), some, rtol=1e-6)
-    assert np.allclose(over_places(np.ones_like(seen), 4), 1, rtol=1e-6)
-    assert np.allclose(over_places(seen, 1), seen, rtol=1e-6)
+    density = np.tile(np.resize(of_place, templates), (3, 2, 1))
+    mean = of_place[:templates].mean()
+    assert np.allclose(over_places(density, 4), mean, rtol=1e-6)
+    assert np.allclose(over_places(np.ones_like(density), 4), 1, rtol=1e-6)
+    assert np.allclose(over_places(density, 1), density, rtol=1e-6)
 
 
 def test_a_sensor_that_excludes_what_the_other_is_sure_of_is_not_of_zero_density():
@@ -124,8 +132,8 @@ def test_a_sensor_that_excludes_what_the_other_is_sure_of_is_not_of_zero_density
 def test_log_densities_counted_four_times_are_divided_by_four():
     rng = np.random.default_rng(0)
     truth = rng.integers(2, size=4000)
-    seen = truth + rng.standard_normal(4000)
-    logs = -2 * np.square(seen[:, None] - np.arange(2)).astype(np.float32)
+    samples = truth + rng.standard_normal(4000)
+    logs = -2 * np.square(samples[:, None] - np.arange(2)).astype(np.float32)
     assert fit_inverse_temperature(logs, 2, truth, least=0.01) == pytest.approx(0.25)
 
 
@@ -144,12 +152,13 @@ def bars(shift):
 def test_silhouettes_are_trusted_as_far_as_views_left_out_are_recognized(
     shift, slant_range, trusted
 ):
-    learned, how = bars(0), {"imager": IMAGER, "slant_range": slant_range, "gain_sigma": 1.0}
+    templates = bars(0)
+    conditions = {"imager": IMAGER, "slant_range": slant_range, "gain_sigma": 1.0}
     of_learned, of_others = (
-        SilhouetteMatch(learned, learned[:, 0], others, np.random.default_rng(0)).evidence(
-            16, **how
+        SilhouetteMatch(templates, templates[:, 0], tests, np.random.default_rng(0)).evidence(
+            16, **conditions
         )
-        for others in (learned, bars(shift))
+        for tests in (templates, bars(shift))
     )
     factor = (of_others / of_learned).mean()
     # Less only where errors of templates are larger than the noise.

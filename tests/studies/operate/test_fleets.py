@@ -27,12 +27,14 @@ def test_evidence_is_a_gaussian_density_up_to_a_constant_of_each_sample(seed, ga
     )
     exact = np.array(
         [
-            multivariate_normal(one, np.eye(3) + gain_sigma**2 * np.outer(one, one)).logpdf(samples)
-            for one in templates
+            multivariate_normal(
+                template, np.eye(3) + gain_sigma**2 * np.outer(template, template)
+            ).logpdf(samples)
+            for template in templates
         ]
     ).T
-    apart = (evidence - evidence[:, :1]) - (exact - exact[:, :1])
-    assert np.abs(apart).max() < 1e-4
+    difference = (evidence - evidence[:, :1]) - (exact - exact[:, :1])
+    assert np.abs(difference).max() < 1e-4
 
 
 def test_a_ship_has_the_mean_density_of_its_templates():
@@ -62,8 +64,8 @@ def test_first_ships_are_nominal_and_variants_follow_by_number():
 def test_any_first_ships_have_enough_tests(tests, ships):
     rows = views_of_ships(tests, ships)
     for fleet in range(4, ships + 1):
-        each = rows[fleet - 1]
-        assert min(rows[:fleet]) >= each and tests <= each * fleet < tests + fleet
+        least = rows[fleet - 1]
+        assert min(rows[:fleet]) >= least and tests <= least * fleet < tests + fleet
 
 
 def test_shares_of_some_ships_do_not_depend_on_others():
@@ -72,19 +74,19 @@ def test_shares_of_some_ships_do_not_depend_on_others():
     evidence = rng.standard_normal((rows, 9))
     uniforms = bootstrap_uniforms(7, 40, 9, np.random.default_rng(0))
     share, resampled = fleet_shares(evidence, 40, [4, 9, 6], uniforms)
-    fewer = sum(views_of_ships(40, 6))
-    alone, again = fleet_shares(
-        evidence[:fewer, :6], 40, [6], bootstrap_uniforms(7, 40, 6, np.random.default_rng(0))
+    row_count = sum(views_of_ships(40, 6))
+    first_share, first_resampled = fleet_shares(
+        evidence[:row_count, :6], 40, [6], bootstrap_uniforms(7, 40, 6, np.random.default_rng(0))
     )
-    assert share[2] == alone[0] and np.array_equal(resampled[2], again[0])
+    assert share[2] == first_share[0] and np.array_equal(resampled[2], first_resampled[0])
 
 
 def test_resampled_shares_scatter_as_binomials():
     tests, resamples = 400, 4000
     right = np.random.default_rng(3).random((4, 100)) < 0.8
     evidence = np.zeros((400, 4))
-    own = np.repeat(np.arange(4), 100)
-    evidence[np.arange(400), np.where(right.ravel(), own, (own + 1) % 4)] = 1
+    ship = np.repeat(np.arange(4), 100)
+    evidence[np.arange(400), np.where(right.ravel(), ship, (ship + 1) % 4)] = 1
     uniforms = bootstrap_uniforms(resamples, tests, 4, np.random.default_rng(1))
     share, resampled = fleet_shares(evidence, tests, [4], uniforms)
     assert share[0] == right.mean()

@@ -27,15 +27,18 @@ PLACES = [(0.1, 0.2), (0.7, 0.4), (0.5, 0.9)]
 
 
 def extents():
-    how = {"slant_range": 100e3, "ifov": FOOTPRINT / 100e3, "window": float(BINS)}
-    return [range_extent(view, shift=at, **how) for view, at in zip(VIEWS, PLACES, strict=True)]
+    geometry = {"slant_range": 100e3, "ifov": FOOTPRINT / 100e3, "window": float(BINS)}
+    return [
+        range_extent(view, shift=place, **geometry)
+        for view, place in zip(VIEWS, PLACES, strict=True)
+    ]
 
 
 def made(cnr):
-    learned = [VIEWS[0], *VIEWS], [PLACES[0], *PLACES]
-    seen = seen_views(*learned, footprint=FOOTPRINT, window=BINS)
-    how = {"pulse_width": [30e-9], "bin_width": 1.0, "bins": BINS, "learned": 1}
-    arrays = signatures(seen, cnr=[cnr], **how)
+    arguments = [VIEWS[0], *VIEWS], [PLACES[0], *PLACES]
+    views = seen_views(*arguments, footprint=FOOTPRINT, window=BINS)
+    options = {"pulse_width": [30e-9], "bin_width": 1.0, "bins": BINS, "learned": 1}
+    arrays = signatures(views, cnr=[cnr], **options)
     assert np.array_equal(arrays["power"][0, 0, 0], arrays["power"][0, 0, 1])
     return arrays["excess"][0, 0, 1:], arrays["power"][0, 0, 1:], arrays["ifovs"][0, 0]
 
@@ -43,10 +46,10 @@ def made(cnr):
 @pytest.mark.parametrize("cnr", [0.0, 3.0, 10**3.2])
 def test_signatures_are_expected_profiles_less_the_floor(cnr):
     excess, _, ifovs = made(cnr)
-    for one, extent, count in zip(excess, extents(), ifovs, strict=True):
+    for profile, extent, count in zip(excess, extents(), ifovs, strict=True):
         exact = expected_profile(extent, pulse_width=30e-9, cnr=cnr) - count * noise_floor()
         # Fractions and excess in single precision: 2^-24 of the largest of some 10 terms.
-        assert np.allclose(one, exact, rtol=0, atol=1e-6 * max(exact.max(), 1.0))
+        assert np.allclose(profile, exact, rtol=0, atol=1e-6 * max(exact.max(), 1.0))
 
 
 def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
@@ -58,10 +61,11 @@ def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
         noise = frame_noise(*views, normals, Radar(cnr=cnr, **PULSE))
         _, exact = frame_moments(extent, pulse_width=30e-9, cnr=cnr, target_free_ifovs=free)
         # The closed form of its covariance has the exact diagonal, and off it correlations of
-        # target and noise in place of those of each IFOV.
-        target, alone = correlations(bins=BINS, **PULSE)
-        own, still = np.sqrt(RAYLEIGH * cnr * row.astype(float)), RAYLEIGH * math.sqrt(math.pi / 8)
-        closed = np.outer(own, own) * target + still * (free + count) * alone
+        # target and noise instead of one for each IFOV.
+        target, noise_alone = correlations(bins=BINS, **PULSE)
+        amplitude = np.sqrt(RAYLEIGH * cnr * row.astype(float))
+        still = RAYLEIGH * math.sqrt(math.pi / 8)
+        closed = np.outer(amplitude, amplitude) * target + still * (free + count) * noise_alone
         assert np.allclose(np.diag(closed), np.diag(exact), rtol=1e-5)
         scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
         # An IFOV that sees a short stretch of ship is the more correlated.
@@ -93,9 +97,9 @@ def test_likelihood_is_that_of_gaussian_templates_of_one_covariance(gain_sigma, 
     ).fit(templates, lower_band(np.stack([covariance] * 3)), [0, 1, 2], floor=0.0)
     noise = frame_noise(np.zeros((4, BINS)), np.full(4, free), normals, Radar(cnr=1.0, **PULSE))
     expected = exact.log_likelihood(tests + noise / math.sqrt(frames), frames)
-    apart = (evidence - evidence[:, :1]) - (expected - expected[:, :1])
+    difference = (evidence - evidence[:, :1]) - (expected - expected[:, :1])
     # Products in single precision: 2^-24 times the largest energies, some 10^4.
-    assert np.abs(apart).max() < 1e-6 * np.abs(expected - expected[:, :1]).max() + 0.05
+    assert np.abs(difference).max() < 1e-6 * np.abs(expected - expected[:, :1]).max() + 0.05
 
 
 @pytest.mark.parametrize("frames", [1, 8])
@@ -110,8 +114,8 @@ def test_two_known_profiles_are_told_apart_as_often_as_theory_says(frames):
     right = (match.evidence(frames, gain_sigma=0.0).argmax(axis=1) == true).mean()
     covariance = RAYLEIGH * math.sqrt(math.pi / 8) * free * correlations(bins=BINS, **PULSE)[1]
     covariance[np.diag_indices(BINS)] *= 1 + LOADING
-    apart = templates[0] - templates[1]
-    distance = math.sqrt(frames * apart @ np.linalg.solve(covariance, apart))
+    difference = templates[0] - templates[1]
+    distance = math.sqrt(frames * difference @ np.linalg.solve(covariance, difference))
     expected = ndtr(distance / 2)
     assert 0.6 < expected < 0.99
     # Five standard deviations; the loading, in the likelihood alone, costs less than one.

@@ -20,8 +20,8 @@ def test_silhouettes_are_those_of_the_library(footprint):
     places = [(0.1, 0.2), (0.7, 0.4), (0.5, 0.9)]
     seen = seen_views(views, places, footprint=footprint)
     window = {"length": 120.0, "height": 30.0, "depression": 3.84}
-    shown = silhouettes(seen, footprint=footprint, coverage_rule=0.25, **window)
-    for image, view, place in zip(shown, views, places, strict=True):
+    images = silhouettes(seen, footprint=footprint, coverage_rule=0.25, **window)
+    for image, view, place in zip(images, views, places, strict=True):
         exact = silhouette(view, footprint=footprint, phase=place, margin=0).target(0.25)
         # Equal but for sea around, and for the curvature of the wave, which moves no pixel here.
         rows, columns = np.nonzero(image.any(axis=1))[0], np.nonzero(image.any(axis=0))[0]

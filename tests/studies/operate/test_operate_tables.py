@@ -37,8 +37,8 @@ def test_cost_is_the_energy_sent_to_a_ship_times_the_area_of_the_aperture(frames
         energy = 10 ** (cnr / 10) / area  # of a pulse into an IFOV that is to return that CNR
         return frames * (1e-3 / ifov) ** 2 * energy * area  # for a box of 1 mrad
 
-    wanted = spent(frames, cnr, ifov) / spent(16, 32.0, 150e-6)
-    assert relative_cost(frames, cnr, ifov) == pytest.approx(wanted)
+    ratio = spent(frames, cnr, ifov) / spent(16, 32.0, 150e-6)
+    assert relative_cost(frames, cnr, ifov) == pytest.approx(ratio)
 
 
 def test_frames_are_those_of_the_setting_of_the_article():
@@ -54,10 +54,10 @@ def test_the_cheapest_setting_is_the_least_of_all():
     table = tabulate_cheapest(shares()).squeeze("fleet").sel(range=100)
     # Frames go as the IFOV and the cost as its inverse square, so that the wider one is cheaper.
     # Those of the CNR cancel; a short pulse needs fewer frames and costs nothing.
-    one = table.sel(channel="profile")
-    assert (one.best_ifov, one.best_pulse_width) == (150, 10)
-    assert one.cost.item() == pytest.approx(1 / 3)
-    frames = relative_cost(1, one.best_cnr, one.best_ifov * 1e-6)
-    assert one.frames.item() == pytest.approx(one.cost.item() / float(frames))
+    profile = table.sel(channel="profile")
+    assert (profile.best_ifov, profile.best_pulse_width) == (150, 10)
+    assert profile.cost.item() == pytest.approx(1 / 3)
+    frames = relative_cost(1, profile.best_cnr, profile.best_ifov * 1e-6)
+    assert profile.frames.item() == pytest.approx(profile.cost.item() / float(frames))
     assert table.cost.sel(channel="both").item() == pytest.approx(1 / 6)
-    assert one.chosen.item() == 1
+    assert profile.chosen.item() == 1

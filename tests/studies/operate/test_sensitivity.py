@@ -15,10 +15,10 @@ def test_indices_of_the_ishigami_function():
     indices = sobol_indices(ishigami, ends, samples=4096, seed=3)
     # Closed forms, with a = 7 and b = 0.1.
     first = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2
-    second, both = 49 / 8, 0.01 * np.pi**8 * (1 / 18 - 1 / 50)
-    whole = first + second + both
-    expected = np.array([first, second, 0]) / whole
-    totals = np.array([first + both, second, both]) / whole
+    second, interaction = 49 / 8, 0.01 * np.pi**8 * (1 / 18 - 1 / 50)
+    variance = first + second + interaction
+    expected = np.array([first, second, 0]) / variance
+    totals = np.array([first + interaction, second, interaction]) / variance
     # Twice a 95 % interval: 4 standard deviations, of six figures.
     assert (np.abs(indices.first - expected) < 2 * indices.first_interval + 1e-3).all()
     assert (np.abs(indices.total - totals) < 2 * indices.total_interval + 1e-3).all()

@@ -1,4 +1,4 @@
-"""What the quick match gives up: against each template's own covariance, and sampled frames."""
+"""Loss of the quick match: against each template's own covariance, and sampled frames."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,11 @@ VIEWS = planned(TESTS)
 @pytest.mark.parametrize("setting", [Setting(100, 16), Setting(100, 4), Setting(100, 16, 10)])
 def test_one_covariance_names_as_many_views_as_each_templates_own(setting):
     right = compared(setting, VIEWS, DRAWS)
-    exact, one, drawn = (right[name].astype(float) for name in ("exact", "one", "drawn"))
+    exact, shared, drawn = (right[name].astype(float) for name in ("exact", "one", "drawn"))
     assert 0.4 < exact.mean() < 0.99
     # Of 800 views the answers differ in 2 % at most, so paired differences have a standard
     # deviation of at most sqrt(0.02 / 240) = 0.9 points: four of them, and a loss of half a point.
-    assert abs(one[0].mean() - exact.mean()) < 0.04
-    # Independent draws of the same views: what they differ by scatters between views.
-    apart = drawn.mean(axis=0) - one.mean(axis=0)
-    assert abs(apart.mean()) < 4 * apart.std() / np.sqrt(TESTS)
+    assert abs(shared[0].mean() - exact.mean()) < 0.04
+    # Independent draws of the same views: their differences scatter between views.
+    difference = drawn.mean(axis=0) - shared.mean(axis=0)
+    assert abs(difference.mean()) < 4 * difference.std() / np.sqrt(TESTS)

@@ -1,4 +1,4 @@
-"""Where shares reach a level, and at what least cost."""
+"""Frame counts at which shares reach a level, and the least cost of that."""
 
 import numpy as np
 import pytest
@@ -43,11 +43,11 @@ def test_cheapest_is_the_least_of_all(seed):
     values[1, :, :, 0] = np.inf
     cost = xr.DataArray(values, axes, ("range", "cnr", "ifov", "resample"))
     least = cheapest(cost, ("cnr", "ifov")).transpose("range")
-    first = values[0, :, :, 0]
-    assert least.cost.values[0] == first.min() and least.cost.values[1] == np.inf
-    again = np.sort(values[0, :, :, 1:].min(axis=(0, 1)))
-    if np.isfinite(first.min()):
-        c, i = np.unravel_index(first.argmin(), first.shape)
+    costs = values[0, :, :, 0]
+    assert least.cost.values[0] == costs.min() and least.cost.values[1] == np.inf
+    minima = np.sort(values[0, :, :, 1:].min(axis=(0, 1)))
+    if np.isfinite(costs.min()):
+        c, i = np.unravel_index(costs.argmin(), costs.shape)
         assert (least.cnr.values[0], least.ifov.values[0]) == (axes["cnr"][c], axes["ifov"][i])
-    assert least.cost_low.values[0] in again[:2] and least.cost_high.values[0] in again[-2:]
+    assert least.cost_low.values[0] in minima[:2] and least.cost_high.values[0] in minima[-2:]
     assert np.isnan(least.cnr.values[1]) and np.isnan(least.chosen.values[1])

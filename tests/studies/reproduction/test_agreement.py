@@ -21,24 +21,24 @@ def test_distances_of_right_figures_have_a_chi_square_distribution():
     """Given figures about their expectations, and simulated means about these: level 1 in 1,000."""
     rng = np.random.default_rng(1)
     count, figures = 4000, 7
-    given_sigma, mean_sigma = rng.uniform(1, 5, figures), rng.uniform(0, 3, figures)
-    given = rng.normal(0, given_sigma)
+    article_sigma, mean_sigma = rng.uniform(1, 5, figures), rng.uniform(0, 3, figures)
+    article = rng.normal(0, article_sigma)
     distances = [
-        chi_square(rng.normal(given, mean_sigma), rng.normal(given, given_sigma), variance)
-        for variance in [given_sigma**2 + mean_sigma**2] * count
+        chi_square(rng.normal(article, mean_sigma), rng.normal(article, article_sigma), variance)
+        for variance in [article_sigma**2 + mean_sigma**2] * count
     ]
     assert kstest(distances, chi2(figures).cdf).pvalue > 1e-3
 
 
 def test_so_have_those_of_figures_that_vary_together():
     rng = np.random.default_rng(3)
-    sigma, given = rng.uniform(1, 5, 4), rng.uniform(0, 100, 4)
+    sigma, article = rng.uniform(1, 5, 4), rng.uniform(0, 100, 4)
     correlation = np.full((4, 4), 0.4) + 0.6 * np.eye(4)
     covariance = np.outer(sigma, sigma) * correlation
-    simulated = rng.multivariate_normal(given, covariance, 4000)
-    distances = chi_square(simulated, given, sigma**2, correlation=correlation)
+    simulated = rng.multivariate_normal(article, covariance, 4000)
+    distances = chi_square(simulated, article, sigma**2, correlation=correlation)
     assert kstest(distances, chi2(4).cdf).pvalue > 1e-3
-    assert kstest(chi_square(simulated, given, sigma**2), chi2(4).cdf).pvalue < 1e-6
+    assert kstest(chi_square(simulated, article, sigma**2), chi2(4).cdf).pvalue < 1e-6
 
 
 def test_the_posterior_of_linear_figures_is_the_normal_one():
@@ -50,10 +50,10 @@ def test_the_posterior_of_linear_figures_is_the_normal_one():
     rng = np.random.default_rng(2)
     design = np.array([[1.0, 0.5], [0.0, 1.0], [1.0, -1.0]])
     sigma, noise, truth = np.array([1.0, 1.5, 2.0]), 0.7, np.array([0.5, -1.0])
-    given = design @ truth
+    article = design @ truth
     parameter = rng.uniform(-9, 9, (400_000, 2))
     simulated = parameter @ design.T + rng.normal(0, noise, (len(parameter), 3))
-    posterior = posterior_weights(chi_square(simulated, given, sigma**2 + noise**2))
+    posterior = posterior_weights(chi_square(simulated, article, sigma**2 + noise**2))
     precision = design.T @ np.diag(1 / (sigma**2 + 2 * noise**2)) @ design
     covariance = np.linalg.inv(precision)
     assert posterior.temperature == 1
@@ -98,11 +98,11 @@ def test_weighted_quantiles_are_those_of_repeated_values(rows, share):
         return  # nothing, or a step, whose side is left to rounding
     posterior = posterior_weights(np.zeros(len(values)))
     posterior = type(posterior)(counts / counts.sum(), 1.0)
-    plain = np.sort(np.repeat(values, counts.astype(int)))
-    wanted = plain[int(share * len(plain))]
-    assert posterior.quantiles(values, [share])[0] == wanted
-    both = posterior.quantiles(np.column_stack([values, -values]), [share])
-    assert both.shape == (1, 2) and both[0, 0] == wanted
+    repeated = np.sort(np.repeat(values, counts.astype(int)))
+    expected = repeated[int(share * len(repeated))]
+    assert posterior.quantiles(values, [share])[0] == expected
+    columns = posterior.quantiles(np.column_stack([values, -values]), [share])
+    assert columns.shape == (1, 2) and columns[0, 0] == expected
 
 
 def test_figures_that_no_setting_reaches_are_counted_by_hand():

@@ -8,10 +8,10 @@ from studies.reproduction import FITS, PRIORS, Agreement, assumed
 from studies.reproduction.agreement import binomial_variance
 
 
-def compared(mean, value=None, **more):
+def compared(mean, value=None, **overrides):
     value = np.zeros((len(mean), len(PRIORS))) if value is None else value
-    how = {"spread": np.zeros_like(mean), "draws": 4} | more
-    return Agreement(figures(), mean, value=value, **how)
+    uncertainty = {"spread": np.zeros_like(mean), "draws": 4} | overrides
+    return Agreement(figures(), mean, value=value, **uncertainty)
 
 
 def article():
@@ -19,19 +19,19 @@ def article():
 
 
 def test_figures_are_those_of_the_article_in_the_order_of_simulated_tables():
-    printed = article_figures()
+    tables = article_figures()
     by_row = {
         **{n: [table["training"], *table["frames"].values()] for n, table in (
-            ("table2", printed["table2_percent_correct"]),
-            ("table4", printed["table4_percent_correct"]),
+            ("table2", tables["table2_percent_correct"]),
+            ("table4", tables["table4_percent_correct"]),
         )},
-        "table3": list(printed["table3_categories"]["categories"].values()),
+        "table3": list(tables["table3_categories"]["categories"].values()),
         "table5": [
-            printed["table5_percent_correct"]["none"][25],
-            printed["table5_percent_correct"]["perfect"][50],
-            printed["table5_percent_correct"]["none"][50],
+            tables["table5_percent_correct"]["none"][25],
+            tables["table5_percent_correct"]["perfect"][50],
+            tables["table5_percent_correct"]["none"][50],
         ],
-        "categories5": [printed["table5_percent_correct"]["categories"]],
+        "categories5": [tables["table5_percent_correct"]["categories"]],
     }  # fmt: skip
     np.testing.assert_array_equal(in_order(by_row), article())
     trials = [figure.trials for figure in figures()]
@@ -44,24 +44,26 @@ def test_variances_are_binomial_and_those_of_our_means():
     spread = np.full((1, len(article())), 3.0)
     settings = compared(article()[None], spread=spread)
     for figure, variance in zip(figures(), settings.variance[0], strict=True):
-        own = binomial_variance(figure.value, figure.trials) if figure.trials else 1 + 3.0**2
-        assert variance == pytest.approx(own + 3.0**2 / 4)
+        article_variance = (
+            binomial_variance(figure.value, figure.trials) if figure.trials else 1 + 3.0**2
+        )
+        assert variance == pytest.approx(article_variance + 3.0**2 / 4)
 
 
 def test_averages_of_the_same_frames_vary_together():
     """By table and bin, as averages of a random walk; nothing else does."""
-    of = compared(article()[None])
-    names = [f"{figure.table}, {figure.name}" for figure in of.figures]
+    agreement = compared(article()[None])
+    names = [f"{figure.table}, {figure.name}" for figure in agreement.figures]
 
-    def between(one, other):
-        return of.correlation[names.index(one), names.index(other)]
+    def between(first, second):
+        return agreement.correlation[names.index(first), names.index(second)]
 
     assert between("2, 8 frames, 0-27°", "2, 16 frames, 0-27°") == pytest.approx(0.75 / 2)
     assert between("4, 32 frames, 60-90°", "4, 8 frames, 60-90°") == pytest.approx(0.75 / 3)
-    for other in ("2, 16 frames, 30-57°", "4, 16 frames, 0-27°", "2, training, 0-27°"):
-        assert between("2, 8 frames, 0-27°", other) == 0
-    assert np.count_nonzero(of.correlation) == len(names) + 2 * 3 * 4 * 3
-    np.testing.assert_array_equal(of.correlation, of.correlation.T)
+    for name in ("2, 16 frames, 30-57°", "4, 16 frames, 0-27°", "2, training, 0-27°"):
+        assert between("2, 8 frames, 0-27°", name) == 0
+    assert np.count_nonzero(agreement.correlation) == len(names) + 2 * 3 * 4 * 3
+    np.testing.assert_array_equal(agreement.correlation, agreement.correlation.T)
 
 
 def test_figures_that_are_off_together_exclude_less():
@@ -69,8 +71,8 @@ def test_figures_that_are_off_together_exclude_less():
     rows = [figure.table == 4 and figure.frames > 0 for figure in figures()]
     up[:, rows] += 10
     together = compared(up).distance((4,))
-    apart = ((compared(up).article - up) ** 2 / compared(up).variance)[:, rows].sum()
-    assert 0.4 * apart < together < 0.7 * apart
+    separate = ((compared(up).article - up) ** 2 / compared(up).variance)[:, rows].sum()
+    assert 0.4 * separate < together < 0.7 * separate
 
 
 def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chosen():
@@ -88,9 +90,9 @@ def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chose
 
 
 def test_only_parameters_that_decide_are_informed():
-    """Figures that follow one number and one word: all others have what chance leaves."""
-    drawn = [assumed(number) for number in range(512)]
-    value = np.array([[PRIORS[n].number(one[n]) for n in PRIORS] for one in drawn])
+    """Figures that follow one number and one word: all others have the bits of chance."""
+    draws = [assumed(number) for number in range(512)]
+    value = np.array([[PRIORS[n].number(draw[n]) for n in PRIORS] for draw in draws])
     names = list(PRIORS)
     radius = PRIORS["inner_radius"].share(value[:, names.index("inner_radius")])
     order = value[:, names.index("order")]

@@ -1,4 +1,4 @@
-"""The values that are drawn of what the article leaves open."""
+"""Values drawn for the parameters that the article leaves open."""
 
 import numpy as np
 import pytest
@@ -19,20 +19,20 @@ def test_a_setting_is_its_number_in_one_series():
     for number in (0, 1, 6, 15):
         values = assumed(number, seed=7)
         shares = [NUMBERS[name].share(values[name]) for name in NUMBERS]
-        there = [name in NUMBERS for name in PRIORS]
-        np.testing.assert_allclose(shares, series[number, there], atol=1e-12)
+        is_number = [name in NUMBERS for name in PRIORS]
+        np.testing.assert_allclose(shares, series[number, is_number], atol=1e-12)
     assert assumed(3, seed=7) != assumed(3, seed=8)
 
 
 def test_every_value_is_drawn_as_often_as_it_is_probable():
     """256 points of the sequence lie evenly on every axis, in any 256 parts of it."""
-    drawn = [assumed(number) for number in range(256)]
+    draws = [assumed(number) for number in range(256)]
     for name, prior in NUMBERS.items():
-        classes = prior.classes([values[name] for values in drawn])
+        classes = prior.classes([values[name] for values in draws])
         assert np.bincount(classes).tolist() == [256 // CLASSES] * CLASSES, name
     for name, prior in WORDS.items():
-        often = [sum(values[name] == one for values in drawn) for one in prior.values]
-        assert max(often) - min(often) <= 2, name
+        counts = [sum(values[name] == word for values in draws) for word in prior.values]
+        assert max(counts) - min(counts) <= 2, name
 
 
 @pytest.mark.parametrize("name", NUMBERS)
@@ -53,6 +53,6 @@ def test_a_logarithmic_prior_has_its_geometric_mean_in_the_middle():
 @pytest.mark.parametrize("name", WORDS)
 def test_words_are_numbered_in_their_order(name):
     prior = WORDS[name]
-    for place, value in enumerate(prior.values):
-        assert prior.at((place + 0.5) / len(prior.values)) == value
-        assert prior.number(value) == place == prior.classes(prior.number(value))
+    for index, value in enumerate(prior.values):
+        assert prior.at((index + 0.5) / len(prior.values)) == value
+        assert prior.number(value) == index == prior.classes(prior.number(value))

@@ -1,4 +1,4 @@
-"""Settings of what the article leaves open: resumed, extended, and compared with the article."""
+"""Settings that the article leaves open: resumed, extended, and compared with the article."""
 
 import numpy as np
 import pytest
@@ -15,16 +15,18 @@ GROUP = "reproduction"
 def test_more_settings_continue_fewer_and_are_compared_with_the_article(tmp_path, cache):
     """A store of two settings that is extended to three is that of three at once, bit for bit."""
     for count in (2, 3):
-        done = swept(tmp_path / "grown.zarr", tmp_path / "a", *SMALL, f"reproduce.setting={count}")
-        assert not done.failures
-    whole = swept(tmp_path / "once.zarr", tmp_path / "b", *SMALL, "reproduce.setting=3")
-    assert not whole.failures
+        finished = swept(
+            tmp_path / "grown.zarr", tmp_path / "a", *SMALL, f"reproduce.setting={count}"
+        )
+        assert not finished.failures
+    finished_at_once = swept(tmp_path / "once.zarr", tmp_path / "b", *SMALL, "reproduce.setting=3")
+    assert not finished_at_once.failures
     settings = opened(tmp_path / "once.zarr", GROUP)
     assert settings.identical(opened(tmp_path / "grown.zarr", GROUP))
-    # What was drawn is what is recorded.
+    # The recorded values are those drawn.
     values = assumed(2)
-    wanted = [prior.number(values[name]) for name, prior in PRIORS.items()]
-    np.testing.assert_array_equal(settings.value.sel(setting=2), wanted)
+    expected = [prior.number(values[name]) for name, prior in PRIORS.items()]
+    np.testing.assert_array_equal(settings.value.sel(setting=2), expected)
     assert settings.parameter.values.tolist() == list(PRIORS)
     # Tables: weights of sum one, figures within those of settings, the article's figures.
     fits = opened(tmp_path / "once.zarr", "tables/reproduction_fits")

@@ -49,21 +49,21 @@ def extent(name, aspect):
 def test_averages_have_the_moments_of_frames_and_share_their_first():
     """Means, variances and the covariance of an average with a longer one, within 5 errors."""
     count, frames = 4000, (32, 8)
-    seen = extent("duncan", 60.0)
-    drawn = averaged_profiles(
-        seen,
+    ship_extent = extent("duncan", 60.0)
+    averages = averaged_profiles(
+        ship_extent,
         **SIGNAL,
         target_free_ifovs=100,
         frame_counts=frames,
         draws=count,
         rng=np.random.default_rng(3),
     )
-    mean, covariance = frame_moments(seen, **SIGNAL, target_free_ifovs=100)
+    mean, covariance = frame_moments(ship_extent, **SIGNAL, target_free_ifovs=100)
     variance = np.diag(covariance)
-    off = drawn - mean
-    for k, several in enumerate(frames):
-        assert np.abs(off[:, k].mean(axis=0) / np.sqrt(variance / several / count)).max() < 5
-        ratio = off[:, k].var(axis=0) * several / variance
+    off = averages - mean
+    for k, frame_count in enumerate(frames):
+        assert np.abs(off[:, k].mean(axis=0) / np.sqrt(variance / frame_count / count)).max() < 5
+        ratio = off[:, k].var(axis=0) * frame_count / variance
         assert np.abs(ratio - 1).max() < 5 * np.sqrt(2 / count)
     # An average of N frames and one of its first n: both have the n, so the covariance is 1 / N.
     together = (off[:, 0] * off[:, 1]).mean(axis=0) * frames[0] / variance
@@ -83,7 +83,7 @@ def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
     views = [(name, aspect) for name in SHIPS for aspect in (0.0, 30.0, 60.0, 90.0)]
     signal = {"pulse_width": 30e-9, "cnr": cnr, "target_free_ifovs": free}
     extents = [extent(*view) for view in views]
-    templates = np.array([frame_moments(one, **signal)[0] for one in extents])
+    templates = np.array([frame_moments(ship_extent, **signal)[0] for ship_extent in extents])
     templates -= templates[:, :20].mean(axis=1, keepdims=True)
     templates /= np.linalg.norm(templates, axis=1, keepdims=True)
     truth = np.arange(len(views))[:, None]
@@ -96,22 +96,22 @@ def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
     rng = np.random.default_rng(4)
     normal = np.array(
         [
-            averaged_profiles(one, **signal, frame_counts=(4,), draws=count, rng=rng)[:, 0]
-            for one in extents
+            averaged_profiles(ship_extent, **signal, frame_counts=(4,), draws=count, rng=rng)[:, 0]
+            for ship_extent in extents
         ]
     )
-    plain = np.array(
+    sampled = np.array(
         [
-            sample_frames(one, **signal, frame_count=4 * count, rng=rng)
+            sample_frames(ship_extent, **signal, frame_count=4 * count, rng=rng)
             .reshape(count, 4, -1)
             .mean(axis=1)
-            for one in extents
+            for ship_extent in extents
         ]
     )
-    ours, theirs = shares(normal), shares(plain)
-    spread = ours * (1 - ours) + theirs * (1 - theirs)
+    normal_shares, sampled_shares = shares(normal), shares(sampled)
+    spread = normal_shares * (1 - normal_shares) + sampled_shares * (1 - sampled_shares)
     error = np.sqrt(spread.mean() / count / len(views))
-    assert abs((ours - theirs).mean()) < 4 * error
+    assert abs((normal_shares - sampled_shares).mean()) < 4 * error
 
 
 def test_percent_by_bin_is_counted_by_hand():
@@ -131,8 +131,8 @@ def test_orders_present_ships_or_aspects_first():
     rng = np.random.default_rng(5)
     assert presentation_orders("ships", number, aspect, 4, rng)[0].tolist() == [0, 1, 2, 3, 4, 5]
     assert presentation_orders("aspects", number, aspect, 4, rng)[0].tolist() == [0, 3, 1, 4, 2, 5]
-    several = presentation_orders("random", number, aspect, 4, rng)
-    assert len(several) == 4 and all(sorted(one) == [0, 1, 2, 3, 4, 5] for one in several)
+    orders = presentation_orders("random", number, aspect, 4, rng)
+    assert len(orders) == 4 and all(sorted(order) == [0, 1, 2, 3, 4, 5] for order in orders)
 
 
 def test_scores_do_not_depend_on_where_a_view_stands():
@@ -141,20 +141,25 @@ def test_scores_do_not_depend_on_where_a_view_stands():
     number, aspect = np.repeat(np.arange(4), 9), np.tile(np.linspace(0, 90, 9), 4)
     templates = rng.random((36, 12)) + np.eye(4, 12)[number]
     tests = templates + rng.normal(0, 0.6, (2, 3, 36, 12))
-    how = {"vigilance": 0.95, "learning_rate": 0.2, "label_rule": "first", "learn_in_test": True}
+    settings = {
+        "vigilance": 0.95,
+        "learning_rate": 0.2,
+        "label_rule": "first",
+        "learn_in_test": True,
+    }
     order, shuffled = rng.permutation(36), rng.permutation(36)
-    place = np.argsort(shuffled)
-    one = acn_scores(templates, tests, [order], ship=number, aspect=aspect, **how)
-    other = acn_scores(
+    position = np.argsort(shuffled)
+    scores = acn_scores(templates, tests, [order], ship=number, aspect=aspect, **settings)
+    shuffled_scores = acn_scores(
         templates[shuffled],
         tests[:, :, shuffled],
-        [place[order]],
+        [position[order]],
         ship=number[shuffled],
         aspect=aspect[shuffled],
-        **how,
+        **settings,
     )
-    np.testing.assert_array_equal(one.mean, other.mean)
-    assert 25 < one.mean[1:].mean() < 100
+    np.testing.assert_array_equal(scores.mean, shuffled_scores.mean)
+    assert 25 < scores.mean[1:].mean() < 100
 
 
 def test_a_threshold_keeps_the_largest_region_above_it():
@@ -162,8 +167,8 @@ def test_a_threshold_keeps_the_largest_region_above_it():
     target = np.zeros((6, 16, 40), dtype=bool)
     target[:, 5:10, 6:34] = True
     imager = Imager(0.25, 0.6, 0.0, 0.4, 0.1, 0.1)  # a contrast of four deviations
-    how = {"segmentation": "threshold", "threshold": 0.6}
-    masks = _seen(target, 25e3, imager, how, 3, np.random.default_rng(8))
+    settings = {"segmentation": "threshold", "threshold": 0.6}
+    masks = _seen(target, 25e3, imager, settings, 3, np.random.default_rng(8))
     noise = np.random.default_rng(8).standard_normal((3, *target.shape))
     sigma = np.hypot(0.1, 0.4 / 4)
     images = imager.contrast(25e3) * target + sigma * noise
@@ -181,23 +186,23 @@ def test_the_defaults_give_the_tables_of_sweeps():
     """
     tables = reproduce(NOMINAL, aspects=ASPECTS, draws=12, rng=np.random.default_rng(9), view=view)
     assert np.abs(tables["table3"].mean - [31, 19, 16]).max() <= 2
-    for name, theirs, error in (
+    for name, published, error in (
         ("table2", [68, 41, 34], [1.5, 3.5, 3]),
         ("table4", [76, 68, 34], [2, 3, 0.5]),
     ):
-        ours = tables[name].mean[2]  # 16 frames
-        spread = tables[name].spread[2]
-        assert (np.abs(ours - theirs) < 4 * np.hypot(error, spread / np.sqrt(12))).all(), name
+        simulated = tables[name].mean[2]  # 16 frames
+        bound = 4 * np.hypot(error, tables[name].spread[2] / np.sqrt(12))
+        assert (np.abs(simulated - published) < bound).all(), name
     # One training beside the mean of eight: a view is 2.5 points, and abeam trainings differ.
     assert (np.abs(tables["table2"].mean[0] - [100, 99, 41]) < [1, 3, 12]).all()
 
 
 def test_a_setting_is_the_same_for_the_same_stream_and_another_for_another():
     values = assumed(5) | {f"variant_{name}": 0 for name in SHIPS}
-    few = {"aspects": [0.0, 45.0, 90.0], "draws": 2, "view": view}
-    first, again, other = (
-        reproduce(values, **few, rng=np.random.default_rng(seed)) for seed in (1, 1, 2)
+    arguments = {"aspects": [0.0, 45.0, 90.0], "draws": 2, "view": view}
+    first, repeated, other_stream = (
+        reproduce(values, **arguments, rng=np.random.default_rng(seed)) for seed in (1, 1, 2)
     )
     for name, scores in first.items():
-        np.testing.assert_array_equal(scores.mean, again[name].mean)
-    assert any((scores.mean != other[name].mean).any() for name, scores in first.items())
+        np.testing.assert_array_equal(scores.mean, repeated[name].mean)
+    assert any((scores.mean != other_stream[name].mean).any() for name, scores in first.items())

@@ -1,4 +1,4 @@
-"""Run time against error: errors beside the plain computation, times as what they are."""
+"""Run time against error: errors beside the plain computation."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def test_errors_are_those_of_the_library_beside_the_reference(measured):
     image = range_image(ship, **VIEW, **sight, pixel=1.0, roll=31.7, engine="embree")
     lines = line_image(ship, **VIEW, **sight, spacing=1.0, roll=31.7)
     kernel = target_kernel(pulse_width=30e-9, bin_width=1.0, bin_count=250) ** 2
-    for engine, seen, spread in (
+    for engine, drawing, spread in (
         ("embree", image, 0.5),
         ("embree", image, 0.0),
         ("lines", lines, 0),
     ):
-        extent = range_extent(seen, spread=spread, **sight)
-        found = measured.sel(PLACE | {"engine": engine, "spread": spread})
+        extent = range_extent(drawing, spread=spread, **sight)
+        row = measured.sel(PLACE | {"engine": engine, "spread": spread})
         p, q = areas(extent).sum(axis=0), exact.area.sum(axis=0)
-        assert found.extent_error == pytest.approx(np.abs(p - q).sum() / q.sum(), rel=1e-5)
-        after = np.abs(kernel @ (p - q)).sum() / (kernel @ q).sum()
-        assert found.profile_error.sel(pulse_width=30) == pytest.approx(after, rel=1e-5)
+        assert row.extent_error == pytest.approx(np.abs(p - q).sum() / q.sum(), rel=1e-5)
+        error = np.abs(kernel @ (p - q)).sum() / (kernel @ q).sum()
+        assert row.profile_error.sel(pulse_width=30) == pytest.approx(error, rel=1e-5)

@@ -27,28 +27,29 @@ def test_the_sources_field_has_the_pixels_it_is_said_to_have():
 
 @given(HOT, REACH)
 def test_every_hot_pixel_is_in_one_detection_and_no_other_is(hot, reach):
-    found = detect(hot.astype(float), threshold=0.5, reach=reach)
-    pixels = [tuple(pixel) for one in found for pixel in one.pixel.tolist()]
+    detections = detect(hot.astype(float), threshold=0.5, reach=reach)
+    pixels = [tuple(pixel) for detection in detections for pixel in detection.pixel.tolist()]
     assert sorted(pixels) == sorted((column, row) for row, column in np.argwhere(hot).tolist())
-    for one in found:
-        assert one.box.holds(one.pixel).all()
-        assert one.box[:2] == tuple(one.pixel.min(axis=0))
+    for detection in detections:
+        assert detection.box.holds(detection.pixel).all()
+        assert detection.box[:2] == tuple(detection.pixel.min(axis=0))
 
 
 @given(HOT, REACH)
 def test_detections_are_apart_and_hang_together(hot, reach):
-    found = detect(hot.astype(float), threshold=0.5, reach=reach)
-    for k, one in enumerate(found):
-        for other in found[:k]:
-            near = (np.abs(one.pixel[:, None] - other.pixel) <= reach).all(axis=-1)
+    regions = detect(hot.astype(float), threshold=0.5, reach=reach)
+    for k, region in enumerate(regions):
+        for earlier in regions[:k]:
+            near = (np.abs(region.pixel[:, None] - earlier.pixel) <= reach).all(axis=-1)
             assert not near.any()
         linked = {0}  # of its pixels, by plain search
         grown = True
         while grown:
-            near = (np.abs(one.pixel[:, None] - one.pixel[list(linked)]) <= reach).all(axis=-1)
-            more = set(np.flatnonzero(near.any(axis=1)).tolist())
-            grown, linked = more > linked, linked | more
-        assert len(linked) == len(one.pixel)
+            steps = np.abs(region.pixel[:, None] - region.pixel[list(linked)])
+            near = (steps <= reach).all(axis=-1)
+            reached = set(np.flatnonzero(near.any(axis=1)).tolist())
+            grown, linked = reached > linked, linked | reached
+        assert len(linked) == len(region.pixel)
 
 
 @given(
@@ -61,8 +62,8 @@ def test_a_cue_holds_the_whole_ship_whatever_is_seen_of_it(ship, more, detector,
     left, bottom, columns, rows = ship
     cells = np.argwhere(np.ones((columns, rows), bool)) + np.array([left, bottom])
     reach = (columns - 1 + more[0], rows - 1 + more[1])  # of the largest ship, at least as large
-    seen = cells[data.draw(st.lists(st.integers(0, len(cells) - 1), min_size=1))]
-    box = Box(*seen.min(axis=0).tolist(), *(seen.max(axis=0) + 1).tolist())
+    visible = cells[data.draw(st.lists(st.integers(0, len(cells) - 1), min_size=1))]
+    box = Box(*visible.min(axis=0).tolist(), *(visible.max(axis=0) + 1).tolist())
     visit = cue(box, reach=reach, detector=detector)
     assert visit.holds(cells).all()
     assert not (np.array(visit.size) % detector).any()
@@ -76,33 +77,33 @@ def test_detections_and_false_alarms_are_as_probable_as_the_library_says(false_a
     """Binomial z-tests at 4 sigma (6e-5): of 600 draws, and of their 600 x 288 pixels of sea."""
     field, draws = field_of(15, 20), 600
     ship = np.argwhere(np.ones((6, 2), bool)) + np.array([7, 6])
-    own = {"nedt": 0.4, "target_spread": 0.1, "sea_spread": 0.05}
+    noise = {"nedt": 0.4, "target_spread": 0.1, "sea_spread": 0.05}
     sigma = {
-        f"{name}_sigma": float(pixel_sigma(own[f"{name}_spread"], frame_count=16, nedt=0.4))
+        f"{name}_sigma": float(pixel_sigma(noise[f"{name}_spread"], frame_count=16, nedt=0.4))
         for name in ("target", "sea")
     }
     threshold = detection_threshold(false_alarm=false_alarm, sigma=sigma["sea_sigma"])
     rng = np.random.default_rng(5)
-    found = alarms = 0
+    detected = alarms = 0
     for _ in range(draws):
-        image = thermal_field(field, [ship], [0.15], frame_count=16, rng=rng, **own)
-        seen = detect(image, threshold=threshold, reach=(0, 0))
+        image = thermal_field(field, [ship], [0.15], frame_count=16, rng=rng, **noise)
+        detections = detect(image, threshold=threshold, reach=(0, 0))
         box = Box(7, 6, 13, 8)
-        inside = sum(int(box.holds(one.pixel).sum()) for one in seen)
-        found += inside > 0
-        alarms += sum(len(one.pixel) for one in seen) - inside
+        inside = sum(int(box.holds(detection.pixel).sum()) for detection in detections)
+        detected += inside > 0
+        alarms += sum(len(detection.pixel) for detection in detections) - inside
     p = detection_probability(12, contrast=0.15, false_alarm=false_alarm, **sigma)
     assert 0.1 < p < 0.99
-    assert abs(found - draws * p) < 4 * math.sqrt(draws * p * (1 - p))
+    assert abs(detected - draws * p) < 4 * math.sqrt(draws * p * (1 - p))
     sea = draws * (300 - 12)
     assert abs(alarms - sea * false_alarm) < 4 * math.sqrt(sea * false_alarm)
 
 
 def test_what_is_farther_on_a_flat_sea_is_higher():
-    here = {"middle_range": 100e3, "depression": math.radians(3.84)}
-    assert elevation(100e3, **here) == pytest.approx(0.0, abs=1e-15)
+    sensor = {"middle_range": 100e3, "depression": math.radians(3.84)}
+    assert elevation(100e3, **sensor) == pytest.approx(0.0, abs=1e-15)
     # The sensor is 6,697 m up: 105 km away it looks down by asin(0.06378) = 3.657 deg.
-    assert math.degrees(elevation(105e3, **here)) == pytest.approx(3.84 - 3.657, abs=1e-3)
-    assert elevation(95e3, **here) < 0
+    assert math.degrees(elevation(105e3, **sensor)) == pytest.approx(3.84 - 3.657, abs=1e-3)
+    assert elevation(95e3, **sensor) < 0
     with pytest.raises(ValueError, match="slant_range is 6000 m, but must be at least"):
-        elevation(6000.0, **here)
+        elevation(6000.0, **sensor)

@@ -1,4 +1,4 @@
-"""A scan of the field of regard: what is found adds up, and takes the time that it should."""
+"""A scan of the field of regard: detections add up, and take the time that they should."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def test_every_target_is_detected_or_not_and_every_detection_is_of_something(sca
     valid = (scan.source > -2).sum("detection")
     assert (valid == scan.detected + scan.decoys_detected + scan.false).all()
     # Targets lie so far apart that none shares a detection here.
-    seen = scan.hot > 0
-    assert (seen.isel(target=slice(SHIPS)).sum("target") == scan.detected).all()
-    assert (seen.sel(target=DECOY) == scan.decoys_detected).all()
+    hot = scan.hot > 0
+    assert (hot.isel(target=slice(SHIPS)).sum("target") == scan.detected).all()
+    assert (hot.sel(target=DECOY) == scan.decoys_detected).all()
     assert ((scan.hot <= scan.shown) & (scan.shown > 0)).all()
     assert ((scan.accepted >= 0) == (scan.source > -2)).all()
 
@@ -66,8 +66,8 @@ def test_time_is_the_closed_form_of_the_visits(scan):
     field = {"width": np.radians(3), "height": np.radians(2)}
     rate = {"pixels": 256, "frame_count": 16, "frame_rate": 30.0, "slew_time": 0.1}
     assert np.allclose(scan.imaging, imaging_time(**field, ifov=150e-6, **rate))
-    whole = position_count(**field, element=150e-6)
-    np.testing.assert_allclose(scan.exhaustive.sel(frame_count=16), whole * 16 / 1000)
+    positions = position_count(**field, element=150e-6)
+    np.testing.assert_allclose(scan.exhaustive.sel(frame_count=16), positions * 16 / 1000)
     np.testing.assert_allclose(scan.total, scan.imaging + scan.slewing + scan.dwelling)
 
 
@@ -83,16 +83,16 @@ def test_the_sea_is_no_ship_and_what_is_near_is_named(scan):
 def test_the_decoy_is_never_counted_as_a_ship(scan):
     names = scan.target.values.tolist()
     assert names == ["duncan", "texas", DECOY]
-    asked = scan.named.values[scan.named.values > -2]
-    assert set(asked.tolist()) <= set(range(SHIPS))  # no template is the decoy's
+    answers = scan.named.values[scan.named.values > -2]
+    assert set(answers.tolist()) <= set(range(SHIPS))  # no template is the decoy's
 
 
 def test_a_seed_is_a_scan_and_company_changes_nothing(scan, tmp_path, cache):
-    alone = ("grid.range=100", "grid.frame_count=16", "grid.replicate=2")
-    assert not swept(tmp_path / "a.zarr", cache, *SMALL, *alone).failures
-    assert not swept(tmp_path / "b.zarr", cache, *SMALL, *alone, "seed=1").failures
-    same, other = (opened(tmp_path / f"{name}.zarr", "scan").squeeze() for name in "ab")
-    here = scan.sel(range=100, frame_count=16, replicate=[0, 1])
+    overrides = ("grid.range=100", "grid.frame_count=16", "grid.replicate=2")
+    assert not swept(tmp_path / "a.zarr", cache, *SMALL, *overrides).failures
+    assert not swept(tmp_path / "b.zarr", cache, *SMALL, *overrides, "seed=1").failures
+    repeated, other_seed = (opened(tmp_path / f"{name}.zarr", "scan").squeeze() for name in "ab")
+    part = scan.sel(range=100, frame_count=16, replicate=[0, 1])
     for name in (
         "true_aspect",
         "hot",
@@ -102,23 +102,23 @@ def test_a_seed_is_a_scan_and_company_changes_nothing(scan, tmp_path, cache):
         "total",
         "least",
     ):
-        assert np.array_equal(same[name], here[name]), name
-    assert not np.array_equal(same.true_aspect, other.true_aspect)
-    assert not np.array_equal(same.visit, other.visit)
+        assert np.array_equal(repeated[name], part[name]), name
+    assert not np.array_equal(repeated.true_aspect, other_seed.true_aspect)
+    assert not np.array_equal(repeated.visit, other_seed.visit)
 
 
 def test_the_table_counts_all_draws(scan, table):
     assert (table.draws == DRAWS).all()
     right = scan.right.sum("replicate").transpose(*table.share_right.dims)
-    of = scan.detected.sum("replicate").transpose(*right.dims)
-    np.testing.assert_allclose(table.share_right, right / of.where(of > 0))
-    low, high = wilson_interval(right, of)
+    detected = scan.detected.sum("replicate").transpose(*right.dims)
+    np.testing.assert_allclose(table.share_right, right / detected.where(detected > 0))
+    low, high = wilson_interval(right, detected)
     np.testing.assert_allclose(table.share_right_low, low)
     np.testing.assert_allclose(table.share_right_high, high)
     assert (table.share_detected_of == DRAWS * SHIPS).all()
     np.testing.assert_allclose(table.gain, table.exhaustive / table.total)
-    whole = table.share_right + table.share_wrong + table.share_away
-    assert np.allclose(whole.where(of > 0, 1), 1)
+    total = table.share_right + table.share_wrong + table.share_away
+    assert np.allclose(total.where(detected > 0, 1), 1)
 
 
 # The parts
@@ -132,8 +132,8 @@ def test_a_detection_is_of_the_target_with_most_of_its_pixels():
 
 def test_a_search_counts_ships_decoys_and_alarms():
     source, named = np.array([0, 1, 1, 2, -1]), np.zeros(5, int)
-    found = outcomes(source, named, np.array([True, True, False, False, False]), ships=2)
-    assert {name: int(count) for name, count in found.items()} == {
+    counts = outcomes(source, named, np.array([True, True, False, False, False]), ships=2)
+    assert {name: int(count) for name, count in counts.items()} == {
         **{"detected": 3, "right": 1, "wrong": 1, "turned_away": 1},
         **{"decoys_detected": 1, "decoys_rejected": 1, "false": 1, "false_rejected": 1},
     }
@@ -146,12 +146,11 @@ def test_a_view_has_the_depression_and_the_size_of_its_own_range():
     bins = {"ifov": 150e-6, "bin_width": 1.0, "window": 250.0, "spread": 0.5}
     survey = Survey(**scene, **bins, sampling=Sampling("lines", 0.1, 0, 31.7))
     for seed in range(4):
-        seen = survey.arrays(survey.target(barge, (90.0,), np.random.default_rng(seed)))
-        far = float(seen["slant_range"])
-        assert 40e3 <= far <= 60e3 and seen["fraction"].shape == (61 * 21, 250)
-        area = seen["fraction"].sum() * (150e-6 * far) ** 2
+        arrays = survey.arrays(survey.target(barge, (90.0,), np.random.default_rng(seed)))
+        far = float(arrays["slant_range"])
+        assert 40e3 <= far <= 60e3 and arrays["fraction"].shape == (61 * 21, 250)
+        area = arrays["fraction"].sum() * (150e-6 * far) ** 2
         down = np.arcsin(50e3 * np.sin(np.radians(3.84)) / far)
         exact = 120 * (8 * np.cos(down) + 20 * np.sin(down))
-        assert area == pytest.approx(
-            exact, rel=0.005
-        )  # lines of 0.1 m; a deck at 3.84 deg would be 2 % off at 60 km
+        # Lines of 0.1 m; a deck at 3.84 deg would be 2 % off at 60 km.
+        assert area == pytest.approx(exact, rel=0.005)

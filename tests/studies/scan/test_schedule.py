@@ -1,4 +1,4 @@
-"""The time of a search: closed forms, and what visits save."""
+"""The time of a search: closed forms, and the time that visits save."""
 
 import math
 
@@ -22,17 +22,17 @@ def test_the_sources_field_has_175_by_117_places():
 
 @given(st.integers(1, 200), st.integers(1, 200), st.integers(1, 8))
 def test_places_cover_without_one_to_spare(columns, rows, detector):
-    found = position_count(columns * IFOV, rows * IFOV, element=IFOV, detector=detector)
+    positions = position_count(columns * IFOV, rows * IFOV, element=IFOV, detector=detector)
     across, up = -(-columns // detector), -(-rows // detector)
-    assert found == across * up
+    assert positions == across * up
     assert (across - 1) * detector < columns <= across * detector
 
 
 def test_the_imager_steps_over_a_field_wider_than_its_array():
     # 349.1 x 232.7 pixels: two places of 256
     assert imaging_time(**SOURCE, **IMAGER) == pytest.approx(2 * 16 / 30 + 0.1)
-    whole = {"width": math.radians(12), "height": math.radians(12)}  # 1396.3 pixels: six by six
-    assert imaging_time(**whole, **IMAGER) == pytest.approx(36 * 16 / 30 + 35 * 0.1)
+    field = {"width": math.radians(12), "height": math.radians(12)}  # 1396.3 pixels: six by six
+    assert imaging_time(**field, **IMAGER) == pytest.approx(36 * 16 / 30 + 35 * 0.1)
 
 
 @given(
@@ -43,20 +43,20 @@ def test_the_imager_steps_over_a_field_wider_than_its_array():
 )
 def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, pulse_rate, slew_time):
     fixed = {"imaging": 1.0, "whole": 20475, "slew_time": slew_time}
-    one = schedule(visits, frame_count=frame_count, pulse_rate=pulse_rate, **fixed)
-    assert one.total == one.imaging + one.slewing + one.dwelling
-    assert one.slewing == pytest.approx(len(visits) * slew_time)
-    assert one.dwelling == pytest.approx(sum(visits) * frame_count / pulse_rate)
-    assert one.gain == pytest.approx(20475 * frame_count / pulse_rate / one.total)
+    search = schedule(visits, frame_count=frame_count, pulse_rate=pulse_rate, **fixed)
+    assert search.total == search.imaging + search.slewing + search.dwelling
+    assert search.slewing == pytest.approx(len(visits) * slew_time)
+    assert search.dwelling == pytest.approx(sum(visits) * frame_count / pulse_rate)
+    assert search.gain == pytest.approx(20475 * frame_count / pulse_rate / search.total)
     twice = schedule(visits, frame_count=2 * frame_count, pulse_rate=2 * pulse_rate, **fixed)
-    assert (twice.dwelling, twice.exhaustive) == pytest.approx((one.dwelling, one.exhaustive))
+    assert (twice.dwelling, twice.exhaustive) == pytest.approx((search.dwelling, search.exhaustive))
 
 
 def test_visiting_every_place_saves_nothing_but_moves():
-    found = schedule(
+    search = schedule(
         [20475], imaging=0.0, whole=20475, frame_count=16, pulse_rate=1e3, slew_time=0.0
     )
-    assert found.gain == 1.0
+    assert search.gain == 1.0
 
 
 def test_a_pulse_is_back_before_the_next():

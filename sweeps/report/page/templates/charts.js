@@ -137,7 +137,7 @@ const charts = (() => {
       { data: { values: rings }, mark: "line", encoding: { detail: { field: "share" }, order, ...grid } },
       { data: { values: spokes }, mark: "rule", encoding: { x: { ...x, field: "zero" }, y: { ...y, field: "zero" }, x2: { field: "x" }, y2: { field: "y" }, ...grid } },
       { data: { values: spokes }, mark: { type: "text", fontSize: 11 }, encoding: { x: { ...x, field: "x2" }, y: { ...y, field: "y2" }, text } },
-      { data: { values: rings.filter((one) => one.k === 0) }, mark: { type: "text", fontSize: 10, align: "right", dx: -4 }, encoding: { text: { field: "y" } } },
+      { data: { values: rings.filter((ring) => ring.k === 0) }, mark: { type: "text", fontSize: 10, align: "right", dx: -4 }, encoding: { text: { field: "y" } } },
       { data: { values: points }, mark: { type: "rule", opacity: 0.6 }, encoding: { ...shared, x: { ...x, field: "x1" }, y: { ...y, field: "y1" }, x2: { field: "x2" }, y2: { field: "y2" } } },
       { data: { values: path }, mark: "line", encoding: { ...shared, strokeDash, detail: { field: "of" }, order } },
       { data: { values: points }, mark: { type: "point", filled: true, size: 45 }, encoding: { ...shared, shape, tooltip } },

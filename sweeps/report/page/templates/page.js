@@ -1,7 +1,7 @@
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
-  const all = (what, where = document) => [...where.querySelectorAll(what)];
+  const all = (selector, root = document) => [...root.querySelectorAll(selector)];
   const sections = all("section.table");
   const state = {};
   const bar = document.querySelector(".bar"), below = document.querySelector(".at");
@@ -15,19 +15,19 @@
     const table = data.tables[section.dataset.table], { across } = table;
     section.table = table;
     // A curve for each value across, too, unless one is selected.
-    if (across && !selects.some((one) => one.dataset.axis === across)) table.series.push(across);
+    if (across && !selects.some((select) => select.dataset.axis === across)) table.series.push(across);
   }
 
   // The selection is kept in the address: #range_km=100&by=cnr_db&colour=range_km&of=ACN. The curve
   // that the first table is of is chosen among those at the selection.
   const ofSelect = document.querySelector("label.of select");
-  const named = [["by", axisSelect], ["colour", colourSelect], ...selects.map((one) => [one.dataset.axis, one])].filter(([, one]) => one);
+  const named = [["by", axisSelect], ["colour", colourSelect], ...selects.map((select) => [select.dataset.axis, select])].filter(([, select]) => select);
   const read = () => {
     for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
       if (name === "of" && ofSelect) ofSelect.dataset.chosen = text;
-      const select = named.find(([one]) => one === name)?.[1];
-      const option = select && [...select.options].find((one) => one.value === text || one.text === text);
-      if (option) select.value = option.value;
+      const select = named.find(([key]) => key === name)?.[1];
+      const match = select && [...select.options].find((option) => option.value === text || option.text === text);
+      if (match) select.value = match.value;
     }
   };
   const write = () => {
@@ -48,19 +48,19 @@
     const kept = new Array(count).fill(true);
     for (const name of table.axes) {
       if (!(name in state) || free.includes(name) || table.series.includes(name)) continue;
-      const column = table.rows[name], wanted = {};
+      const column = table.rows[name], nearest = {};
       for (let k = 0; k < count; k++) {
         const part = table.rows.part[k], value = column[k];
         if (value === null || !kept[k]) continue;
-        const best = wanted[part];
+        const best = nearest[part];
         const near = (v) => (typeof v === "number" && typeof state[name] === "number" ? Math.abs(v - state[name]) : v === state[name] ? 0 : 1);
-        if (best === undefined || near(value) < near(best)) wanted[part] = value;
+        if (best === undefined || near(value) < near(best)) nearest[part] = value;
       }
       for (let k = 0; k < count; k++) {
         const part = table.rows.part[k];
         // What tells parts apart, such as tests from training, is not for them to keep.
-        const own = table.parts[part]?.labels.includes(name) ? state[name] : wanted[part];
-        if (column[k] !== null && column[k] !== own) kept[k] = false;
+        const choice = table.parts[part]?.labels.includes(name) ? state[name] : nearest[part];
+        if (column[k] !== null && column[k] !== choice) kept[k] = false;
       }
     }
     return kept;
@@ -71,7 +71,7 @@
     return value === null ? "" : table.words[name]?.[value] ?? String(value);
   };
   const distinct = (values) => [...new Set(values)].filter((value) => value !== null);
-  const ascending = (values) => (values.every((one) => typeof one === "number") ? values.sort((a, b) => a - b) : values);
+  const ascending = (values) => (values.every((value) => typeof value === "number") ? values.sort((a, b) => a - b) : values);
   const numeric = (table, name) => table.x[name]?.type === "quantitative";
   // Rows at the selection that have a figure, by their places in the columns.
   const placesOf = (table, figure, free) =>
@@ -97,12 +97,12 @@
   };
   // The axis along the chart of a figure: the chosen one, or of a table without it the first; empty
   // if the figure is the same all along.
-  const axisOf = (table, figure) => (by() in table.x ? [by()] : table.along).find((one) => varies(table, figure, one)) ?? "";
+  const axisOf = (table, figure) => (by() in table.x ? [by()] : table.along).find((axis) => varies(table, figure, axis)) ?? "";
   // The axis of the colours of a chart, or of the other side of its heat map.
   const colourOf = (table, axis) => {
     if (colourBy() !== axis && colourBy() in table.x) return colourBy();
-    const own = table.series.filter((name) => name !== axis);
-    return own.length === 1 && numeric(table, own[0]) ? own[0] : "";
+    const names = table.series.filter((name) => name !== axis);
+    return names.length === 1 && numeric(table, names[0]) ? names[0] : "";
   };
 
   const fill = (section) => {
@@ -143,11 +143,11 @@
     element.hidden = !rows.length;
     if (!rows.length) return;
     const spec = charts[kind]({ rows, figure: section.table.figures[figure], room: element.clientWidth, ...more });
-    const made = await vegaEmbed(element.querySelector(".draw"), spec, {
+    const view = await vegaEmbed(element.querySelector(".draw"), spec, {
       ast: true, renderer: "svg", actions: false, defaultStyle: false, logLevel: 1, tooltip: hover(section), config: charts.theme(),
     });
     views.get(element)?.finalize();
-    views.set(element, made);
+    views.set(element, view);
   };
   // Rows of a chart: what it shows of each place, and the name of its curve.
   const rowsOf = (table, places, figure, names, more = []) => {
@@ -167,8 +167,8 @@
   // Names, colours and heading of the curves of some rows. A classifier has one colour everywhere.
   const curvesIn = (table, rows, names, figure, axis) => {
     const series = distinct(rows.map((row) => row.series)), title = names.map((name) => table.headings[name]).join(", ");
-    const hue = (one, number) => {
-      const place = data.colours.indexOf(wordsOf(table, table.colour, rows.find((row) => row.series === one).k));
+    const hue = (name, number) => {
+      const place = data.colours.indexOf(wordsOf(table, table.colour, rows.find((row) => row.series === name).k));
       return charts.colour(`--c${(place < 0 ? number : place) % 8}`);
     };
     const colours = numeric(table, names[0]) ? charts.sequence(series.length) : series.map(hue);
@@ -178,16 +178,16 @@
   const ofOne = (section, places, but, figure) => {
     const { table } = section, label = section.querySelector("label.of"), select = label.querySelector("select");
     const names = table.series.filter((name) => !but.includes(name));
-    const found = distinct(places.map((k) => nameOf(table, names, k)));
-    label.hidden = found.length < 2;
+    const curves = distinct(places.map((k) => nameOf(table, names, k)));
+    label.hidden = curves.length < 2;
     if (label.hidden) return places;
     label.querySelector("span").textContent = colourBy() ? "curves and heat map of" : "heat map of";
-    const mean = (one) => {
-      const own = places.filter((k) => nameOf(table, names, k) === one).map((k) => table.rows[figure][k]);
-      return own.reduce((sum, value) => sum + value, 0) / own.length;
+    const mean = (curve) => {
+      const values = places.filter((k) => nameOf(table, names, k) === curve).map((k) => table.rows[figure][k]);
+      return values.reduce((sum, value) => sum + value, 0) / values.length;
     };
-    const { chosen } = select.dataset, best = found.includes(chosen) ? chosen : found.reduce((most, one) => (mean(one) > mean(most) ? one : most));
-    select.replaceChildren(...found.map((one) => new Option(one, one, false, one === best)));
+    const { chosen } = select.dataset, best = curves.includes(chosen) ? chosen : curves.reduce((most, curve) => (mean(curve) > mean(most) ? curve : most));
+    select.replaceChildren(...curves.map((curve) => new Option(curve, curve, false, curve === best)));
     return places.filter((k) => nameOf(table, names, k) === select.value);
   };
 
@@ -242,7 +242,7 @@
     // Only figures that differ along the axis are drawn; a table without any is unfolded.
     const options = all("select.figure option", section);
     for (const option of options) option.hidden = option.disabled = !axisOf(table, option.value);
-    if (options.some((one) => one.selected && one.hidden)) (options.find((one) => !one.hidden) ?? options[0]).selected = true;
+    if (options.some((option) => option.selected && option.hidden)) (options.find((option) => !option.hidden) ?? options[0]).selected = true;
     const figure = figureOf(section), axis = axisOf(table, figure), tone = colourOf(table, axis);
     if (!axis && !table.matrix.length) section.querySelector("details.rows").open = true;
     const [chart, aspect, heat] = ["chart", "aspect", "heat"].map((kind) => section.querySelector(`figure.${kind}`));
@@ -275,8 +275,8 @@
     return /[",\n\r]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
   }).join(",")).join("\r\n");
   const allRows = ({ table }) => {
-    const names = Object.keys(table.rows).filter((one) => one !== "part");
-    return [names, ...table.labels.map((_, k) => names.map((one) => table.rows[one][k]))];
+    const names = Object.keys(table.rows).filter((name) => name !== "part");
+    return [names, ...table.labels.map((_, k) => names.map((name) => table.rows[name][k]))];
   };
   // The rows and columns that are seen; after a figure the ends of its interval, if any is seen.
   const seenRows = (section) => {
@@ -366,14 +366,14 @@
     below.hidden = !below.querySelector("label") || !document.querySelector("figure.aspect, [data-table=confusion]");
     for (const option of colourSelect?.options ?? []) option.hidden = option.disabled = option.value === along;
   };
-  const said = document.querySelector(".headline");
+  const headline = document.querySelector(".headline");
   const update = () => {
     for (const select of selects) state[select.dataset.axis] = JSON.parse(select.value);
     arrange();
     if (data.headline) {
       const about = data.headline, table = data.tables[about.table];
       const bin = state[table.across] ?? about.overall, kept = selected(table, [by(), table.across]);
-      said.textContent = headlineOf(about, table, kept, by(), bin);
+      headline.textContent = headlineOf(about, table, kept, by(), bin);
     }
     for (const section of sections) {
       fill(section);
@@ -384,9 +384,9 @@
   let closed = [];
   addEventListener("beforeprint", () => {
     closed = all("details:not([open], .code)");
-    for (const one of closed) one.open = true;
+    for (const details of closed) details.open = true;
   });
-  addEventListener("afterprint", () => { for (const one of closed) one.open = false; });
+  addEventListener("afterprint", () => { for (const details of closed) details.open = false; });
 
   if (named.length) {
     bar.hidden = false;
