@@ -15,28 +15,26 @@ SHARES = {
 PARTS = {"imaging": "imager", "slewing": "moves", "dwelling": "visits"}
 store, picture = sys.argv[1:]
 rows = frame(store, "scan").sort_values(["frame_count", "range_km"])
-figure, (shares, times) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
+figure, (share, time) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
 last = rows[rows.frame_count == rows.frame_count.max()]
 for name, label in SHARES.items():
     low, high = last[f"{name}_ci_low"], last[f"{name}_ci_high"]
     ends = [(last[name] - low).clip(0), (high - last[name]).clip(0)]
-    shares.errorbar(last.range_km, last[name], ends, fmt="o-", capsize=2, label=label)
-shares.plot(
-    last.range_km, last.percent_detected_in_closed_form, "k:", label="detected, closed form"
-)
+    share.errorbar(last.range_km, last[name], ends, fmt="o-", capsize=2, label=label)
+share.plot(last.range_km, last.percent_detected_in_closed_form, "k:", label="detected, closed form")
 ships = attributes(opened(store))["configuration"]["grid"]["ship"]
-shares.axhline(100 / len(ships), color="0.6", ls=":", label=f"chance, one of {len(ships)} ships")
-shares.set(xlabel="slant range [km]", ylabel="percent, 95 % intervals", ylim=(0, 104))
-shares.set_title(f"{int(last.draws.max())} draws, {int(last.frame_count.max())} frames")
-shares.legend(frameon=False, fontsize="small")
+share.axhline(100 / len(ships), color="0.6", ls=":", label=f"chance, one of {len(ships)} ships")
+share.set(xlabel="slant range [km]", ylabel="percent, 95 % intervals", ylim=(0, 104))
+share.set_title(f"{int(last.draws.max())} draws, {int(last.frame_count.max())} frames")
+share.legend(frameon=False, fontsize="small")
 places, left = range(len(rows)), 0 * rows["imaging"].to_numpy()
 for name, label in PARTS.items():
-    times.barh(places, rows[name], left=left, label=label)
+    time.barh(places, rows[name], left=left, label=label)
     left = left + rows[name].to_numpy()
-times.barh(places, rows.exhaustive, color="none", ec="0.5", label="laser radar alone")
-times.set_yticks(
+time.barh(places, rows.exhaustive, color="none", ec="0.5", label="laser radar alone")
+time.set_yticks(
     places, [f"{r:g} km, {n}" for r, n in zip(rows.range_km, rows.frame_count, strict=True)]
 )
-times.set(xlabel="mean time [s], by range and frames")
-times.legend(frameon=False, fontsize="small")
+time.set(xlabel="mean time [s], by range and frames")
+time.legend(frameon=False, fontsize="small")
 figure.savefig(picture, dpi=150)

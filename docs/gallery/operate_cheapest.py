@@ -18,16 +18,14 @@ size = {"figsize": (9, 4.4), "layout": "constrained", "sharey": True}
 figure, panels = plt.subplots(1, 2, **size)
 for axes, channel in zip(panels, ("profile", "both"), strict=True):
     for number, fleet in enumerate(fleets):
-        curve = rows[(rows.channel == channel) & (rows.fleet == fleet)].sort_values("range_km")
-        curve = curve[np.isfinite(curve.cost)]
-        high = curve.ci_high.replace(np.inf, np.nan).fillna(1e4)
-        ends = [curve.cost - curve.ci_low, high - curve.cost]
-        ranges = curve.range_km * 1.015 ** (number - 1.5)
+        line = rows[(rows.channel == channel) & (rows.fleet == fleet)].sort_values("range_km")
+        line = line[np.isfinite(line.cost)]
+        high = line.ci_high.replace(np.inf, np.nan).fillna(1e4)
+        ends = [line.cost - line.ci_low, high - line.cost]
+        ranges = line.range_km * 1.015 ** (number - 1.5)
         colour = f"C{number}"
-        axes.errorbar(
-            ranges, curve.cost, ends, fmt="o-", ms=4, color=colour, capsize=2, label=fleet
-        )
-        for x, y, row in zip(ranges, curve.cost, curve.itertuples(), strict=True):
+        axes.errorbar(ranges, line.cost, ends, fmt="o-", ms=4, color=colour, capsize=2, label=fleet)
+        for x, y, row in zip(ranges, line.cost, line.itertuples(), strict=True):
             text = f"{row.best_pulse_width:g} ns\n{row.best_ifov:g} µrad"
             if fleet == fleets[-1]:
                 axes.annotate(text, (x, y), (3, -14), textcoords="offset points", fontsize=6)

@@ -28,23 +28,11 @@ def stack(axes, lines, title):
 size = {"figsize": (11, 4.6), "layout": "constrained"}
 figure, (by_aspect, by_ship, by_frames) = plt.subplots(1, 3, **size)
 turned = [profiles.expected.sel(ship=ship).sel(aspect=a, method="nearest") for a in (0, 30, 60, 90)]
-stack(
-    by_aspect,
-    [(f"{float(profile.aspect):g}°", profile) for profile in turned],
-    f"{ship}, bow to beam",
-)
-of_ships = [quarter.expected.sel(ship=name) for name in profiles.ship.values]
-stack(
-    by_ship,
-    [(str(profile.ship.item()), profile) for profile in of_ships],
-    f"at {float(quarter.aspect):g}°",
-)
-counts = [quarter.averaged.sel(ship=ship, frame_count=n) for n in profiles.frame_count.values]
-stack(
-    by_frames,
-    [(f"{int(profile.frame_count)} frames", profile) for profile in counts],
-    f"{ship}, averaged",
-)
+stack(by_aspect, [(f"{float(line.aspect):g}°", line) for line in turned], f"{ship}, bow to beam")
+ships = [quarter.expected.sel(ship=name) for name in profiles.ship.values]
+stack(by_ship, [(str(line.ship.item()), line) for line in ships], f"at {float(quarter.aspect):g}°")
+means = [quarter.averaged.sel(ship=ship, frame_count=n) for n in profiles.frame_count.values]
+stack(by_frames, [(f"{int(line.frame_count)} frames", line) for line in means], f"{ship}, averaged")
 setting = f"{float(profiles.range):g} km, {float(profiles.pulse_width):g} ns"
 figure.suptitle(f"Range profiles at {setting}")
 figure.savefig(picture, dpi=150)
