@@ -77,10 +77,17 @@ def two_axes(tmp_path_factory):
     return path
 
 
+def new_page(browser, **options):
+    """A page that waits for two minutes, as on a machine with other work it must."""
+    page = browser.new_page(**options)
+    page.set_default_timeout(120_000)
+    return page
+
+
 @contextmanager
 def opened(browser, file):
     """A page on a desk; fails where it asks for another file, or complains."""
-    page = browser.new_page(viewport=DESK)
+    page = new_page(browser, viewport=DESK)
     requests, wrong = [], []
     page.on("request", lambda request: requests.append(request.url))
     page.on("console", lambda message: wrong.append(message.text))
@@ -125,9 +132,13 @@ def shown_rows(page, table):
     ]
 
 
+MARKS = "{section} figure.{kind} svg g.mark-{mark}.role-mark > *"
+"""Selector of the marks of a chart of one kind, those of its legend included."""
+
+
 def marks(page, kind, mark, section="#table-scores"):
-    """The marks of a chart of one kind, those of its legend included."""
-    return page.locator(f"{section} figure.{kind} svg g.mark-{mark}.role-mark > *")
+    """The marks of a chart."""
+    return page.locator(MARKS.format(section=section, kind=kind, mark=mark))
 
 
 def downloaded(page, button):
@@ -171,7 +182,7 @@ def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_sto
     """The script describes a selection as the command describes a store of it alone."""
     frames, attrs = read_frames(smoke_store), attributes(store_of(smoke_store))
     scores = frames["scores"]
-    page = browser.new_page(viewport=DESK)
+    page = new_page(browser, viewport=DESK)
     page.goto(file.as_uri())
     sentences = {page.locator(".headline").inner_text()}
     assert sentences == set(headline(frames, attrs))
@@ -277,8 +288,12 @@ def test_a_heat_map_has_the_values_of_both_axes(both, two_axes):
     rows = rows[(rows.classifier == "mnn") & (rows.aspect_bin_deg == "overall")]
     rows = rows[rows.kind == "test"]
     values = [f"{percent:.0f}" for percent in rows.percent_correct]
-    both.wait_for_timeout(500)
-    assert sorted(marks(both, "heat", "text").all_text_contents()) == sorted(values)
+    marks = MARKS.format(section="#table-scores", kind="heat", mark="text")
+    both.wait_for_function(
+        """([marks, values]) => Array.from(document.querySelectorAll(marks))
+            .map((node) => node.textContent).sort().join() === values.join()""",
+        arg=[marks, sorted(values)],
+    )
 
 
 def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
@@ -334,7 +349,7 @@ CUT = """[...document.querySelectorAll("body *")].filter((node) => {
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", [PHONE, DESK], ids=["phone", "desk"])
 def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
-    page = browser.new_page(viewport=size, color_scheme=scheme)
+    page = new_page(browser, viewport=size, color_scheme=scheme)
     page.goto(file.as_uri())
     page.eval_on_selector_all("details", "all => all.forEach(node => { node.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
@@ -355,7 +370,7 @@ def test_what_is_closed_is_printed(seen):
 
 def test_it_reads_without_its_script(browser, file):
     context = browser.new_context(java_script_enabled=False, viewport=PHONE)
-    page = context.new_page()
+    page = new_page(context)
     page.goto(file.as_uri())
     assert page.locator(".bar").is_hidden() and page.locator("#where").is_hidden()
     assert page.locator("table.figures:visible").count() > 4
@@ -389,8 +404,6 @@ def test_a_chart_of_a_notebook_is_drawn_and_changes_with_its_selectors(browser, 
         cell.locator(".chart svg").wait_for()
         before = cell.locator(".chart svg").inner_html()
         cell.locator('select[data-axis="votes"]').select_option(label="3")
-        for _ in range(100):
-            if cell.locator(".chart svg").inner_html() != before:
-                return
-            page.wait_for_timeout(50)
-        pytest.fail("the chart is the same")
+        _, frame = page.frames
+        changed = "before => document.querySelector('.chart svg').innerHTML !== before"
+        frame.wait_for_function(changed, arg=before)
