@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ncti.processors import processor_count
+
 Floats = NDArray[np.float64]
 
 FEWEST = 64
@@ -61,8 +63,7 @@ def thread_count() -> int:
     setting = os.environ.get("OMP_NUM_THREADS", "")
     if setting.isdigit() and int(setting):
         return int(setting)
-    affinity = getattr(os, "sched_getaffinity", None)  # Linux has it
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
+    return processor_count()
 
 
 @cache

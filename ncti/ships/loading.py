@@ -425,6 +425,20 @@ def _corrected(transform: Transform, diagnosis: Diagnosis) -> Transform | None:
     return None if diagnosis.mend is None else transform.then(diagnosis.mend)
 
 
+def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bool:
+    """Return whether `load` builds nothing: the cache has the ship, or a file has its mesh.
+
+    Raises ShipError as `digest` does.
+    """
+    source = _find(name_or_path)
+    return not source.is_sheet or _cached(source, cache).exists()
+
+
+def _cached(source: _Source, cache: str | Path | None) -> Path:
+    folder = store.default_folder() if cache is None else Path(cache)
+    return folder / f"{source.digest}.npz"
+
+
 def _solid(
     source: _Source, transform: Transform, cache: str | Path | None
 ) -> tuple[Ship, Diagnosis, tuple[str, ...]]:
@@ -433,8 +447,7 @@ def _solid(
         placed = meshes.read(source.content, source.suffix, transform, where=where)
         loa, beam, _ = (float(extent) for extent in np.ptp(placed.vertices, axis=0))
         return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis, placed.faults
-    folder = store.default_folder() if cache is None else Path(cache)
-    path = folder / f"{source.digest}.npz"
+    path = _cached(source, cache)
     ship = store.read(path)
     if ship is None:
         ship = _built(source)

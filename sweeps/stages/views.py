@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -26,6 +27,8 @@ from ncti.render.flight import DEPRESSION, depression_angle
 from ncti.render.loops import LINES, of_engine
 from ncti.render.view import ROLL
 from ncti.ships import Transform
+from ncti.ships.ahead import build_ahead
+from ncti.ships.loading import is_built
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import SetOf, format_value
 from sweeps.engine.declare.settings import (
@@ -52,7 +55,10 @@ IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MOST_FRAMES = 10_000
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
+FEW_SHIPS = 4  # that this process builds while workers import
 SHAPES = "it shapes arrays"  # why a setting takes one value only
+
+LOG = logging.getLogger(__name__)
 
 Keywords = tuple[tuple[str, Any], ...]  # values with their names
 Arrays = dict[str, NDArray[Any]]
@@ -386,6 +392,7 @@ def looks(sensor: str) -> Condition:
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ships that do not exist or are unfit."""
+    _build_many([hull(ship).source for ship in choices[Grid.ship]])
     for ship in choices[Grid.ship]:
         try:
             description(hull(ship))
@@ -394,6 +401,15 @@ def check(choices: Choices) -> Choices:
         except ValueError as error:
             raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
     return choices
+
+
+def _build_many(ships: Sequence[str]) -> None:
+    """Build ships on all processors if there are many; a few are built while workers import."""
+    folder = _built()
+    missing = [ship for ship in ships if not is_built(ship, cache=folder)]
+    if len(missing) > FEW_SHIPS:
+        LOG.warning("building %d ships (once)", len(missing))
+        build_ahead(missing, cache=folder)
 
 
 def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:

@@ -1,0 +1,49 @@
+"""Building of many ships at once: the solid modeller computes in one thread of a process."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from subprocess import DEVNULL, Popen
+
+from ncti.processors import processor_count
+from ncti.ships.errors import ShipError
+from ncti.ships.loading import describe
+
+
+def build_ahead(ships: Sequence[str], *, cache: str | Path, processes: int | None = None) -> None:
+    """Build named ships into a cache folder, in at most so many processes, this one included.
+
+    By default, one process per processor. Ships that cannot be built are left out, since `describe`
+    states the fault; so are the ships of a process that cannot start or is killed.
+    """
+    count = max(1, min(processes or processor_count(), len(ships)))
+    others: list[Popen[bytes]] = []
+    try:
+        with suppress(OSError):
+            for first in range(1, count):
+                command = [sys.executable, "-m", __name__, str(cache), *ships[first::count]]
+                others.append(Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL))
+        _build(ships[::count], cache)
+        for process in others:
+            process.wait()
+    finally:
+        for process in others:
+            process.kill()
+            process.wait()
+
+
+def _build(ships: Sequence[str], cache: str | Path, parent: int | None = None) -> None:
+    """Build ships one after another, until the parent process ends."""
+    for ship in ships:
+        if parent not in (None, os.getppid()):
+            return
+        with suppress(ShipError):
+            describe(ship, cache=cache)
+
+
+if __name__ == "__main__":
+    _build(sys.argv[2:], sys.argv[1], os.getppid())
