@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
                 _say("reading the configuration")
             status = command(*modules).main(words)
         except Stopped as stopped:
-            _say(stopped.words)
+            _say(stopped.message)
             status = stopped.status
         except DeclarationError as error:
             _say(str(error))

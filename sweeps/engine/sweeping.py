@@ -124,14 +124,14 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(reasons))
         if attributes is not None and is_complete(plan, options.store, attributes, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
-            finished = _unchanged(plan, index, watch)
+            finished = _reuse_store(plan, index, watch)
         elif options.partial and attributes is not None and PARTIAL not in attributes:
             raise ConfigurationError(
                 f"store is {str(options.store)!r}, a complete store; partial=true would drop "
                 "results that the cache has lost; give another store="
             )
         else:
-            crash_free = _crash_free(plan, attributes or {})
+            crash_free = _crash_free_stages(plan, attributes or {})
             finished = _compute_and_write(plan, options, index, watch, check, crash_free)
         size = 0
         with suppress(OSError):  # the store is complete even if the cache fails now
@@ -147,7 +147,7 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     return finished
 
 
-def _crash_free(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
+def _crash_free_stages(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
     """Return the stages of packages with which a store, by its attributes, was made.
 
     Their calls have ended no process, so they may run in the command; a script's calls may not.
@@ -288,8 +288,8 @@ def is_complete(
     return not damaged
 
 
-def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
-    """Return the outcome of a sweep whose store is complete already."""
+def _reuse_store(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
+    """Return the outcome of a sweep whose store is already complete."""
     progress = {}
     index.refresh()
     for bound in plan.targets:
@@ -337,7 +337,7 @@ def _write(
     shared: tuple[str, ...] = SHARED_ATTRIBUTES
     if options.partial:
         total = Progress.sum(schedule.progress.values())
-        attributes[PARTIAL] = f"{total.left:,} of {total.total:,} cells are missing"
+        attributes[PARTIAL] = f"{total.remaining:,} of {total.total:,} cells are missing"
         shared = (*SHARED_ATTRIBUTES, PARTIAL)
     write_store(options.store, groups, attributes, shared=shared, check=check, writers=workers)
     return list(failed_tables.items())
@@ -367,7 +367,7 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     schedule, costs = Schedule(plan), index.costs()
     schedule.look_up(index)
     stages = {
-        name: (progress.total, progress.left)
+        name: (progress.total, progress.remaining)
         for name, progress in schedule.progress.items()
         if progress.total
     }

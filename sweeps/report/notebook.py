@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import xarray as xr
 
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.engine.store.tables import with_scalars
+from sweeps.engine.store.tables import restore_scalars
 from sweeps.report.frames import displays_of, tidy
 from sweeps.report.page.content import charted
 from sweeps.report.page.write import rendered
@@ -74,7 +74,7 @@ def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
     >>> "height" in chart(heights, x="age").document
     True
     """
-    table = with_scalars(ds)
+    table = restore_scalars(ds)
     display = _display_of(table, y)
     figure = display.figures[0].variable
     dims = list(map(str, table[figure].dims))

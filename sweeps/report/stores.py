@@ -17,7 +17,7 @@ from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
 from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
-from sweeps.engine.store.tables import with_scalars
+from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.writing import zarr_store
 from sweeps.report.words import MAIN, preferred, printable
 
@@ -55,7 +55,7 @@ def groups(store: Any, under: str = "") -> list[str]:
 
 def read(store: Any, group: str) -> xr.Dataset:
     """Return a group of a store, each variable read lazily. Raises KeyError without it."""
-    return with_scalars(xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r")))
+    return restore_scalars(xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r")))
 
 
 def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None:

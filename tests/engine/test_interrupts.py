@@ -48,7 +48,7 @@ def test_a_signal_waits_until_it_is_heeded():
         arrive(signal.SIGTERM)  # later ones change nothing
         with pytest.raises(Stopped) as stopped:
             raise_if_stopped()
-        assert (stopped.value.words, stopped.value.status) == ("interrupted", 130)
+        assert (stopped.value.message, stopped.value.status) == ("interrupted", 130)
         with pytest.raises(Stopped):
             unless_stopped(print)("nothing")
         with pytest.raises(Stopped), interruptible():

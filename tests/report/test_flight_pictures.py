@@ -11,7 +11,7 @@ from stores import FLIGHTS, SMALL, attributes_of, contents, reported, signed
 
 import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading
-from sweeps.engine.store.tables import with_scalars
+from sweeps.engine.store.tables import restore_scalars
 from sweeps.report.flights import known_ship, scan_of, stages
 from sweeps.report.places import tables_folder
 
@@ -89,7 +89,7 @@ def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
     overrides = [item for item in FLIGHTS if not item.startswith("grid.")]
     path, ship = tmp_path / "s.zarr", ("grid.ship=roberts", "grid.aspect=175")
     swept(path, tmp_path / "cache", *overrides, *ship, *chosen)
-    attributes, flights = attributes_of(path), with_scalars(opened(path, "validation")).squeeze()
+    attributes, flights = attributes_of(path), restore_scalars(opened(path, "validation")).squeeze()
     mesh = ncti.ships.load("roberts")
     axes = [name for name in flights.intensity.dims if name not in ("row", "column")]
     sizes = [flights.sizes[name] for name in axes]

@@ -30,7 +30,7 @@ class Stopped(BaseException):
         self.number = number
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """Message for the user."""
         if self.number == signal.SIGINT:
             return "interrupted"
@@ -66,7 +66,7 @@ def signals_deferred() -> Iterator[None]:
     # Print no `Stopped` that the interpreter cannot raise.
     sys.unraisablehook = lambda error: issubclass(error.exc_type, Stopped) or hook(error)
     for number in previous:
-        signal.signal(number, _handle)
+        signal.signal(number, _handle_signal)
     try:
         yield
     finally:
@@ -110,7 +110,7 @@ def _handles_signals() -> bool:
     return _state.handled and threading.current_thread() is threading.main_thread()
 
 
-def _handle(number: int, frame: FrameType | None) -> None:
+def _handle_signal(number: int, frame: FrameType | None) -> None:
     if _state.number is None:
         _state.number, _state.at = number, time.monotonic()
         if _state.interruptible:

@@ -255,19 +255,19 @@ def _write_remotely(
             raise_if_stopped()
             for number, batch in islice(batches, 2 * writers.worker_count - under_way):
                 sent = [
-                    (chunk.name, chunk.array.for_worker(chunk.region), chunk.region)
+                    (chunk.name, chunk.array.worker_part(chunk.region), chunk.region)
                     for chunk in batch
                 ]
                 writers.submit(number, write_chunks, objects, sent)
                 under_way += 1
             if not under_way:
                 return files
-            for _, chunk_sizes, _ in writers.finished():
+            for _, chunk_sizes, _ in writers.wait():
                 under_way -= 1
                 files |= chunk_sizes or {}
     except Stopped:
         while under_way:  # so that nothing is written after the roll-back
-            under_way -= len(writers.finished())
+            under_way -= len(writers.wait())
         raise
 
 
