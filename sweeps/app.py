@@ -45,9 +45,9 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         print(f"{NAME} {version(NAME)}")
         sys.exit(0)
     if EXPLAIN in words:
-        from sweeps.report.explain import said
+        from sweeps.report.explain import print_meaning
 
-        sys.exit(said(NAME, " ".join(word for word in words if word != EXPLAIN)))
+        sys.exit(print_meaning(NAME, " ".join(word for word in words if word != EXPLAIN)))
     from sweeps.engine.declare.errors import DeclarationError
 
     with ExitStack() as signals:
@@ -93,10 +93,10 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
     Raises SweepIncomplete if a foreign file is in the place of an output; all others are written.
     """
     from sweeps.engine.declare.errors import SweepIncomplete
-    from sweeps.report.own import sentence_of
+    from sweeps.report.own import blocked_sentence
     from sweeps.report.page.write import is_current
-    from sweeps.report.screen import screen
-    from sweeps.report.summary import finish, print_answer, tables_of, written_page
+    from sweeps.report.screen import stdout_console
+    from sweeps.report.summary import finish, print_answer, tables_of, write_store_page
     from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
@@ -106,21 +106,21 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         with suppress(OSError):  # `finish` reports it for all tables
             kept_files += write_work(store, finished.progress)
     frames = tables_of(store)
-    print_answer(store, frames, screen())
+    print_answer(store, frames, stdout_console())
     if finished.written or not is_current(store):
         with _reporting_errors():  # the tables are complete without it
-            kept_files += written_page(store, frames)
-    kept_files += finish(store, frames, screen())
+            kept_files += write_store_page(store, frames)
+    kept_files += finish(store, frames, stdout_console())
     if looks("irar")(choices) and choices.value(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}
         with _reporting_errors():
             kept_files += write_pictures(
-                store, screen(), ship=lambda label: read_mesh(hull.function(ships[label]))
+                store, stdout_console(), ship=lambda label: read_mesh(hull.function(ships[label]))
             )
     if kept_files:
-        raise SweepIncomplete(sentence_of(list(dict.fromkeys(kept_files))))
+        raise SweepIncomplete(blocked_sentence(list(dict.fromkeys(kept_files))))
 
 
 @contextmanager
