@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         try:
             if all(word in MULTIRUN for word in words if word.startswith("-")):
                 _say("reading the configuration")
-            status = command(*modules).main(words)
+            status = make_command(*modules).main(words)
         except Stopped as stopped:
             _say(stopped.message)
             status = stopped.status
@@ -73,17 +73,17 @@ def _say(sentence: str) -> None:
         print(f"{NAME}: {sentence}", file=sys.stderr, flush=True)
 
 
-def command(*modules: Any) -> Command:
+def make_command(*modules: Any) -> Command:
     """Return the command of the experiment, with further modules if any."""
     raise_if_stopped()
     from sweeps.engine.command.line import Command
-    from sweeps.experiment import EXPERIMENT, MODULES, about, assemble
+    from sweeps.experiment import EXPERIMENT, MODULES, assemble, remarks
     from sweeps.report.places import report_paths
 
     raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    about_modules = partial(about, (*MODULES, *modules))
+    about_modules = partial(remarks, (*MODULES, *modules))
     return Command(experiment, report, report_paths, about_modules, REPORT_MODULES)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from once import sharing_ships
 
-from sweeps.app import command, main
+from sweeps.app import main, make_command
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.resolve.plan import Plan
@@ -18,7 +18,7 @@ from sweeps.engine.run.tasks import drop_objects
 from sweeps.engine.sweeping import Finished, RunOptions, sweep
 from sweeps.experiment import EXPERIMENT
 
-COMMAND = command()
+COMMAND = make_command()
 
 FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
 """Coarse images, for tests that need no exact ones."""

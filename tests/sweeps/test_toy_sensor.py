@@ -19,7 +19,7 @@ from sweeps.engine.store.writing import read_attributes
 from sweeps.report import stores as report_stores
 from sweeps.report.confusion import confusion_frame, read_predictions
 from sweeps.report.frames import read_frames
-from sweeps.stages.classifier import names_by
+from sweeps.stages.classifier import classifies_with
 from sweeps.stages.views import STATUS, Grid, looks
 
 SENSOR = NAME = "toy"
@@ -34,7 +34,7 @@ class Toy(Settings, key="toy"):
 
 
 KEELS = Group("toy", looks(SENSOR), (Grid, Toy), status=STATUS)
-ANSWERS = Group("classification/toy", names_by(NAME, SENSOR), (Grid,), status=Status("toy"))
+ANSWERS = Group("classification/toy", classifies_with(NAME, SENSOR), (Grid,), status=Status("toy"))
 
 
 @KEELS.stage(
