@@ -363,7 +363,7 @@ def answer_state(correct: Ships, valid: Views) -> NDArray[np.int8]:
     return np.where(correct >= 0, 1, np.where(valid, -1, 0)).astype("i1")
 
 
-def most_probable_ships(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
+def best_ships(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
     """Return (view,) most probable ships and probabilities of the true ones, 0 if unknown.
 
     `posterior` has the ships and their (view, ship) probabilities.

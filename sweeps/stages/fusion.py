@@ -226,9 +226,7 @@ def fusion(
         ]
         for f, count in enumerate(frame_count):
             block = np.concatenate([profiles[f, r, views[rows]] for r in range(replicates)])
-            logs = templates.log_likelihood(
-                prior.subtract_floors(block), count, gain_sigma=gain_sigma
-            )
+            logs = templates.log_likelihood(prior.drop_floors(block), count, gain_sigma=gain_sigma)
             logs = logs.reshape(len(gain_sigma), replicates, len(true), -1)[..., template]
             for g, d in np.ndindex(len(gain_sigma), draws):
                 profile = logs[g, d % replicates]
@@ -242,9 +240,7 @@ def fusion(
                     of_both = (label_posterior(scores, of_ship) for scores in (silhouette, fused))
                     for c, posterior in enumerate((of_profile, *of_both)):
                         index = g, f, m, c, d, true, column
-                        best[index], probability[index] = classifier.most_probable_ships(
-                            posterior, true
-                        )
+                        best[index], probability[index] = classifier.best_ships(posterior, true)
     answers = classifier.judged(best, compared) | {"probability": probability}
     answers |= _constants(factors, of_profiles.mean(axis=-1), shape)
     return {

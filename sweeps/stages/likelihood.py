@@ -92,7 +92,7 @@ class Prior:
     floor_sigma: float
     floor_estimated: bool
 
-    def subtract_floors(self, profiles: Profiles) -> Profiles | Floats:
+    def drop_floors(self, profiles: Profiles) -> Profiles | Floats:
         """Return profiles, without their floors if these are estimated."""
         return profiles - estimated_floor(profiles) if self.floor_estimated else profiles
 
@@ -141,7 +141,7 @@ class Moments:
 
         places = range(len(self.placed_profile))
         profiles = [self.placed_profile[place, chosen] for place in places]
-        means = self.prior.subtract_floors(np.stack(profiles, axis=1))
+        means = self.prior.drop_floors(np.stack(profiles, axis=1))
         ship, column = chosen.nonzero()
         aspects = np.array(self.aspect)[column]
         return GaussianTemplates(
@@ -288,7 +288,7 @@ def track(
     return Track(aspect, aspect_sigma, reported)
 
 
-def _score_wider_cells(
+def _widened_scores(
     templates: GaussianTemplates,
     profiles: Profiles | Floats,
     densities: tuple[Floats, Floats],
@@ -391,7 +391,7 @@ def likelihood(
     for f, count in enumerate(frame_count):
         highest = peak_densities(templates, count, gain_sigma)
         for rows in row_blocks(len(views), HELD_ROWS):
-            block, right = prior.subtract_floors(flat[f, views[rows]]), true[rows]
+            block, right = prior.drop_floors(flat[f, views[rows]]), true[rows]
             narrow = templates.log_likelihood(block, count, gain_sigma=gain_sigma), highest
             alternative_scores = _score_alternative(unknown, block, count, gain_sigma)
             log_prior = track.log_prior(views[rows], template, column)
@@ -399,9 +399,7 @@ def likelihood(
                 scored = narrow
                 if leave and templates.template_error_:
                     columns = of_view[rows], of_template
-                    scored = _score_wider_cells(
-                        templates, block, narrow, columns, count, gain_sigma
-                    )
+                    scored = _widened_scores(templates, block, narrow, columns, count, gain_sigma)
                 exclude = (of_view[rows, None] == column) & leave
                 for g, (scores, peak) in enumerate(zip(*scored, strict=True)):
                     index = n, g, f, right, of_view[rows]
@@ -410,9 +408,7 @@ def likelihood(
                         all_scores, label, exclude=exclude, log_prior=log_prior
                     )
                     posterior = ships[ships != NONE], chance[:, ships != NONE]
-                    best[index], probability[index] = classifier.most_probable_ships(
-                        posterior, right
-                    )
+                    best[index], probability[index] = classifier.best_ships(posterior, right)
                     fit[index] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
                     likely = posterior[1].max(axis=1)
                     if unknown is not None:  # compare with the alternative only
