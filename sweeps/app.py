@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
     from sweeps.engine.declare.paths import PathOrUrl
     from sweeps.engine.declare.settings import Choices
-    from sweeps.engine.sweeping import Finished
+    from sweeps.engine.sweeping import SweepOutcome
 
 NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []
@@ -87,7 +87,7 @@ def make_command(*modules: Any) -> Command:
     return Command(experiment, report, report_paths, about_modules, REPORT_MODULES)
 
 
-def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
+def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     """Print the answer of a finished store, then write its page and tables, and draw pictures.
 
     Raises SweepIncomplete if a foreign file is in the place of an output; all others are written.

@@ -31,7 +31,7 @@ from sweeps.engine.run.cluster import ClusterChoice, Executor
 from sweeps.engine.run.execution import Failures, call_each, execute
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
-from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, unless_stopped
+from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, with_signal_check
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
 from sweeps.engine.run.tasks import DamagedResults
@@ -77,7 +77,7 @@ class RunOptions:
 
 
 @dataclass
-class Finished:
+class SweepOutcome:
     """Outcome of a sweep: progress by stage, and the failed cells with reasons.
 
     `axes` has the length of each swept axis by key; keys of settings that run together are joined
@@ -99,7 +99,7 @@ def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | N
     return attributes
 
 
-def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
+def sweep(plan: Plan, options: RunOptions, watch: Watch) -> SweepOutcome:
     """Compute all missing cells of a plan, and write its store; see `check_targets` for its path.
 
     Raises
@@ -170,7 +170,7 @@ def _compute_and_write(
     watch: Watch,
     check: Callable[[], None],
     crash_free: Collection[str],
-) -> Finished:
+) -> SweepOutcome:
     """Compute and write all cells; compute unreadable cells again."""
     # The thread starts and ends workers while this one plans and writes.
     with ThreadPoolExecutor(1, "cluster") as thread:
@@ -191,7 +191,7 @@ def _compute_and_write(
                 watch.say(f"{message} and are computed again")
                 index.drop(keys)
             else:
-                return Finished(schedule.progress, failures, written=True)
+                return SweepOutcome(schedule.progress, failures, written=True)
             finally:
                 thread.submit(stack.close)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(options.cache))
@@ -244,7 +244,7 @@ def _compute(
     starting = thread.submit(stack.enter_context, entered)
     is_local = choice.kind in LOCAL_KINDS
     preparations = (
-        plan.experiment.prepare(plan.choices, unless_stopped(watch.say)) if is_local else ()
+        plan.experiment.prepare(plan.choices, with_signal_check(watch.say)) if is_local else ()
     )
     tables = TABLE_MODULES if plan.experiment.tables else ()
     names = deque((*tables, *options.imports) if choice.kind != "inline" else ())
@@ -288,7 +288,7 @@ def is_complete(
     return not damaged
 
 
-def _reuse_store(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
+def _reuse_store(plan: Plan, index: CellIndex, watch: Watch) -> SweepOutcome:
     """Return the outcome of a sweep whose store is already complete."""
     progress = {}
     index.refresh()
@@ -299,7 +299,7 @@ def _reuse_store(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
         progress[bound.name] = Progress(total, total)
     cells = sum(stage.total for stage in progress.values())
     watch.say(f"0 cells to compute, {cells:,} are in the store")
-    return Finished(progress)
+    return SweepOutcome(progress)
 
 
 def _write(

@@ -182,7 +182,7 @@ def form_categories(
     by_first = label_rule == "first"
     names[:count] = clustering.first_names(ships, order) if by_first else clustering.names(ships)
     weights[:count] = clustering.weights
-    right = ships_named(names, formed.category) == ship.reshape(known.shape)
+    right = category_ships(names, formed.category) == ship.reshape(known.shape)
     return {
         "training_category": formed.category,
         "training_confused": np.where(known, formed.confused, NONE),
@@ -195,7 +195,7 @@ def form_categories(
     }
 
 
-def ships_named(names: Ships, category: Ships) -> Ships:
+def category_ships(names: Ships, category: Ships) -> Ships:
     """Return the ship of each category; `NONE` for a vector without a category."""
     return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
 
@@ -241,7 +241,7 @@ def answer_tests(
         for index, formed, (category, cosine) in zip(indices, trainings, matches, strict=True):
             labels = formed["training_category"]
             category = np.where(valid, category.reshape(valid.shape), NONE)
-            predicted = ships_named(formed["names"], category)
+            predicted = category_ships(formed["names"], category)
             if score_rule == "ship":
                 scored, right = valid, predicted == ship
             else:

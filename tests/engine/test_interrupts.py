@@ -18,7 +18,7 @@ from sweeps.engine.run.interrupts import (
     interruptible,
     raise_if_stopped,
     signals_deferred,
-    unless_stopped,
+    with_signal_check,
 )
 from sweeps.engine.store import writing as store
 
@@ -50,7 +50,7 @@ def test_a_signal_waits_until_it_is_heeded():
             raise_if_stopped()
         assert (stopped.value.message, stopped.value.status) == ("interrupted", 130)
         with pytest.raises(Stopped):
-            unless_stopped(print)("nothing")
+            with_signal_check(print)("nothing")
         with pytest.raises(Stopped), interruptible():
             pytest.fail("begun after a signal")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

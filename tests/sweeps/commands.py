@@ -15,7 +15,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import drop_objects
-from sweeps.engine.sweeping import Finished, RunOptions, sweep
+from sweeps.engine.sweeping import RunOptions, SweepOutcome, sweep
 from sweeps.experiment import EXPERIMENT
 
 COMMAND = make_command()
@@ -37,7 +37,7 @@ def chosen(*overrides: str) -> Choices:
     return choices
 
 
-def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> Finished:
+def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> SweepOutcome:
     """Run one sweep, and the tables of its store, without the report."""
     drop_objects()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from sweeps.engine.cache.objects import PRIVATE_MODE, UNREACHABLE, Objects
 from sweeps.engine.declare.paths import PathOrUrl, join
 from sweeps.engine.declare.stage import Output
-from sweeps.engine.declare.undeclared import Layout, Undeclared
+from sweeps.engine.declare.undeclared import Layout, UndeclaredOutput
 from sweeps.engine.resolve.keys import Keys, digest, hash_bytes
 
 CELLS_FOLDER = "cells"
@@ -243,7 +243,7 @@ def _cell_kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
 
 def array_kinds(outputs: Iterable[Output]) -> frozenset[Kind] | None:
     """Return the kind of a stage's cells from its outputs; None if these are undeclared."""
-    if any(isinstance(output, Undeclared) for output in outputs):
+    if any(isinstance(output, UndeclaredOutput) for output in outputs):
         return None
     return _cell_kinds(
         [[(output.name, _dtype_code(np.dtype(output.dtype)), output.dims) for output in outputs]]

@@ -54,7 +54,7 @@ from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.provenance import differences
 from sweeps.engine.store.targets import check_cache_path, check_targets
 from sweeps.engine.store.writing import read_attributes
-from sweeps.engine.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
+from sweeps.engine.sweeping import RunOptions, SweepOutcome, extended_attributes, preview, sweep
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"
@@ -63,7 +63,7 @@ HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
 MAX_CELLS = 10_000_000  # their keys fit into memory
 
-Report = Callable[[PathOrUrl, Choices, Finished], None]
+Report = Callable[[PathOrUrl, Choices, SweepOutcome], None]
 PlannedSweep = tuple[Plan, RunOptions]
 
 
@@ -314,7 +314,7 @@ class Command:
             say(self.name, f"the store is written, but not its report: {one_line(error)}")
         return messages
 
-    def _print_report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
+    def _print_report(self, store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
         from sweeps.engine.store.tables import format_tables  # imports xarray, which takes long
 
         # Modules with `answer`, by the commands that print more.

@@ -33,7 +33,7 @@ Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
 
 
 @dataclass(frozen=True)
-class Undeclared(Output):
+class UndeclaredOutput(Output):
     """Undeclared results of a function; a single variable has this name."""
 
     pad: complex | str | None = np.nan
@@ -71,7 +71,7 @@ class Variable(NamedTuple):
     coordinate: bool = False
 
 
-def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], str]:
+def split_variables(output: UndeclaredOutput, found: Any) -> tuple[list[tuple[Output, Any]], str]:
     """Return the variables of a result with their values, and the JSON of their attributes.
 
     Raises TypeError, in a sentence, for impossible names.
@@ -98,7 +98,7 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
 
 
 def _make_output(
-    output: Undeclared,
+    output: UndeclaredOutput,
     name: Any,
     dims: tuple[str, ...] | None,
     coordinate: bool,
@@ -172,7 +172,7 @@ def _to_array(subject: str, values: Any) -> NDArray[Any]:
     return array
 
 
-def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
+def infer_outputs(output: UndeclaredOutput, layouts: Sequence[Layout]) -> list[Output]:
     """Infer outputs from the layouts of results, with the attributes of the first result.
 
     Raises DeclarationError if results of a variable do not fit together.

@@ -17,7 +17,7 @@ from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import path_or_url
 from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
 from sweeps.engine.declare.stage import RNG, STATUS, VALID, Experiment, Group, Stage
-from sweeps.engine.declare.undeclared import FLOAT, PADDING, Undeclared
+from sweeps.engine.declare.undeclared import FLOAT, PADDING, UndeclaredOutput
 from sweeps.engine.function.arguments import Argument, read_values
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.plan import Plan
@@ -28,7 +28,7 @@ from sweeps.engine.run.schedule import Watch
 from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.targets import check_targets
 from sweeps.engine.store.writing import zarr_store
-from sweeps.engine.sweeping import Finished, RunOptions, preview
+from sweeps.engine.sweeping import RunOptions, SweepOutcome, preview
 from sweeps.engine.sweeping import sweep as run
 
 if TYPE_CHECKING:
@@ -262,7 +262,7 @@ def _declare_result(
     dtype: str,
     reserved: frozenset[str],
     attrs: Mapping[str, Mapping[str, Any]],
-) -> Undeclared:
+) -> UndeclaredOutput:
     """Return the undeclared output of a function."""
     names = _as_names("outputs", outputs)
     if isinstance(dims, Mapping):
@@ -295,7 +295,7 @@ def _declare_result(
         "reserved": reserved,
         "about": attrs,
     }
-    return Undeclared(
+    return UndeclaredOutput(
         name, shared_dims, dtype or FLOAT, label=name, infer_dtype=not dtype, **options
     )
 
@@ -308,7 +308,7 @@ def _as_names(key: str, value: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _failure_message(finished: Finished, failed: Sequence[Failure]) -> str:
+def _failure_message(finished: SweepOutcome, failed: Sequence[Failure]) -> str:
     """Return the message on failed calls: their number, the first of them, and a traceback."""
     calls = sum(progress.total for progress in finished.progress.values())
     lines = [f"  {failure.name}: {failure.reason}" for failure in failed[:NAMED_FAILURES]]

@@ -81,7 +81,7 @@ def raise_if_stopped() -> None:
         raise Stopped(_state.number)
 
 
-def unless_stopped(say: Callable[[str], None]) -> Callable[[str], None]:
+def with_signal_check(say: Callable[[str], None]) -> Callable[[str], None]:
     """Return `say` with a check for signals before it."""
 
     def checked_say(sentence: str) -> None:

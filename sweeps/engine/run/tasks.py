@@ -33,7 +33,7 @@ from sweeps.engine.declare.failures import (
     one_line,
 )
 from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
-from sweeps.engine.declare.undeclared import FLOAT, Undeclared, split_variables
+from sweeps.engine.declare.undeclared import FLOAT, UndeclaredOutput, split_variables
 from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
 from sweeps.engine.resolve.keys import Keys, cell_rng
 
@@ -455,7 +455,7 @@ def check_result(
         with stage, output, returned and allowed values.
     """
     first = outputs[0]
-    if isinstance(first, Undeclared):
+    if isinstance(first, UndeclaredOutput):
         if first.is_number and _is_number(found):  # at once: many functions are quick
             return {first.name: np.array(found, FLOAT)}
         declared, meta = split_variables(first, found)

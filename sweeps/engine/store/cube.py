@@ -29,7 +29,7 @@ from sweeps.engine.declare.stage import (
     Output,
 )
 from sweeps.engine.declare.storable import DATES
-from sweeps.engine.declare.undeclared import Undeclared, infer_outputs, longest_arrays
+from sweeps.engine.declare.undeclared import UndeclaredOutput, infer_outputs, longest_arrays
 from sweeps.engine.resolve.plan import Axis, Cells, Plan
 from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.run.tasks import iter_results, uneven_error
@@ -183,7 +183,7 @@ class Cube:
         Outputs that are not declared are inferred; only these have such coordinates.
         """
         output = bound.stage.outputs[0] if bound.stage.outputs else None
-        if not isinstance(output, Undeclared):
+        if not isinstance(output, UndeclaredOutput):
             return bound.stage.outputs, {}
         results = np.unique(self.schedule.results[bound])
         locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
