@@ -149,7 +149,7 @@ def _pair_stores(
 ) -> tuple[list[tuple[Display, Pairs]], bool]:
     """Return the common answers of each part of two stores' scores, and whether any are missing."""
     first_parts, second_parts = (
-        {_part_key(part): part for part in _score_parts(path, frames)}
+        {_part_key(part): part for part in _answer_parts(path, frames)}
         for path, frames in ((first, first_frames), (second, second_frames))
     )
     common, partial = [], first_parts.keys() != second_parts.keys()
@@ -296,7 +296,7 @@ def _name_stores(frame: Frame, names: Sequence[str]) -> Frame:
     return replace(frame, title=f"{frame.title}: {minuend} less {first}", columns=columns)
 
 
-def _score_parts(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
+def _answer_parts(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
     """Return the parts of a store's scores that count answers."""
     answered = list_groups(opened(path), "classification")
     return [
