@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from sweeps.engine.run.interpreter import end_with, relax_gc
-from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, signals_deferred
+from sweeps.engine.run.interrupts import Stopped, defer_signals, raise_if_stopped
 
 if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
     from sweeps.engine.declare.errors import DeclarationError
 
     with ExitStack() as signals:
-        signals.enter_context(signals_deferred())
+        signals.enter_context(defer_signals())
         try:
             if all(word in MULTIRUN for word in words if word.startswith("-")):
                 _say("reading the configuration")

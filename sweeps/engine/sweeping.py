@@ -31,7 +31,7 @@ from sweeps.engine.run.cluster import ClusterChoice, Executor
 from sweeps.engine.run.execution import Failures, call_each, execute
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
-from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, with_signal_check
+from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped, with_signal_check
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
 from sweeps.engine.run.tasks import DamagedResults
@@ -212,7 +212,7 @@ def _compute(
     workers. Raises as `execute` does.
     """
     plan, choice = schedule.plan, options.cluster
-    with interruptible():
+    with allow_interrupts():
         schedule.look_up(index)
         missing = schedule.missing_cells
     cells = sum(number for _, number, _ in missing)
@@ -252,7 +252,7 @@ def _compute(
         raise_if_stopped()
         with suppress(Exception):  # the report gives the reason, when the store is written
             import_module(names.popleft())
-    with interruptible():
+    with allow_interrupts():
         workers = starting.result()
     for name in names:  # while workers compute
         thread.submit(import_module, name)
@@ -324,7 +324,7 @@ def _write(
         for cell in np.flatnonzero(np.isin(results, [*failed])).tolist()
     }
     table_failures: list[Failure] = []
-    with interruptible():
+    with allow_interrupts():
         groups = cube.groups()
         if plan.experiment.tables and not options.partial:
             from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long

@@ -85,7 +85,7 @@ def _rival_table(frame: Frame, rivals: Sequence[Rival]) -> Table:
     names = list(dict.fromkeys(name for rival in rivals for name in rival.of))
     words = ", ".join(frame.columns[name].words for name in names)
     column = replace(frame.columns[names[0]], words=words, unit="")
-    table = lay_out(_select_overall(select_main(frame, names)).of_axes([*names, frame.across]))
+    table = lay_out(_select_overall(select_main(frame, names)).keep_axes([*names, frame.across]))
     by_name = {", ".join(filter(None, line.keys)): line for line in table.lines}
     lines = [replace(by_name[r.name], keys=(r.name,)) for r in rivals if r.name in by_name]
     return replace(_drop_article(table, lines), down=(column,))
@@ -94,7 +94,7 @@ def _rival_table(frame: Frame, rivals: Sequence[Rival]) -> Table:
 def _figure_table(frame: Frame, axis: str) -> Table:
     """Return the figures by an axis, or the main one by the axis across."""
     overall = _select_overall(select_main(frame, [axis] * bool(axis)))
-    table = lay_out(overall.of_axes([axis, overall.across]))
+    table = lay_out(overall.keep_axes([axis, overall.across]))
     return _drop_article(table, table.lines)
 
 

@@ -87,8 +87,10 @@ def _iter_nested(
 def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     """Return a frame with the article's figures where they may be compared, and the bound."""
     frame = _add_bound(_add_total_frames(frame))
-    axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
-    article_numbers: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
+    axes = {frame.columns[name].axis: name for name in frame.columns_of_role("axis")}
+    article_numbers: dict[str, dict[Any, float]] = {
+        name: {} for name in frame.columns_of_role("figure")
+    }
     for number, part in enumerate(frame.parts):
         values_of = _article_values(part, attributes)
         if values_of is None:
@@ -185,7 +187,7 @@ def _add_column(frame: Frame, figure: str, name: str, role: str, values: pd.Seri
 
 def _add_total_frames(frame: Frame) -> Frame:
     """Return a frame with the number of frames of an image over all detector positions."""
-    axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
+    axes = {frame.columns[name].axis: name for name in frame.columns_of_role("axis")}
     if "super_resolution" not in axes:
         return frame
     counts = frame.rows[axes.get("infrared_frame_count", axes["frame_count"])]
@@ -193,7 +195,7 @@ def _add_total_frames(frame: Frame) -> Frame:
     if "infrared_frame_count" in axes and "frame_count" in axes:
         counts = counts.fillna(frame.rows[axes["frame_count"]])
     totals = (counts * positions).where(frame.rows[axes["super_resolution"]].notna())
-    return _add_column(frame, frame.of_role("figure")[0], "frames_in_all", "beside", totals)
+    return _add_column(frame, frame.columns_of_role("figure")[0], "frames_in_all", "beside", totals)
 
 
 def _add_bound(frame: Frame) -> Frame:
@@ -214,7 +216,7 @@ def _add_bound(frame: Frame) -> Frame:
         return frame
     gain = bound.gain_sigma.max()
     bound = bound[bound.gain_sigma == gain]
-    axes = [name for name in frame.of_role("axis") if bound[name].nunique() > 1]
+    axes = [name for name in frame.columns_of_role("axis") if bound[name].nunique() > 1]
     keys = [*dict.fromkeys(["kind", *axes, *({"left_out"} & {*tests})])]
     scored = tests[(tests.scored == "ship") & tests[figure].notna()]
     if "score_rule" in scored:

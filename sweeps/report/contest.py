@@ -112,7 +112,7 @@ def find_rivals(frame: Frame, axis: str) -> list[Rival]:
             )
         )
     rivals = [rival for rival in rivals if len(rival.frame.rows)]
-    if not frame.of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
+    if not frame.columns_of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
         leader = {
             n: preferred_value(frame.columns[n].axis, values_of(main.rows, n)) for n in varying
         }

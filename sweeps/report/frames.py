@@ -99,7 +99,7 @@ class Frame:
     across: str = ""  # column of the axis across, if any
     notes: tuple[str, ...] = ()
 
-    def of_role(self, role: str, figure: str = "") -> list[str]:
+    def columns_of_role(self, role: str, figure: str = "") -> list[str]:
         """Return names of the columns of a role, of one figure if given."""
         return [
             name
@@ -110,12 +110,12 @@ class Frame:
     @property
     def figures(self) -> list[str]:
         """Return names of the columns of figures that are listed, the main one first."""
-        return [name for name in self.of_role("figure") if self.columns[name].listed]
+        return [name for name in self.columns_of_role("figure") if self.columns[name].listed]
 
     @cached_property
     def varying_axes(self) -> list[str]:
         """Names of the axes along which rows differ."""
-        return [name for name in self.of_role("axis") if self.rows[name].nunique() > 1]
+        return [name for name in self.columns_of_role("axis") if self.rows[name].nunique() > 1]
 
     @cached_property
     def records(self) -> dict[Any, dict[str, Any]]:
@@ -126,7 +126,7 @@ class Frame:
         """Return the frame with some of its rows."""
         return replace(self, rows=self.rows.loc[rows])
 
-    def of_axes(self, names: Sequence[str]) -> Frame:
+    def keep_axes(self, names: Sequence[str]) -> Frame:
         """Return the frame with only some of its axes."""
         columns = {
             n: column for n, column in self.columns.items() if column.role != "axis" or n in names

@@ -60,9 +60,10 @@ def headline_for_script(
     if SCORES not in frames or len(frames[SCORES].rows) > most:
         return None
     frame = main_frame(frames)
-    figure, axes = frame.figures[0], frame.of_role("axis")
+    figure, axes = frame.figures[0], frame.columns_of_role("axis")
     beside = {
-        role: next(iter(frame.of_role(role, figure)), "") for role in ("low", "high", "chance")
+        role: next(iter(frame.columns_of_role(role, figure)), "")
+        for role in ("low", "high", "chance")
     }
     return beside | {
         "table": SCORES,
@@ -88,7 +89,7 @@ def settings_of(whole: Frame, rival: Rival) -> dict[str, str]:
 
 def _setting_columns(frame: Frame) -> list[str]:
     """Return the columns of `NAMED` axes and of axes that vary between rows."""
-    by_words = {frame.columns[name].words: name for name in frame.of_role("axis")}
+    by_words = {frame.columns[name].words: name for name in frame.columns_of_role("axis")}
     listed = [by_words[words] for words in NAMED if words in by_words]
     left_out = (*frame.down, frame.across, "kind")
     return list(dict.fromkeys([*listed, *(n for n in frame.varying_axes if n not in left_out)]))
@@ -111,7 +112,7 @@ def _score_sentence(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
         ends += f"{',' * bool(first[1])} and {words}{place}{chance}"
     setting = ", ".join(f"{words} {value}" for words, value in settings_of(scores, best).items())
     sentence = f"{start} identifies {ends}{f' ({setting})' if setting else ''}"
-    levels = frame.of_role("chance", figure)
+    levels = frame.columns_of_role("chance", figure)
     sentence += f"; chance {row[levels[0]]:.0f} %." if levels else "."
     sentence += _ranking_sentence(rivals)
     least = frame.rows["n"].min() if "n" in frame.rows else FEW
@@ -153,7 +154,7 @@ def _figure_sentence(table: Frame, rival: Rival) -> str:
     else:
         words, no_better = _percent_text(frame, ends[0])
         clause = f"{name} is {words}{_position_text(rival, ends[0])}{no_better}"
-    levels = frame.of_role("chance", column.name)
+    levels = frame.columns_of_role("chance", column.name)
     level = f"; chance {row[levels[0]]:.0f} %" if levels else ""
     return f"{', '.join([clause, *settings])}{level}."
 
@@ -231,7 +232,7 @@ def _percent_text(frame: Frame, label: Any) -> tuple[str, str]:
     figure = frame.columns[frame.figures[0]]
     cell, row = make_entry(frame, label, figure.name), frame.rows.loc[label]
     words = [cell.text, figure.unit, f"[{cell.interval}]" * bool(cell.interval)]
-    low, chance = (frame.of_role(role, figure.name) for role in ("low", "chance"))
+    low, chance = (frame.columns_of_role(role, figure.name) for role in ("low", "chance"))
     known = low and chance and not is_missing(row[low[0]]) and not is_missing(row[chance[0]])
     doubtful = known and row[low[0]] <= row[chance[0]]
     return " ".join(word for word in words if word), NO_BETTER if doubtful else ""

@@ -133,7 +133,11 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
     """Return the notes of a table, on chance and on wide intervals, too."""
     notes = [*frame.notes, chance_in_words(frame)]
     overall = MAIN["aspect_bin"]
-    if frame.of_role("low") and frame.across and (frame.rows[frame.across] == overall).any():
+    if (
+        frame.columns_of_role("low")
+        and frame.across
+        and (frame.rows[frame.across] == overall).any()
+    ):
         notes.append(
             "An interval of the whole takes in how much bins differ, and may be the widest."
         )
@@ -146,7 +150,7 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
 
 def chance_in_words(frame: Frame) -> str:
     """Return a sentence on the level of chance, if it is constant or depends on one axis down."""
-    for chance in frame.of_role("chance", frame.figures[0]):
+    for chance in frame.columns_of_role("chance", frame.figures[0]):
         text, unit = frame.columns[chance].text, frame.columns[chance].unit
         levels = frame.rows[chance].dropna().unique()
         if len(levels) == 1:
@@ -176,7 +180,7 @@ def _is_constant(frame: Frame, name: str, down: Sequence[str]) -> bool:
 def constant_values(frame: Frame) -> dict[str, str]:
     """Return the values of axes of one value, with their units, by the words of the axis."""
     values_in_words = {}
-    for name in frame.of_role("axis"):
+    for name in frame.columns_of_role("axis"):
         values = frame.rows[name].dropna().unique()
         column = frame.columns[name]
         if len(values) == 1 and not frame.rows[name].isna().any():
@@ -195,13 +199,13 @@ def make_entry(frame: Frame, label: Any, figure: str) -> Entry:
         return Entry(NOTHING, row=label, column=figure)
 
     def related_text(role: str, end: str = "") -> str:
-        names = [name for name in frame.of_role(role, figure) if name.endswith(end)]
+        names = [name for name in frame.columns_of_role(role, figure) if name.endswith(end)]
         texts = [column.text(row[name]) for name in names if not is_missing(row[name])]
         return texts[0] if texts else ""
 
     low, high = related_text("low"), related_text("high")
     # Without an interval, the standard deviation over draws.
-    spread = "" if frame.of_role("low", figure) else related_text("beside", "spread")
+    spread = "" if frame.columns_of_role("low", figure) else related_text("beside", "spread")
     return Entry(
         column.text(value),
         f"{low}–{high}" if low and high and not _is_endless(value, low, high) else "",

@@ -12,7 +12,7 @@ from typing import IO
 from rich.console import Console
 from rich.text import Text
 
-from sweeps.engine.run.process import printing
+from sweeps.engine.run.process import guarded_stdout
 from sweeps.report.words import printable_text
 
 PIPED = 80  # cells of a line where there is no terminal
@@ -49,7 +49,7 @@ def _write_text(text: str, file: IO[str], encoding: str) -> None:
         text.encode(encoding)
     except UnicodeEncodeError:
         text = text.translate(PLAINER).encode(encoding, "replace").decode(encoding)
-    with printing():
+    with guarded_stdout():
         file.write(text)
         file.flush()
 

@@ -107,7 +107,7 @@ def report_comparison(
     for path in (first, *others):
         check_whole(path, groups=None)
     compared = compare(first, *others)
-    blocked = [] if compared.frames else _remove_files(compared.place)
+    blocked = [] if compared.frames else _remove_files(compared.output_path)
     if table is not None and not compared.frames:
         raise ConfigurationError(f"there is no table {table!r}: {change_sentences(compared)[0]}")
     selected = None if table is None else select_table(compared.frames, table)
@@ -118,10 +118,12 @@ def report_comparison(
             _print_changes(compared, aside, html=html)
     if not compared.frames:
         return blocked
-    blocked = write_tables(compared.place, compared.frames.values())
+    blocked = write_tables(compared.output_path, compared.frames.values())
     if html:
         with _page_errors():
-            blocked += write_page(page_file(compared.place), lambda: comparison_page(compared))
+            blocked += write_page(
+                page_file(compared.output_path), lambda: comparison_page(compared)
+            )
     return blocked
 
 
@@ -188,9 +190,9 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
     if not compared.frames:
         return
     count = f"{len(compared.frames)} CSV file" + "s" * (len(compared.frames) > 1)
-    print_line(f"tables  {relative_path(tables_folder(compared.place))} ({count})", console)
+    print_line(f"tables  {relative_path(tables_folder(compared.output_path))} ({count})", console)
     if html:
-        print_line(f"page    {relative_path(page_file(compared.place))}", console)
+        print_line(f"page    {relative_path(page_file(compared.output_path))}", console)
     else:
         stores = " ".join(shlex.quote(relative_path(path)) for path in compared.paths)
         print_line(f"next    ncti-report {stores} --html", console)

@@ -408,7 +408,7 @@ def test_stores_of_one_name_are_told_apart_by_their_folders(answers, tmp_path):
     assert (
         compared.names == ("x/s.zarr", "y/s.zarr") and "x/s.zarr" in change_sentences(compared)[0]
     )
-    assert compared.place == tmp_path / "y" / "y-s-less-x-s.zarr"
+    assert compared.output_path == tmp_path / "y" / "y-s-less-x-s.zarr"
 
 
 def test_a_difference_that_chance_may_make_is_said_to_be_no_more(answers, tmp_path):

@@ -60,7 +60,7 @@ def test_every_cell_of_a_store_is_a_row(smoke_store):
     for tidied in read_frames(smoke_store).values():
         for k, part in enumerate(tidied.parts):
             rows = tidied.rows[tidied.rows[PART] == k]
-            axes = [name for name in tidied.of_role("axis") if rows[name].notna().any()]
+            axes = [name for name in tidied.columns_of_role("axis") if rows[name].notna().any()]
             assert not rows.duplicated(axes).any(), tidied.name
             table = xr.open_zarr(smoke_store, group=part.group)
             variables = {part.variables[name] for name in part.variables}
@@ -120,7 +120,7 @@ def test_a_table_of_anyone_needs_no_display(tmp_path):
     table.height.attrs = {"units": "m", "long_name": "height of a tree"}
     tidied = read_frames(stored(tmp_path / "s.zarr", tables__apples=table))["apples"]
     assert tidied.title == "Apples" and tidied.figures == ["height"]
-    assert tidied.of_role("low", "height") == ["ci_low"] and "image" not in tidied.rows
+    assert tidied.columns_of_role("low", "height") == ["ci_low"] and "image" not in tidied.rows
     assert len(tidied.rows) == 4 and tidied.columns["height"].unit == "m"
     assert b"'=rain" in csv_of(tidied)
 

@@ -47,7 +47,7 @@ from sweeps.engine.resolve.overrides import (
 from sweeps.engine.resolve.plan import Plan, modules_of, stored_stages, with_inputs
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.forking import preloaded_modules, start_fork_server
-from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
+from sweeps.engine.run.interrupts import Stopped, allow_interrupts, defer_signals, raise_if_stopped
 from sweeps.engine.run.process import environment, flush_output, say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, count_table, show_progress, summary
 from sweeps.engine.store.locks import cache_lock
@@ -106,7 +106,7 @@ class Command:
     def _run_reporting(self, words: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
-            with signals_deferred():
+            with defer_signals():
                 self._dispatch(words)
                 raise_if_stopped()
                 return "", ALL_DONE
@@ -192,11 +192,11 @@ class Command:
 
     def prepare(self, jobs: Sequence[Job]) -> list[PlannedSweep]:
         """Return the checked sweeps of some jobs; an invalid job stops them all."""
-        with interruptible():
+        with allow_interrupts():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
         sweeps: list[PlannedSweep] = []
-        with interruptible():
+        with allow_interrupts():
             fused = fuse_jobs(self.experiment, checked)
             for cache in dict.fromkeys(choices.value(Run.cache) for choices, _ in fused):
                 check_targets(stores, self._cache_path(cache), self.beside)
@@ -306,7 +306,7 @@ class Command:
         say(self.name, summary(finished.progress, finished.seconds))
         messages = [_failure_text(finished.failures, log)] if finished.failures else []
         try:
-            with interruptible():
+            with allow_interrupts():
                 (self.report or self._print_report)(options.store, plan.choices, finished)
         except SweepIncomplete as error:
             messages.append(str(error))

@@ -30,7 +30,7 @@ from tornado.ioloop import PeriodicCallback
 
 from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.run.cluster import import_jobqueue
-from sweeps.engine.run.forking import ENVIRONMENT, interrupts_blocked
+from sweeps.engine.run.forking import ENVIRONMENT, block_interrupts
 from sweeps.engine.run.interpreter import relax_gc
 from sweeps.engine.run.process import environment, one_thread
 from sweeps.engine.run.shared import REQUIREMENT_ERRORS, Requirements
@@ -165,7 +165,7 @@ def local(
         settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
         stack.enter_context(_dask_environment(DASK_SETTINGS | settings, ENVIRONMENT | quiet))
         try:
-            with interrupts_blocked():
+            with block_interrupts():
                 cluster = stack.enter_context(
                     LocalCluster(
                         n_workers=count,
@@ -241,7 +241,7 @@ def slurm(
         folder = stack.enter_context(private)
         stack.enter_context(_dask_environment(settings | {SCRATCH: folder}, ENVIRONMENT))
         try:
-            with interrupts_blocked():
+            with block_interrupts():
                 cluster = stack.enter_context(_make_slurm_cluster(Path(folder), options))
             _submit_first_jobs(cluster, jobs)
         except RuntimeError as error:  # with Slurm's own message, if it refused

@@ -11,7 +11,7 @@ from sweeps.engine.cache.packs import NO_PACK
 from sweeps.engine.declare.errors import SweepIncomplete
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.run.cluster import Executor
-from sweeps.engine.run.interrupts import interruptible
+from sweeps.engine.run.interrupts import allow_interrupts
 from sweeps.engine.run.schedule import Schedule, Task, Watch
 from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches, uneven_error
 
@@ -32,7 +32,7 @@ def call_each(
         executor.submit(number, function)
     remaining = len(functions)
     while remaining:
-        with interruptible():
+        with allow_interrupts():
             finished = executor.wait()
         for _, _, error in finished:
             if error is not None:
@@ -70,7 +70,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
         while schedule.has_ready_calls and len(under_way) < limit:
             if (task := schedule.next_task(executor.worker_count)).batches:
                 submit(task)
-        with interruptible():
+        with allow_interrupts():
             finished = executor.wait()
         for number, report, error in finished:
             task = under_way.pop(number)

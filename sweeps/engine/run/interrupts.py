@@ -3,7 +3,7 @@
 No signal is lost, and none interrupts a cleanup: an exception raised at any moment could be
 swallowed by a library, or cut the stopping of workers short. So the handler only notes the signal.
 `Stopped` is raised where the program asks (`raise_if_stopped`), or at any moment of long work that
-needs no cleanup (`interruptible`). This module imports little, because the command imports it
+needs no cleanup (`allow_interrupts`). This module imports little, because the command imports it
 first.
 """
 
@@ -47,7 +47,7 @@ _state = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
 
 
 @contextmanager
-def signals_deferred() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Defer signals within this context, unless another such context does.
 
     Ignored signals, as under `nohup` or in the background, stay ignored.
@@ -92,7 +92,7 @@ def with_signal_check(say: Callable[[str], None]) -> Callable[[str], None]:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
+def allow_interrupts() -> Iterator[None]:
     """Let a signal raise `Stopped` at any moment of this context, including the first."""
     if not _handles_signals():
         yield

@@ -190,7 +190,7 @@ def data_of(frame: Frame) -> dict[str, Any]:
             name: [_json_value(value) for value in rows[name].tolist()] for name in (*columns, PART)
         },
         "labels": rows.index.tolist(),
-        "axes": frame.of_role("axis"),
+        "axes": frame.columns_of_role("axis"),
         "series": curves,
         "colour": next(iter(frame.down), ""),
         "words": {
