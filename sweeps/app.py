@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from sweeps.engine.run.interpreter import end_with, relax_gc
-from sweeps.engine.run.interrupts import Stopped, raise_if_stopped, signals_deferred
+from sweeps.engine.run.interrupts import Stopped, defer_signals, raise_if_stopped
 
 if TYPE_CHECKING:
     from sweeps.engine.command.line import Command
     from sweeps.engine.declare.paths import PathOrUrl
     from sweeps.engine.declare.settings import Choices
-    from sweeps.engine.sweeping import Finished
+    from sweeps.engine.sweeping import SweepOutcome
 
 NAME, EXPLAIN = "ncti-sweep", "--explain"
 _until_exit: list[ExitStack] = []
@@ -45,19 +45,19 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         print(f"{NAME} {version(NAME)}")
         sys.exit(0)
     if EXPLAIN in words:
-        from sweeps.report.explain import said
+        from sweeps.report.explain import print_meaning
 
-        sys.exit(said(NAME, " ".join(word for word in words if word != EXPLAIN)))
+        sys.exit(print_meaning(NAME, " ".join(word for word in words if word != EXPLAIN)))
     from sweeps.engine.declare.errors import DeclarationError
 
     with ExitStack() as signals:
-        signals.enter_context(signals_deferred())
+        signals.enter_context(defer_signals())
         try:
             if all(word in MULTIRUN for word in words if word.startswith("-")):
                 _say("reading the configuration")
-            status = command(*modules).main(words)
+            status = make_command(*modules).main(words)
         except Stopped as stopped:
-            _say(stopped.words)
+            _say(stopped.message)
             status = stopped.status
         except DeclarationError as error:
             _say(str(error))
@@ -73,30 +73,30 @@ def _say(sentence: str) -> None:
         print(f"{NAME}: {sentence}", file=sys.stderr, flush=True)
 
 
-def command(*modules: Any) -> Command:
+def make_command(*modules: Any) -> Command:
     """Return the command of the experiment, with further modules if any."""
     raise_if_stopped()
     from sweeps.engine.command.line import Command
-    from sweeps.experiment import EXPERIMENT, MODULES, about, assemble
+    from sweeps.experiment import EXPERIMENT, MODULES, assemble, remarks
     from sweeps.report.places import report_paths
 
     raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
-    about_modules = partial(about, (*MODULES, *modules))
+    about_modules = partial(remarks, (*MODULES, *modules))
     return Command(experiment, report, report_paths, about_modules, REPORT_MODULES)
 
 
-def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
+def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     """Print the answer of a finished store, then write its page and tables, and draw pictures.
 
     Raises SweepIncomplete if a foreign file is in the place of an output; all others are written.
     """
     from sweeps.engine.declare.errors import SweepIncomplete
-    from sweeps.report.own import sentence_of
+    from sweeps.report.own import blocked_sentence
     from sweeps.report.page.write import is_current
-    from sweeps.report.screen import screen
-    from sweeps.report.summary import finish, print_answer, tables_of, written_page
+    from sweeps.report.screen import stdout_console
+    from sweeps.report.summary import finish, print_answer, tables_of, write_store_page
     from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
     from sweeps.stages.views import Grid, hull, looks, read_mesh
@@ -106,21 +106,21 @@ def report(store: PathOrUrl, choices: Choices, finished: Finished) -> None:
         with suppress(OSError):  # `finish` reports it for all tables
             kept_files += write_work(store, finished.progress)
     frames = tables_of(store)
-    print_answer(store, frames, screen())
+    print_answer(store, frames, stdout_console())
     if finished.written or not is_current(store):
         with _reporting_errors():  # the tables are complete without it
-            kept_files += written_page(store, frames)
-    kept_files += finish(store, frames, screen())
+            kept_files += write_store_page(store, frames)
+    kept_files += finish(store, frames, stdout_console())
     if looks("irar")(choices) and choices.value(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}
         with _reporting_errors():
             kept_files += write_pictures(
-                store, screen(), ship=lambda label: read_mesh(hull.function(ships[label]))
+                store, stdout_console(), ship=lambda label: read_mesh(hull.function(ships[label]))
             )
     if kept_files:
-        raise SweepIncomplete(sentence_of(list(dict.fromkeys(kept_files))))
+        raise SweepIncomplete(blocked_sentence(list(dict.fromkeys(kept_files))))
 
 
 @contextmanager

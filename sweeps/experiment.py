@@ -56,7 +56,7 @@ def conf_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "conf"
 
 
-def installed() -> tuple[ModuleType, ...]:
+def load_installed_modules() -> tuple[ModuleType, ...]:
     """Return the modules that installed packages declare, by name; DeclarationError if one fails.
 
     Studies join in this way, like sensors and classifiers of other packages.
@@ -80,7 +80,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     `code` names further packages, besides this project's, whose code counts in the keys of results.
     """
 
-    def declared(name: str) -> tuple[Any, ...]:
+    def collect_declared(name: str) -> tuple[Any, ...]:
         return tuple(value for module in modules for value in getattr(module, name, ()))
 
     kinds = _kinds(modules)
@@ -118,7 +118,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     return Experiment(
         "ncti-sweep",
         TITLE,
-        (*settings, *stages_of(modules), *declared("TABLES")),
+        (*settings, *stages_of(modules), *collect_declared("TABLES")),
         check=check,
         prepare=compile_loops,
         attributes=attributes,
@@ -148,13 +148,13 @@ def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
     return kinds
 
 
-def about(modules: Sequence[Any], choices: Choices) -> list[str]:
+def remarks(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return the lines to print before a sweep, on unused classifiers and of modules."""
     given_keys = {Classifier.name.key, Classifier.key} & set(choices.given)
     sensors = ",".join(choices.value(Sweep.sensor))
     return [
         f"classifier.name={name} has nothing to do for sensor={sensors}; ignored"
-        for name in (idle(stages_of(modules), choices) if given_keys else ())
+        for name in (idle_classifiers(stages_of(modules), choices) if given_keys else ())
     ] + [line for module in modules if hasattr(module, "about") for line in module.about(choices)]
 
 
@@ -173,18 +173,18 @@ def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
     return tuple(dict.fromkeys(s for stages in tuples for s in stages if isinstance(s, Stage)))
 
 
-def idle(stages: Iterable[Stage], choices: Choices) -> list[str]:
+def idle_classifiers(stages: Iterable[Stage], choices: Choices) -> list[str]:
     """Return the classifiers of a sweep that add no groups to its store."""
     groups = {stage.group for stage in stages if stage.group.path and stage.group.when(choices)}
     names = choices[Classifier.name]
 
-    def without(name: str) -> Choices:
+    def drop_classifier(name: str) -> Choices:
         return choices.replace(Classifier.name, tuple(other for other in names if other != name))
 
-    return [name for name in names if all(group.when(without(name)) for group in groups)]
+    return [name for name in names if all(group.when(drop_classifier(name)) for group in groups)]
 
 
-INSTALLED = installed()
+INSTALLED = load_installed_modules()
 MODULES = (*CORE, *INSTALLED)
 EXPERIMENT = assemble(
     *MODULES, code=tuple(dict.fromkeys(module.__name__.partition(".")[0] for module in INSTALLED))

@@ -136,7 +136,7 @@ def test_nothing_of_a_store_or_cache_is_unpickled():
 # Private names of other packages, by module; the module says why, and for which versions.
 PRIVATE = {
     "ncti/classify/constraints.py": {"_fit_context", "_param_validation"},
-    "ncti/compiled.py": {"_cache_file", "_source_stamp"},
+    "ncti/compiled.py": {"_cache", "_cache_file", "_source_stamp"},
     "ncti/render/canvas.py": {
         *("_add_to_context", "_bind", "_display", "_eglQueryDeviceStringEXT", "_program_id"),
     },

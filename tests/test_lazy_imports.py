@@ -33,7 +33,7 @@ def test_the_library_has_the_version_of_its_distribution():
 
 
 def test_the_command_line_loads_no_library_that_takes_long():
-    found = loaded_after("from sweeps.app import command\ncommand()")
+    found = loaded_after("from sweeps.app import make_command\nmake_command()")
     assert "sweeps.experiment" in found
     assert not found & {
         *("dask", "distributed", "matplotlib", "networkx", "numba", "pandas", "pyrender"),

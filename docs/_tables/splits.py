@@ -16,10 +16,10 @@ from docs._tables.sweeping import swept
 from ncti.data.splits import OUTSIDERS, SPLITS
 from studies.benchmark.stages import ENTRIES, REFERENCE, SENSOR, TESTS
 from studies.benchmark.summary import tabulate_differences, tabulate_rows
-from sweeps.report.words import WORDS, shown
+from sweeps.report.words import WORDS, value_text
 
 HELD_OUT = 3  # seeds, for the ranking
-TITLES = {name: WORDS.get(name, shown(name)) for name in ENTRIES}
+TITLES = {name: WORDS.get(name, value_text(name)) for name in ENTRIES}
 TITLES["likelihood"] = "likelihood"  # as on other pages
 ASKED = tuple(name for name in SPLITS if name not in OUTSIDERS)  # for the ship's name
 SHOWN = ("aspect-random", "aspect-gap", "range-shift", "variant")  # in README

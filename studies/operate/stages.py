@@ -128,7 +128,7 @@ def operate_signatures(
 ) -> Arrays:
     """Return expected profiles of a ship above the floor, and the power of its tests."""
     return library.signatures(
-        views.restored(Seen, operate_seen),
+        views.restore(Seen, operate_seen),
         pulse_width=pulse_width,
         cnr=[cnr_at_range.function(range, decibels, cnr_range, extinction) for decibels in cnr],
         bin_width=bin_width,
@@ -151,7 +151,7 @@ def operate_signatures(
 )
 def operate_shown(operate_seen: Arrays, **window: Any) -> Arrays:
     """Return the pixels that show a ship."""
-    return library.packed(library.silhouettes(views.restored(Seen, operate_seen), **window))
+    return library.packed(library.silhouettes(views.restore(Seen, operate_seen), **window))
 
 
 operate_silhouettes = in_memory(

@@ -86,7 +86,7 @@ def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
 @in_memory()
 def exact_ifovs(exact_extent: Arrays) -> RangeExtent:
     """Return the exact extent as a `RangeExtent`."""
-    return views.restored(RangeExtent.unpacked, exact_extent)
+    return views.restore(RangeExtent.unpacked, exact_extent)
 
 
 exact_signature = stage(

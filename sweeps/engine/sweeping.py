@@ -31,7 +31,7 @@ from sweeps.engine.run.cluster import ClusterChoice, Executor
 from sweeps.engine.run.execution import Failures, call_each, execute
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
-from sweeps.engine.run.interrupts import interruptible, raise_if_stopped, unless_stopped
+from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped, with_signal_check
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Progress, Schedule, Watch
 from sweeps.engine.run.tasks import DamagedResults
@@ -77,7 +77,7 @@ class RunOptions:
 
 
 @dataclass
-class Finished:
+class SweepOutcome:
     """Outcome of a sweep: progress by stage, and the failed cells with reasons.
 
     `axes` has the length of each swept axis by key; keys of settings that run together are joined
@@ -99,7 +99,7 @@ def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | N
     return attributes
 
 
-def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
+def sweep(plan: Plan, options: RunOptions, watch: Watch) -> SweepOutcome:
     """Compute all missing cells of a plan, and write its store; see `check_targets` for its path.
 
     Raises
@@ -124,14 +124,14 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(reasons))
         if attributes is not None and is_complete(plan, options.store, attributes, watch.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
-            finished = _unchanged(plan, index, watch)
+            finished = _reuse_store(plan, index, watch)
         elif options.partial and attributes is not None and PARTIAL not in attributes:
             raise ConfigurationError(
                 f"store is {str(options.store)!r}, a complete store; partial=true would drop "
                 "results that the cache has lost; give another store="
             )
         else:
-            crash_free = _crash_free(plan, attributes or {})
+            crash_free = _crash_free_stages(plan, attributes or {})
             finished = _compute_and_write(plan, options, index, watch, check, crash_free)
         size = 0
         with suppress(OSError):  # the store is complete even if the cache fails now
@@ -147,7 +147,7 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> Finished:
     return finished
 
 
-def _crash_free(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
+def _crash_free_stages(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
     """Return the stages of packages with which a store, by its attributes, was made.
 
     Their calls have ended no process, so they may run in the command; a script's calls may not.
@@ -170,7 +170,7 @@ def _compute_and_write(
     watch: Watch,
     check: Callable[[], None],
     crash_free: Collection[str],
-) -> Finished:
+) -> SweepOutcome:
     """Compute and write all cells; compute unreadable cells again."""
     # The thread starts and ends workers while this one plans and writes.
     with ThreadPoolExecutor(1, "cluster") as thread:
@@ -191,7 +191,7 @@ def _compute_and_write(
                 watch.say(f"{message} and are computed again")
                 index.drop(keys)
             else:
-                return Finished(schedule.progress, failures, written=True)
+                return SweepOutcome(schedule.progress, failures, written=True)
             finally:
                 thread.submit(stack.close)
     raise OSError(errno.EIO, "results cannot be read back as they were written", str(options.cache))
@@ -212,7 +212,7 @@ def _compute(
     workers. Raises as `execute` does.
     """
     plan, choice = schedule.plan, options.cluster
-    with interruptible():
+    with allow_interrupts():
         schedule.look_up(index)
         missing = schedule.missing_cells
     cells = sum(number for _, number, _ in missing)
@@ -244,7 +244,7 @@ def _compute(
     starting = thread.submit(stack.enter_context, entered)
     is_local = choice.kind in LOCAL_KINDS
     preparations = (
-        plan.experiment.prepare(plan.choices, unless_stopped(watch.say)) if is_local else ()
+        plan.experiment.prepare(plan.choices, with_signal_check(watch.say)) if is_local else ()
     )
     tables = TABLE_MODULES if plan.experiment.tables else ()
     names = deque((*tables, *options.imports) if choice.kind != "inline" else ())
@@ -252,7 +252,7 @@ def _compute(
         raise_if_stopped()
         with suppress(Exception):  # the report gives the reason, when the store is written
             import_module(names.popleft())
-    with interruptible():
+    with allow_interrupts():
         workers = starting.result()
     for name in names:  # while workers compute
         thread.submit(import_module, name)
@@ -288,8 +288,8 @@ def is_complete(
     return not damaged
 
 
-def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
-    """Return the outcome of a sweep whose store is complete already."""
+def _reuse_store(plan: Plan, index: CellIndex, watch: Watch) -> SweepOutcome:
+    """Return the outcome of a sweep whose store is already complete."""
     progress = {}
     index.refresh()
     for bound in plan.targets:
@@ -299,7 +299,7 @@ def _unchanged(plan: Plan, index: CellIndex, watch: Watch) -> Finished:
         progress[bound.name] = Progress(total, total)
     cells = sum(stage.total for stage in progress.values())
     watch.say(f"0 cells to compute, {cells:,} are in the store")
-    return Finished(progress)
+    return SweepOutcome(progress)
 
 
 def _write(
@@ -324,7 +324,7 @@ def _write(
         for cell in np.flatnonzero(np.isin(results, [*failed])).tolist()
     }
     table_failures: list[Failure] = []
-    with interruptible():
+    with allow_interrupts():
         groups = cube.groups()
         if plan.experiment.tables and not options.partial:
             from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
@@ -337,7 +337,7 @@ def _write(
     shared: tuple[str, ...] = SHARED_ATTRIBUTES
     if options.partial:
         total = Progress.sum(schedule.progress.values())
-        attributes[PARTIAL] = f"{total.left:,} of {total.total:,} cells are missing"
+        attributes[PARTIAL] = f"{total.remaining:,} of {total.total:,} cells are missing"
         shared = (*SHARED_ATTRIBUTES, PARTIAL)
     write_store(options.store, groups, attributes, shared=shared, check=check, writers=workers)
     return list(failed_tables.items())
@@ -367,7 +367,7 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     schedule, costs = Schedule(plan), index.costs()
     schedule.look_up(index)
     stages = {
-        name: (progress.total, progress.left)
+        name: (progress.total, progress.remaining)
         for name, progress in schedule.progress.items()
         if progress.total
     }

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from sweeps.report.contest import Rival, contest, main_axis
+from sweeps.report.contest import Rival, find_rivals, main_axis
 from sweeps.report.frames import Frame, values_of
 from sweeps.report.headline import settings_of
-from sweeps.report.pivot import Entry, Line, Table, at_main, entry, laid_out
-from sweeps.report.terminal import fitting
+from sweeps.report.pivot import Entry, Line, Table, lay_out, make_entry, select_main
+from sweeps.report.terminal import count_fitting_columns
 from sweeps.report.words import MAIN
 
 MOST_ROWS, MOST_ACROSS, WIDEST = 12, 6, 80
@@ -23,19 +23,19 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
     and for other results, the figures are columns.
     """
     axis, width = main_axis(frame, swept), min(width, WIDEST)
-    rivals = contest(frame, axis)
+    rivals = find_rivals(frame, axis)
     if len(rivals) < 2:
-        frame = _with_second(frame, axis)
-        table = _of_figures(frame, axis)
+        frame = _add_second_axis(frame, axis)
+        table = _figure_table(frame, axis)
     elif any(rival.axis for rival in rivals):
-        table = _along(frame, axis, rivals)
+        table = _axis_table(frame, axis, rivals)
     else:
-        table = _of_rivals(frame, rivals)
-    notes = [*table.notes, *_fewer(table, frame, axis)]
+        table = _rival_table(frame, rivals)
+    notes = [*table.notes, *_omission_notes(table, frame, axis)]
     table = replace(
-        table, lines=tuple(thinned(table.lines, MOST_ROWS) if axis else table.lines[:MOST_ROWS])
+        table, lines=tuple(thin_lines(table.lines, MOST_ROWS) if axis else table.lines[:MOST_ROWS])
     )
-    table, left_out = _narrowed(table, width)
+    table, left_out = _narrow_table(table, width)
     # The headline states the level of chance, and the setting of the best classifier.
     sentences = (*notes, left_out, _other_settings(frame, rivals))
     return replace(table, notes=tuple(text for text in sentences if text))
@@ -52,7 +52,7 @@ def _other_settings(frame: Frame, rivals: Sequence[Rival]) -> str:
     return f"The others at {', '.join(listed)}, where it applies." if listed else ""
 
 
-def thinned(lines: Sequence[Line], most: int) -> list[Line]:
+def thin_lines(lines: Sequence[Line], most: int) -> list[Line]:
     """Return at most `most` rows, evenly spaced, including the first and the last."""
     if len(lines) <= most:
         return list(lines)
@@ -60,7 +60,7 @@ def thinned(lines: Sequence[Line], most: int) -> list[Line]:
     return [lines[round(step * index)] for index in range(most)]
 
 
-def _along(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
+def _axis_table(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
     """Return the main figure by an axis, one column for each rival that depends on it."""
     along, column = [rival for rival in rivals if rival.axis], frame.columns[axis]
     labels = [dict(zip(r.frame.rows[axis], r.frame.rows.index, strict=True)) for r in along]
@@ -69,43 +69,43 @@ def _along(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
         Line(
             (value,),
             (column.text(value),),
-            tuple(_cell(frame, by_value.get(value)) for by_value in labels),
+            tuple(_main_entry(frame, by_value.get(value)) for by_value in labels),
         )
         for value in values
     ]
-    independent = [f"{r.name} {_text(frame, r)}" for r in rivals if not r.axis]
+    independent = [f"{r.name} {_rival_text(frame, r)}" for r in rivals if not r.axis]
     notes = [f"Whatever the {column.words}: {'; '.join(independent)}."] if independent else []
     return Table(
         frame.name, frame.title, (column,), tuple(r.name for r in along), tuple(lines), tuple(notes)
     )
 
 
-def _of_rivals(frame: Frame, rivals: Sequence[Rival]) -> Table:
+def _rival_table(frame: Frame, rivals: Sequence[Rival]) -> Table:
     """Return the main figure of each rival, by the axis across unless that has an overall value."""
     names = list(dict.fromkeys(name for rival in rivals for name in rival.of))
     words = ", ".join(frame.columns[name].words for name in names)
     column = replace(frame.columns[names[0]], words=words, unit="")
-    table = laid_out(_at_overall(at_main(frame, names)).of_axes([*names, frame.across]))
+    table = lay_out(_select_overall(select_main(frame, names)).keep_axes([*names, frame.across]))
     by_name = {", ".join(filter(None, line.keys)): line for line in table.lines}
     lines = [replace(by_name[r.name], keys=(r.name,)) for r in rivals if r.name in by_name]
-    return replace(_without_article(table, lines), down=(column,))
+    return replace(_drop_article(table, lines), down=(column,))
 
 
-def _of_figures(frame: Frame, axis: str) -> Table:
+def _figure_table(frame: Frame, axis: str) -> Table:
     """Return the figures by an axis, or the main one by the axis across."""
-    overall = _at_overall(at_main(frame, [axis] * bool(axis)))
-    table = laid_out(overall.of_axes([axis, overall.across]))
-    return _without_article(table, table.lines)
+    overall = _select_overall(select_main(frame, [axis] * bool(axis)))
+    table = lay_out(overall.keep_axes([axis, overall.across]))
+    return _drop_article(table, table.lines)
 
 
-def _without_article(table: Table, lines: Sequence[Line]) -> Table:
+def _drop_article(table: Table, lines: Sequence[Line]) -> Table:
     """Return a table with these lines, without notes and the article's figures."""
     cells = [tuple(replace(cell, article="") for cell in line.cells) for line in lines]
     lines = [replace(line, cells=entries) for line, entries in zip(lines, cells, strict=True)]
     return replace(table, lines=tuple(lines), notes=())
 
 
-def _with_second(frame: Frame, axis: str) -> Frame:
+def _add_second_axis(frame: Frame, axis: str) -> Frame:
     """Return a frame with one figure and a second axis of few values across."""
     if not axis or frame.across or len(frame.figures) > 1:
         return frame
@@ -114,15 +114,15 @@ def _with_second(frame: Frame, axis: str) -> Frame:
     return replace(frame, across=next(iter(short_axes), ""))
 
 
-def _at_overall(frame: Frame) -> Frame:
+def _select_overall(frame: Frame) -> Frame:
     """Return a frame at the overall value of its axis across, if it has one."""
     overall = MAIN["aspect_bin"]
     if not frame.across or not (frame.rows[frame.across] == overall).any():
         return frame
-    return frame.at({frame.across: overall})
+    return frame.select({frame.across: overall})
 
 
-def _fewer(table: Table, frame: Frame, axis: str) -> list[str]:
+def _omission_notes(table: Table, frame: Frame, axis: str) -> list[str]:
     """Return a sentence on the rows of a table that are not shown, if any."""
     count = len(table.lines)
     if count <= MOST_ROWS:
@@ -132,14 +132,14 @@ def _fewer(table: Table, frame: Frame, axis: str) -> list[str]:
     return [f"{count - MOST_ROWS} more are in {table.name}.csv."]
 
 
-def _narrowed(table: Table, width: int) -> tuple[Table, str]:
+def _narrow_table(table: Table, width: int) -> tuple[Table, str]:
     """Return a table cut to a width, dropping intervals, then last columns; and a note on it."""
-    if fitting(table, width) == len(table.heads):
+    if count_fitting_columns(table, width) == len(table.heads):
         return table, ""
     cells = [tuple(Entry(cell.text) for cell in line.cells) for line in table.lines]
     lines = [replace(line, cells=entries) for line, entries in zip(table.lines, cells, strict=True)]
     without_intervals = replace(table, lines=tuple(lines))
-    count = fitting(without_intervals, width)
+    count = count_fitting_columns(without_intervals, width)
     lines = [replace(line, cells=line.cells[:count]) for line in lines]
     dropped = len(table.heads) - count
     intervals = (
@@ -153,11 +153,11 @@ def _narrowed(table: Table, width: int) -> tuple[Table, str]:
     )
 
 
-def _cell(frame: Frame, label: Any) -> Entry:
-    return replace(entry(frame, label, frame.figures[0]), article="")
+def _main_entry(frame: Frame, label: Any) -> Entry:
+    return replace(make_entry(frame, label, frame.figures[0]), article="")
 
 
-def _text(frame: Frame, rival: Rival) -> str:
+def _rival_text(frame: Frame, rival: Rival) -> str:
     """Return the main figure of a rival with its interval."""
-    cell = _cell(frame, rival.frame.rows.index[0])
+    cell = _main_entry(frame, rival.frame.rows.index[0])
     return f"{cell.text} [{cell.interval}]" if cell.interval else cell.text

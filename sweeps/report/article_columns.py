@@ -17,7 +17,7 @@ from ncti.article import article_figures
 from ncti.evaluate.scores import BIN_WIDTH
 from sweeps.engine.declare.kinds import Draws
 from sweeps.engine.declare.settings import Settings, flatten
-from sweeps.report.words import missing
+from sweeps.report.words import is_missing
 from sweeps.stages.acn import Network
 from sweeps.stages.classifier import Classifier, RandomAspects
 from sweeps.stages.infrared import Infrared
@@ -47,22 +47,22 @@ OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns tha
 
 
 @lru_cache
-def _beside() -> list[dict[str, Any]]:
+def _read_comparisons() -> list[dict[str, Any]]:
     """Return the article's figures that tables print beside a sweep's, as declared in YAML."""
     text = files("sweeps.report").joinpath("article_columns.yaml").read_text(encoding="utf-8")
     comparisons: list[dict[str, Any]] = yaml.safe_load(text)["beside"]
     return comparisons
 
 
-def article() -> Iterator[tuple[str, str, dict[str, Any], float]]:
+def iter_article_figures() -> Iterator[tuple[str, str, dict[str, Any], float]]:
     """Yield the article's figures as table, column, values of axes and number.
 
     Aspect bins are named by their lowest aspect [deg].
     """
     source = article_figures()
-    for comparison in _beside():
+    for comparison in _read_comparisons():
         figures = source[comparison["of"]][comparison["figures"]]
-        for axis_values, value in _nested(figures, comparison["by"], comparison["at"]):
+        for axis_values, value in _iter_nested(figures, comparison["by"], comparison["at"]):
             column = comparison.get("column") or axis_values.pop("column").partition("_")[0]
             yield (
                 comparison["table"],
@@ -72,7 +72,7 @@ def article() -> Iterator[tuple[str, str, dict[str, Any], float]]:
             )
 
 
-def _nested(
+def _iter_nested(
     figures: Any, axes: Sequence[str], axis_values: Mapping[str, Any]
 ) -> Iterator[tuple[dict[str, Any], Any]]:
     """Yield the values of axes and the number of each figure in mappings nested by `axes`."""
@@ -81,22 +81,26 @@ def _nested(
         return
     values = zip(BINS, figures, strict=True) if axes[0] == "bin" else figures.items()
     for value, inner in values:
-        yield from _nested(inner, axes[1:], {**axis_values, axes[0]: value})
+        yield from _iter_nested(inner, axes[1:], {**axis_values, axes[0]: value})
 
 
-def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
+def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     """Return a frame with the article's figures where they may be compared, and the bound."""
-    frame = _with_bound(_with_frames_in_all(frame))
-    axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
-    article_numbers: dict[str, dict[Any, float]] = {name: {} for name in frame.of_role("figure")}
+    frame = _add_bound(_add_total_frames(frame))
+    axes = {frame.columns[name].axis: name for name in frame.columns_of_role("axis")}
+    article_numbers: dict[str, dict[Any, float]] = {
+        name: {} for name in frame.columns_of_role("figure")
+    }
     for number, part in enumerate(frame.parts):
         values_of = _article_values(part, attributes)
         if values_of is None:
             continue
-        printed = [row for row in article() if row[0] == part.display.source]
+        printed = [row for row in iter_article_figures() if row[0] == part.display.source]
         for label in frame.rows.index[frame.rows["part"] == number]:
             values = frame.records[label]
-            row = {axis: values[name] for axis, name in axes.items() if not missing(values[name])}
+            row = {
+                axis: values[name] for axis, name in axes.items() if not is_missing(values[name])
+            }
             if any(row.get(name) not in (None, *allowed) for name, allowed in values_of.items()):
                 continue
             row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
@@ -109,7 +113,7 @@ def with_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     for name, values in article_numbers.items():
         if values:
             numbers = pd.Series(values).reindex(frame.rows.index)
-            frame = _with_column(frame, name, f"article_{name}", "article", numbers)
+            frame = _add_column(frame, name, f"article_{name}", "article", numbers)
     return frame
 
 
@@ -159,20 +163,20 @@ def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:
     )  # tested apart from the others
     return (
         part.attrs.get("views")
-        in (None, len(_packaged()) * len(article_aspects))  # fewer if some failed
+        in (None, len(_packaged_digests()) * len(article_aspects))  # fewer if some failed
         and article_aspects <= aspects
         and len(aspects) == len(article_aspects) + drawn
-        and sorted(attributes.get("mesh_digests", {}).values()) == sorted(_packaged())
+        and sorted(attributes.get("mesh_digests", {}).values()) == sorted(_packaged_digests())
     )
 
 
 @lru_cache
-def _packaged() -> tuple[str, ...]:
+def _packaged_digests() -> tuple[str, ...]:
     """Return the digests of the article's ships."""
     return tuple(ships.digest(str(ship)) for ship in Grid.ship.values(Grid.ship.default))
 
 
-def _with_column(frame: Frame, figure: str, name: str, role: str, values: pd.Series) -> Frame:
+def _add_column(frame: Frame, figure: str, name: str, role: str, values: pd.Series) -> Frame:
     """Return a frame with a column that belongs to a figure."""
     figure_column, words = frame.columns[figure], name.replace("_", " ")
     column = replace(figure_column, name=name, axis=figure, words=words, meaning="", role=role)
@@ -181,9 +185,9 @@ def _with_column(frame: Frame, figure: str, name: str, role: str, values: pd.Ser
     )
 
 
-def _with_frames_in_all(frame: Frame) -> Frame:
+def _add_total_frames(frame: Frame) -> Frame:
     """Return a frame with the number of frames of an image over all detector positions."""
-    axes = {frame.columns[name].axis: name for name in frame.of_role("axis")}
+    axes = {frame.columns[name].axis: name for name in frame.columns_of_role("axis")}
     if "super_resolution" not in axes:
         return frame
     counts = frame.rows[axes.get("infrared_frame_count", axes["frame_count"])]
@@ -191,10 +195,10 @@ def _with_frames_in_all(frame: Frame) -> Frame:
     if "infrared_frame_count" in axes and "frame_count" in axes:
         counts = counts.fillna(frame.rows[axes["frame_count"]])
     totals = (counts * positions).where(frame.rows[axes["super_resolution"]].notna())
-    return _with_column(frame, frame.of_role("figure")[0], "frames_in_all", "beside", totals)
+    return _add_column(frame, frame.columns_of_role("figure")[0], "frames_in_all", "beside", totals)
 
 
-def _with_bound(frame: Frame) -> Frame:
+def _add_bound(frame: Frame) -> Frame:
     """Return scores with their distance from maximum likelihood, the best classifier possible.
 
     The bound knows mean and covariance of every view exactly, and of the gain the least that was
@@ -212,19 +216,19 @@ def _with_bound(frame: Frame) -> Frame:
         return frame
     gain = bound.gain_sigma.max()
     bound = bound[bound.gain_sigma == gain]
-    axes = [name for name in frame.of_role("axis") if bound[name].nunique() > 1]
+    axes = [name for name in frame.columns_of_role("axis") if bound[name].nunique() > 1]
     keys = [*dict.fromkeys(["kind", *axes, *({"left_out"} & {*tests})])]
     scored = tests[(tests.scored == "ship") & tests[figure].notna()]
     if "score_rule" in scored:
         scored = scored[scored.score_rule.isna() | (scored.score_rule == "ship")]
     best = scored[keys].merge(bound[[*keys, figure]], how="left", on=keys)[figure]
-    level = best.set_axis(scored.index).map(_tenths)
-    points = (level - scored[figure].map(_tenths)).dropna().map(_tenths)
-    frame = _with_column(frame, figure, "points_below_bound", "beside", points.reindex(rows.index))
+    level = best.set_axis(scored.index).map(_round_to_tenths)
+    points = (level - scored[figure].map(_round_to_tenths)).dropna().map(_round_to_tenths)
+    frame = _add_column(frame, figure, "points_below_bound", "beside", points.reindex(rows.index))
     gains = pd.Series(float(gain), index=points.index).reindex(rows.index)
-    return _with_column(frame, figure, "bound_gain_sigma", "beside", gains)
+    return _add_column(frame, figure, "bound_gain_sigma", "beside", gains)
 
 
-def _tenths(value: float) -> float:
+def _round_to_tenths(value: float) -> float:
     """Return a percentage as it is in files."""
     return round(value, 1)

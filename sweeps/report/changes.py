@@ -9,41 +9,41 @@ from typing import Any
 
 import pandas as pd
 
-from sweeps.report.answer import thinned
+from sweeps.report.answer import thin_lines
 from sweeps.report.compare import FIRST, NAME, SECOND, STORE, Comparison
 from sweeps.report.contest import SHIP, is_test, main_axis
 from sweeps.report.frames import Column, Frame
-from sweeps.report.page.provenance import flat, in_words
+from sweeps.report.page.provenance import iter_settings, values_in_words
 from sweeps.report.pairs import LEVEL
-from sweeps.report.pivot import Entry, Line, Table, entry
+from sweeps.report.pivot import Entry, Line, Table, make_entry
 from sweeps.report.stores import attributes, opened
-from sweeps.report.words import MAIN, missing, printable
+from sweeps.report.words import MAIN, is_missing, printable_text
 
 MOST_LINES, MOST_LISTED = 10, 3
 ABOUT = ("seed", "version")  # attributes of a store that its results may depend on
 
 
-def sentences(compared: Comparison) -> list[str]:
+def change_sentences(compared: Comparison) -> list[str]:
     """Return sentences on the largest change, its setting, and whether it is significant."""
     first, *others = compared.names
     if not compared.frames:
         common = " in all that they have in common" if compared.partial else ""
         return [f"{', '.join(others)} and {first} have the same results{common}."]
     frame = next(iter(compared.frames.values()))
-    label, row = _largest(frame)
+    label, row = _largest_row(frame)
     figure = frame.figures[0]
     column, store = frame.columns[figure], row.get(STORE, others[0])
-    setting = _place(frame, row)
+    setting = _row_setting(frame, row)
     suffix = f", at {setting}" if setting else ""
-    subject = ", ".join(_names(frame, row)) or column.words
-    before, after = (_end(frame, row, end) for end in (FIRST, SECOND))
+    subject = ", ".join(_row_names(frame, row)) or column.words
+    before, after = (_end_text(frame, row, end) for end in (FIRST, SECOND))
     course = f"from {before} in {first} to {after} in {store}"
-    if not missing(row[figure]):
-        changed = _signed(entry(frame, label, figure))
+    if not is_missing(row[figure]):
+        changed = _with_signed_interval(make_entry(frame, label, figure))
         interval = f" [{changed.interval}]" if changed.interval else ""
         course += f", {changed.text} {column.unit}".rstrip() + interval
     if frame.name != NAME:
-        table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
+        table = printable_text(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [
             f"Of {table}, {subject} changed most{suffix}: {course}.",
             "Without intervals it is not known whether chance alone would do so.",
@@ -65,7 +65,7 @@ def sentences(compared: Comparison) -> list[str]:
     ]
 
 
-def answer(compared: Comparison, swept: Sequence[str]) -> Table:
+def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
     """Return a table of the largest changes along an axis, at most ten lines.
 
     For two stores it has both figures and their difference. For more stores it has only the
@@ -73,18 +73,20 @@ def answer(compared: Comparison, swept: Sequence[str]) -> Table:
     are the curves that changed most.
     """
     frame = next(iter(compared.frames.values()))
-    _, largest = _largest(frame)
-    figure, rows = frame.figures[0], _rows(frame)
-    curve = [name for name in _curve(frame) if name != STORE]
-    curve_rows = _same(rows, largest, curve)
+    _, largest = _largest_row(frame)
+    figure, rows = frame.figures[0], _overall_rows(frame)
+    curve = [name for name in _curve_axes(frame) if name != STORE]
+    curve_rows = _matching_rows(rows, largest, curve)
     axis = main_axis(frame.where(curve_rows.index), swept)
     varying = [name for name in frame.varying_axes if name not in (STORE, axis)]
     if axis:
-        rows = _same(curve_rows, largest, [name for name in varying if name not in curve])
+        rows = _matching_rows(curve_rows, largest, [name for name in varying if name not in curve])
         down, keys = frame.columns[axis], rows[axis]
     else:
-        rows = _same(rows, largest, [name for name in varying if name not in curve])
-        keys = pd.Series([", ".join(_names(frame, row)) for _, row in rows.iterrows()], rows.index)
+        rows = _matching_rows(rows, largest, [name for name in varying if name not in curve])
+        keys = pd.Series(
+            [", ".join(_row_names(frame, row)) for _, row in rows.iterrows()], rows.index
+        )
         down = Column("", "", ", ".join(frame.columns[n].words for n in curve) or "figure")
     order = rows[figure].abs().groupby(keys).max().sort_values(ascending=False, kind="stable")
     line_keys = sorted(order.index) if axis and rows[axis].dtype.kind in "fiu" else [*order.index]
@@ -93,18 +95,23 @@ def answer(compared: Comparison, swept: Sequence[str]) -> Table:
         key_rows = rows[keys == key]
         labels = {row.get(STORE, compared.names[1]): label for label, row in key_rows.iterrows()}
         cells = [
-            _signed(entry(frame, labels[name], figure)) if name in labels else Entry("")
+            _with_signed_interval(make_entry(frame, labels[name], figure))
+            if name in labels
+            else Entry("")
             for name in compared.names[1:]
         ]
         if two:
             row = key_rows.iloc[0]
-            cells = [*(Entry(_end(frame, row, end, unit=False)) for end in (FIRST, SECOND)), *cells]
+            cells = [
+                *(Entry(_end_text(frame, row, end, unit=False)) for end in (FIRST, SECOND)),
+                *cells,
+            ]
         text = down.text(key) if axis else str(key)
         lines.append(Line((key,), (text,), tuple(cells)))
     count = len(lines)
-    lines = thinned(lines, MOST_LINES) if axis else lines[:MOST_LINES]
+    lines = thin_lines(lines, MOST_LINES) if axis else lines[:MOST_LINES]
     title = frame.title.partition(":")[0].replace("[points]", "[%]") if two else frame.title
-    subtitle = [*_names(frame, largest), _place(frame, largest, but=axis)] if axis else []
+    subtitle = [*_row_names(frame, largest), _row_setting(frame, largest, but=axis)] if axis else []
     heads = (*compared.names, "difference") if two else compared.names[1:]
     fewer = f"{len(lines)} of {count} lines." if count > len(lines) else ""
     return Table(
@@ -121,12 +128,12 @@ def settings_that_differ(compared: Comparison) -> list[tuple[str, list[str]]]:
     """Return the settings that differ between stores: keys, and each store's value in words."""
     all_attrs = [attributes(opened(path)) for path in compared.paths]
     configurations: list[Mapping[str, Any]] = [
-        dict(flat(attrs.get("configuration", {}))) | {key: attrs.get(key) for key in ABOUT}
+        dict(iter_settings(attrs.get("configuration", {}))) | {key: attrs.get(key) for key in ABOUT}
         for attrs in all_attrs
     ]
     keys = dict.fromkeys(key for settings in configurations for key in settings)
     return [
-        (key, [_written(settings.get(key)) for settings in configurations])
+        (key, [_setting_text(settings.get(key)) for settings in configurations])
         for key in keys
         if len({json.dumps(settings.get(key), default=str) for settings in configurations}) > 1
     ]
@@ -140,9 +147,11 @@ def settings_sentence(compared: Comparison) -> str:
         *most, last = (f"{value} in {name}" for value, name in by_store)
         settings.append(f"{key} {', '.join(most)} and {last}")
     sentence = (
-        f"Settings that differ: {_few(settings)}." if settings else "All settings are the same."
+        f"Settings that differ: {_abbreviate(settings)}."
+        if settings
+        else "All settings are the same."
     )
-    return sentence + (f" Ships that differ: {_few(ships)}." if ships else "")
+    return sentence + (f" Ships that differ: {_abbreviate(ships)}." if ships else "")
 
 
 def ships_that_differ(compared: Comparison) -> list[str]:
@@ -152,27 +161,31 @@ def ships_that_differ(compared: Comparison) -> list[str]:
         transforms = attrs.get("mesh_transforms", {})
         for name, digest in attrs.get("mesh_digests", {}).items():
             meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
-    return [printable(name) for name, digests in meshes.items() if len(digests) > 1]
+    return [printable_text(name) for name, digests in meshes.items() if len(digests) > 1]
 
 
-def _few(listed: Sequence[str]) -> str:
+def _abbreviate(listed: Sequence[str]) -> str:
     """Return the first texts of a list and the number of the others."""
     more = len(listed) - MOST_LISTED
     return "; ".join(listed[:MOST_LISTED]) + (f"; and {more} more" if more > 0 else "")
 
 
-def _signed(cell: Entry) -> Entry:
+def _with_signed_interval(cell: Entry) -> Entry:
     """Return a difference with 'to' between the signed ends of its interval."""
     return replace(cell, interval=cell.interval.replace("–", " to "))
 
 
-def _written(value: Any) -> str:
-    return f"[{in_words(value, '')}]" if isinstance(value, list) else in_words([value], "")
+def _setting_text(value: Any) -> str:
+    return (
+        f"[{values_in_words(value, '')}]"
+        if isinstance(value, list)
+        else values_in_words([value], "")
+    )
 
 
-def _rows(frame: Frame) -> pd.DataFrame:
+def _overall_rows(frame: Frame) -> pd.DataFrame:
     """Return the rows of differences over all aspects, of tests where there are any."""
-    ends = [_end_name(frame, end) for end in (FIRST, SECOND)]
+    ends = [_end_column(frame, end) for end in (FIRST, SECOND)]
     rows = frame.rows[frame.rows[ends].notna().any(axis=1)]
     overall = MAIN["aspect_bin"]
     if frame.across and (rows[frame.across] == overall).any():
@@ -182,12 +195,12 @@ def _rows(frame: Frame) -> pd.DataFrame:
     return rows
 
 
-def _largest(frame: Frame) -> tuple[Any, pd.Series]:
+def _largest_row(frame: Frame) -> tuple[Any, pd.Series]:
     """Return label and row of the largest difference, among significant ones if there are any.
 
     If no difference is a number other than 0, take a row where only one store has a value.
     """
-    rows = _rows(frame)
+    rows = _overall_rows(frame)
     if "significant" in rows and (rows.significant == 1).any():
         rows = rows[rows.significant == 1]
     sizes = rows[frame.figures[0]].astype(float).abs().fillna(-1)
@@ -197,44 +210,46 @@ def _largest(frame: Frame) -> tuple[Any, pd.Series]:
     return label, rows.loc[label]
 
 
-def _same(rows: pd.DataFrame, reference: pd.Series, names: Sequence[str]) -> pd.DataFrame:
+def _matching_rows(rows: pd.DataFrame, reference: pd.Series, names: Sequence[str]) -> pd.DataFrame:
     """Return the rows that equal a reference row in some columns."""
     for name in names:
         rows = rows[
-            rows[name].isna() if missing(reference[name]) else rows[name] == reference[name]
+            rows[name].isna() if is_missing(reference[name]) else rows[name] == reference[name]
         ]
     return rows
 
 
-def _curve(frame: Frame) -> list[str]:
+def _curve_axes(frame: Frame) -> list[str]:
     return [name for name in frame.down if name in frame.varying_axes or name in ("classifier",)]
 
 
-def _names(frame: Frame, row: pd.Series) -> list[str]:
+def _row_names(frame: Frame, row: pd.Series) -> list[str]:
     """Return the words that identify a row, such as its classifier and sensor."""
     names = [n for n in frame.down if n != STORE and frame.rows[n].dtype == object]
     varying = [n for n in names if n in frame.varying_axes or n in ("classifier", "channel")]
-    words = [(name, row[name]) for name in varying if not missing(row[name])]
+    words = [(name, row[name]) for name in varying if not is_missing(row[name])]
     return [frame.columns[name].text(value) for name, value in words if value != SHIP]
 
 
-def _place(frame: Frame, row: pd.Series, *, but: str = "") -> str:
+def _row_setting(frame: Frame, row: pd.Series, *, but: str = "") -> str:
     """Return the setting of a row: its values of the axes that vary between rows."""
     words = [n for n in frame.down if frame.rows[n].dtype == object]
     names = [n for n in frame.varying_axes if n not in (*words, but, STORE, "kind")]
-    names = [n for n in names if not missing(row[n]) and row[n] != MAIN["aspect_bin"]]
+    names = [n for n in names if not is_missing(row[n]) and row[n] != MAIN["aspect_bin"]]
     return ", ".join(frame.columns[name].in_words(row[name]) for name in names)
 
 
-def _end_name(frame: Frame, end: str) -> str:
+def _end_column(frame: Frame, end: str) -> str:
     """Return the column of the main figure in the first store, or in the second."""
     return end if frame.name == NAME else f"{frame.figures[0]}_{end}"
 
 
-def _end(frame: Frame, row: pd.Series, end: str, *, unit: bool = True) -> str:
+def _end_text(frame: Frame, row: pd.Series, end: str, *, unit: bool = True) -> str:
     """Return the main figure of a row in the first store, or in the second."""
-    name = _end_name(frame, end)
+    name = _end_column(frame, end)
     column = replace(frame.columns[name], role="figure")
     if not unit:
         return column.text(row[name])
-    return "no value" if missing(row[name]) else f"{column.text(row[name])} {column.unit}".rstrip()
+    return (
+        "no value" if is_missing(row[name]) else f"{column.text(row[name])} {column.unit}".rstrip()
+    )

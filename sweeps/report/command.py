@@ -22,11 +22,11 @@ def main() -> None:
     relax_gc()
     arguments = _parser().parse_intermixed_args()  # `a.zarr --html b.zarr`, too
     from sweeps.engine.run.process import flush_output
-    from sweeps.report.screen import complain
+    from sweeps.report.screen import print_error
 
-    status = _reported(arguments)
+    status = _run(arguments)
     if fault := flush_output():
-        complain(f"tables cannot be printed: {fault}")
+        print_error(f"tables cannot be printed: {fault}")
         status = status or 1
     if status:
         sys.exit(status)
@@ -39,35 +39,35 @@ def script() -> NoReturn:
     end_with(main)
 
 
-def _reported(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace) -> int:
     """Print and write the requested tables; return the exit status."""
     # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.declare.errors import ConfigurationError
-    from sweeps.report.own import sentence_of
+    from sweeps.report.own import blocked_sentence
     from sweeps.report.pictures import write_pictures
-    from sweeps.report.screen import complain, screen
-    from sweeps.report.summary import comparison, report
+    from sweeps.report.screen import print_error, stdout_console
+    from sweeps.report.summary import report, report_comparison
 
-    console = screen()
+    console = stdout_console()
     try:
-        path, *others = map(_place, arguments.stores)
+        path, *others = map(_parse_store, arguments.stores)
         if others:
             if arguments.pictures:
                 raise ConfigurationError("--pictures draws one store, but several are given")
             options = {"table": arguments.table, "html": arguments.html}
-            blocked = comparison(path, *others, console=console, **options)
+            blocked = report_comparison(path, *others, console=console, **options)
         else:
             blocked = report(path, console, table=arguments.table, html=arguments.html)
         if arguments.pictures:
             blocked += write_pictures(path, console)
     except ConfigurationError as error:
-        complain(str(error))
+        print_error(str(error))
         return 2
     except OSError as error:
-        complain(f"tables are not written: {error}")
+        print_error(f"tables are not written: {error}")
         return 2
     if blocked:
-        complain(sentence_of(blocked))
+        print_error(blocked_sentence(blocked))
     return 1 if blocked else 0
 
 
@@ -80,7 +80,7 @@ def answer(store: Any) -> list[str]:
     return headline(read_frames(store), attributes(opened(store)))
 
 
-def _place(argument: str) -> Any:
+def _parse_store(argument: str) -> Any:
     """Return a store's URL, or its absolute path; refuse other URLs."""
     from sweeps.engine.declare.paths import path_or_url
 
@@ -92,9 +92,9 @@ class _Explain(argparse.Action):
     """Prints the meaning of a word instead of tables, and exits."""
 
     def __call__(self, parser: argparse.ArgumentParser, _: Any, words: Any, *__: Any) -> None:
-        from sweeps.report.explain import said
+        from sweeps.report.explain import print_meaning
 
-        parser.exit(said(NAME, " ".join(words)))
+        parser.exit(print_meaning(NAME, " ".join(words)))
 
 
 def _parser() -> argparse.ArgumentParser:

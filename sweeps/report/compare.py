@@ -14,10 +14,19 @@ from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.report.contest import SCORES, is_test
-from sweeps.report.frames import PART, Column, Frame, Part, read_frames, stacked, tidy, values_of
-from sweeps.report.pairs import ANSWERS, Pairs, answers_of, holm, paired
-from sweeps.report.stores import groups, opened
-from sweeps.report.words import printable
+from sweeps.report.frames import (
+    PART,
+    Column,
+    Frame,
+    Part,
+    read_frames,
+    stack_frames,
+    tidy_frame,
+    values_of,
+)
+from sweeps.report.pairs import ANSWERS, Pairs, answers_of, holm, pair_answers
+from sweeps.report.stores import list_groups, opened
+from sweeps.report.words import printable_text
 
 NAME, STORE = "differences", "store"
 FIRST, SECOND = "first", "second"
@@ -68,7 +77,7 @@ class Comparison:
     partial: bool = False
 
     @property
-    def place(self) -> Path:
+    def output_path(self) -> Path:
         """Path of the store that a comparison is named like: `b-less-a.zarr`, beside b."""
         first, *others = (
             re.sub(r"(\.zarr)?/|\.zarr$", "-", name).strip("-") for name in self.names
@@ -89,47 +98,49 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
         If a store is given twice, has no tables, or has nothing in common with the first.
     """
     paths = first, *others
-    names, first_frames = names_of(paths), read_frames(first)
+    names, first_frames = store_names(paths), read_frames(first)
     comparisons: list[tuple[Display, Pairs]] = []
     tables: dict[str, list[Frame]] = {NAME: []}
     partial = False
     for path, name in zip(others, names[1:], strict=True):
         second_frames, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
-        pairs, incomplete = _paired(first, first_frames, path, second_frames, labels)
+        pairs, incomplete = _pair_stores(first, first_frames, path, second_frames, labels)
         partial |= incomplete or {*first_frames} != {*second_frames}
         subtracted = []
         for shared in (
             table for table in second_frames if table in first_frames and table != SCORES
         ):
             pair = first_frames[shared], second_frames[shared]
-            difference = _subtracted(*pair, labels)
+            difference = _subtract_frames(*pair, labels)
             partial |= any(len(frame.rows) > len(difference.rows) for frame in pair)
             partial |= {*pair[0].figures} != {*pair[1].figures}
             subtracted += [difference] if len(difference.rows) and difference.figures else []
         if not pairs and not subtracted:
             raise ConfigurationError(
-                _nothing_in_common(names[0], first_frames, name, second_frames)
+                _no_overlap_reason(names[0], first_frames, name, second_frames)
             )
         comparisons += pairs
         for table in subtracted:
             tables.setdefault(table.name, []).append(table)
-    significant, number = holm([answers for display, answers in comparisons if _of_tests(display)])
+    significant, number = holm(
+        [answers for display, answers in comparisons if _is_of_tests(display)]
+    )
     of_tests = iter(significant)
     for display, answers in comparisons:
-        dataset = answers.tabulate(next(of_tests) if _of_tests(display) else None)
-        part = tidy(dataset, display, "")
+        dataset = answers.tabulate(next(of_tests) if _is_of_tests(display) else None)
+        part = tidy_frame(dataset, display, "")
         tables[NAME] += [part] if part is not None else []
-    changed = [_changed(stacked(parts)) for parts in tables.values() if parts]
-    frames = {frame.name: _in_words(frame, names) for frame in changed if frame is not None}
+    changed = [_keep_changes(stack_frames(parts)) for parts in tables.values() if parts]
+    frames = {frame.name: _name_stores(frame, names) for frame in changed if frame is not None}
     count = sum(int(cells.sum()) for cells in significant)
     return Comparison(paths, names, frames, number, count, partial)
 
 
-def _of_tests(display: Display) -> bool:
+def _is_of_tests(display: Display) -> bool:
     return is_test(display.labels.get("kind"))
 
 
-def _paired(
+def _pair_stores(
     first: PathOrUrl,
     first_frames: Mapping[str, Frame],
     second: PathOrUrl,
@@ -138,19 +149,21 @@ def _paired(
 ) -> tuple[list[tuple[Display, Pairs]], bool]:
     """Return the common answers of each part of two stores' scores, and whether any are missing."""
     first_parts, second_parts = (
-        {_key(part): part for part in _scored(path, frames)}
+        {_part_key(part): part for part in _answer_parts(path, frames)}
         for path, frames in ((first, first_frames), (second, second_frames))
     )
     common, partial = [], first_parts.keys() != second_parts.keys()
     for key in (key for key in second_parts if key in first_parts):
-        pairs = paired(answers_of(first, first_parts[key]), answers_of(second, second_parts[key]))
+        pairs = pair_answers(
+            answers_of(first, first_parts[key]), answers_of(second, second_parts[key])
+        )
         partial |= pairs is None or pairs.partial
         display = replace(DISPLAY, labels={**labels, **second_parts[key].display.labels})
         common += [(display, pairs)] if pairs is not None else []
     return common, partial
 
 
-def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
+def store_names(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
     """Return distinct names of stores, preceded by as many folders as distinguish them.
 
     Raises ConfigurationError if a store is given twice.
@@ -161,13 +174,13 @@ def names_of(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
         if resolved.count(path) > 1:
             raise ConfigurationError(f"{str(path)!r} is given twice; give two different stores")
     for count in range(1, max(len(store.parts) for store in stores) + 1):
-        names = tuple(printable("/".join(store.parts[-count:])) for store in stores)
+        names = tuple(printable_text("/".join(store.parts[-count:])) for store in stores)
         if len(set(names)) == len(names):
             break
     return names
 
 
-def _nothing_in_common(
+def _no_overlap_reason(
     first: str, first_frames: Mapping[str, Frame], second: str, second_frames: Mapping[str, Frame]
 ) -> str:
     """Return why stores cannot be compared: they share no table or no value of an axis."""
@@ -175,7 +188,9 @@ def _nothing_in_common(
     for table in common:
         first_frame, second_frame = first_frames[table], second_frames[table]
         for axis in (
-            name for name in second_frame.of_role("axis") if name in first_frame.of_role("axis")
+            name
+            for name in second_frame.columns_of_role("axis")
+            if name in first_frame.columns_of_role("axis")
         ):
             values = [values_of(frame.rows, axis) for frame in (first_frame, second_frame)]
             if all(values) and not {*values[0]} & {*values[1]}:
@@ -195,7 +210,7 @@ def _nothing_in_common(
     )
 
 
-def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame:
+def _subtract_frames(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame:
     """Return the figures of a table, second less first, at the places that both frames have.
 
     An axis of one value in each is no place, unless it is a label, such as the classifier.
@@ -205,12 +220,14 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
         for name in second.figures
         if name in first.figures and second.rows[name].dtype.kind in "fiu"
     ]
-    axes = [name for name in second.of_role("axis") if name in first.of_role("axis")]
+    axes = [
+        name for name in second.columns_of_role("axis") if name in first.columns_of_role("axis")
+    ]
     labelled = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
     varying = {*first.varying_axes, *second.varying_axes, *labelled}
     shared = [name for name in axes if name in varying]
     unshared = [
-        (frame, [name for name in frame.of_role("axis") if name not in axes])
+        (frame, [name for name in frame.columns_of_role("axis") if name not in axes])
         for frame in (first, second)
     ]
     first_rows, second_rows = (
@@ -244,12 +261,12 @@ def _subtracted(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame
     )
 
 
-def _changed(frame: Frame) -> Frame | None:
+def _keep_changes(frame: Frame) -> Frame | None:
     """Return a table of differences without the figures and curves in which nothing differs."""
     if frame.name == NAME:
         figures, changed = frame.figures, frame.rows.discordant > 0
     else:
-        values = pd.DataFrame({name: differs(frame, name) for name in frame.figures})
+        values = pd.DataFrame({name: differing_rows(frame, name) for name in frame.figures})
         figures = [name for name in frame.figures if values[name].any()]
         changed = values.any(axis=1)
     if not changed.any():
@@ -264,13 +281,13 @@ def _changed(frame: Frame) -> Frame | None:
     return replace(frame, rows=rows[[PART, *columns]].reset_index(drop=True), columns=columns)
 
 
-def differs(frame: Frame, figure: str) -> pd.Series:
+def differing_rows(frame: Frame, figure: str) -> pd.Series:
     """Return a mask of rows in which a figure differs, or only one store has a value."""
     first, second = (frame.rows[f"{figure}_{end}"] for end in (FIRST, SECOND))
     return (first != second) & (first.notna() | second.notna())
 
 
-def _in_words(frame: Frame, names: Sequence[str]) -> Frame:
+def _name_stores(frame: Frame, names: Sequence[str]) -> Frame:
     """Return a table of differences with the names of the stores in its title and columns."""
     first, *others = names
     columns = dict(frame.columns)
@@ -283,9 +300,9 @@ def _in_words(frame: Frame, names: Sequence[str]) -> Frame:
     return replace(frame, title=f"{frame.title}: {minuend} less {first}", columns=columns)
 
 
-def _scored(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
+def _answer_parts(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
     """Return the parts of a store's scores that count answers."""
-    answered = groups(opened(path), "classification")
+    answered = list_groups(opened(path), "classification")
     return [
         part
         for part in (frames[SCORES].parts if SCORES in frames else ())
@@ -294,5 +311,5 @@ def _scored(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
     ]
 
 
-def _key(part: Part) -> tuple[Any, ...]:
+def _part_key(part: Part) -> tuple[Any, ...]:
     return part.group, part.display.figures[0].variable, *sorted(part.display.labels.items())

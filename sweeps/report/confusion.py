@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.report.frames import DRAWS, Frame, stacked, tidy
-from sweeps.report.stores import groups, read
+from sweeps.report.frames import DRAWS, Frame, stack_frames, tidy_frame
+from sweeps.report.stores import list_groups, read_group
 
 NAME = "confusion"
 LARGEST = 2_000_000  # answers that are counted
@@ -27,14 +27,14 @@ DISPLAY = Display(
 def read_predictions(store: Any) -> dict[str, xr.DataArray]:
     """Return each classifier's predictions, except those with too many answers to count."""
     predictions = {}
-    for name in groups(store, "classification"):
-        answers = read(store, f"classification/{name}")
+    for name in list_groups(store, "classification"):
+        answers = read_group(store, f"classification/{name}")
         if "predicted" in answers and answers.predicted.size <= LARGEST:
             predictions[name] = answers.predicted.load()
     return predictions
 
 
-def confusion_of(
+def confusion_frame(
     predictions: Mapping[str, xr.DataArray], frames: Mapping[str, Frame]
 ) -> Frame | None:
     """Return the share of each predicted ship among the answers to each true ship, or None.
@@ -45,13 +45,13 @@ def confusion_of(
     labels = {part.group.removeprefix("tables/"): part.display.labels for part in tables}
     parts = []
     for name, predicted in predictions.items():
-        counted = _counted(predicted)
+        counted = _count_answers(predicted)
         group_labels = labels.get(name) or {"classifier": name}
         label_names = {*DISPLAY.rows} - {*counted.coords}
         row_labels = {key: text for key, text in group_labels.items() if key in label_names}
-        parts.append(tidy(counted, replace(DISPLAY, labels=row_labels), ""))
+        parts.append(tidy_frame(counted, replace(DISPLAY, labels=row_labels), ""))
     answered = [part for part in parts if part is not None]
-    return stacked(answered) if answered else None
+    return stack_frames(answered) if answered else None
 
 
 def most_confused(
@@ -62,7 +62,7 @@ def most_confused(
     Over all classifiers and settings, by the share of the answers to both. None if no pair is.
     """
     counts = [
-        _named(predicted, ("ship", "aspect"))
+        _count_predictions(predicted, ("ship", "aspect"))
         for predicted in predictions.values()
         if {"ship", "aspect"} <= {*predicted.dims}
     ]
@@ -81,15 +81,15 @@ def most_confused(
     return (str(ships[first]), str(ships[second])), aspect
 
 
-def _counted(predicted: xr.DataArray) -> xr.Dataset:
+def _count_answers(predicted: xr.DataArray) -> xr.Dataset:
     """Return counts of a group's answers by true and predicted ship, over aspects and draws."""
     dims = [dim for dim in predicted.dims if dim not in (*DRAWS, "aspect")]
-    counts = _named(predicted, dims)
+    counts = _count_predictions(predicted, dims)
     total = counts.sum("ship_named")
     return xr.Dataset({"share": counts / total.where(total > 0), "count": counts})
 
 
-def _named(predicted: xr.DataArray, dims: Sequence[Hashable]) -> xr.DataArray:
+def _count_predictions(predicted: xr.DataArray, dims: Sequence[Hashable]) -> xr.DataArray:
     """Return counts of each predicted ship along `dims`, which include the true ship."""
     ships = np.atleast_1d(predicted.ship.values).tolist()
     candidates = xr.DataArray(range(len(ships)), {"ship_named": ships}, ("ship_named",))

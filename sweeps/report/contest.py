@@ -10,8 +10,8 @@ from typing import Any
 import pandas as pd
 
 from sweeps.report.frames import Frame, values_of
-from sweeps.report.pivot import at_main, in_words
-from sweeps.report.words import SIMPLEST, missing, preferred
+from sweeps.report.pivot import select_main, word_axes
+from sweeps.report.words import SIMPLEST, is_missing, preferred_value
 
 SCORES, SHIP = "scores", "ship"
 UNTESTED = ("training", "learned")  # kinds of scores that are not of tests
@@ -41,7 +41,7 @@ class Rival:
     def name(self) -> str:
         """The classifier in words."""
         columns = self.frame.columns
-        return ", ".join(columns[key].text(v) for key, v in self.of.items() if not missing(v))
+        return ", ".join(columns[key].text(v) for key, v in self.of.items() if not is_missing(v))
 
     @property
     def mean(self) -> float:
@@ -72,7 +72,7 @@ def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     The first of the swept axes, or that of most values where no axes are declared, numbers before
     words; without any, the number of frames, then the axis of most numbers.
     """
-    axes = [name for name in frame.varying_axes if name not in (frame.across, *in_words(frame))]
+    axes = [name for name in frame.varying_axes if name not in (frame.across, *word_axes(frame))]
     axes.sort(key=lambda name: name in frame.down)
     numeric = [name for name in axes if frame.rows[name].dtype.kind in "fiu"]
     swept_axes = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
@@ -85,17 +85,19 @@ def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     )
 
 
-def contest(frame: Frame, axis: str) -> list[Rival]:
+def find_rivals(frame: Frame, axis: str) -> list[Rival]:
     """Return the rivals of a table that have results along an axis.
 
     Percentages with a level of chance are ranked by their mean, at the values of the axis that all
     have, such as those at which no cell failed, and equal ones by simplicity. Others stay in their
     order, after the one that is shown first.
     """
-    figure, names = frame.figures[0], _names(frame, axis)
-    main = at_main(frame, [*names, *[axis] * bool(axis)])
+    figure, names = frame.figures[0], _name_columns(frame, axis)
+    main = select_main(frame, [*names, *[axis] * bool(axis)])
     if across := main.across:
-        main = main.at({across: preferred(main.columns[across].axis, values_of(main.rows, across))})
+        main = main.select(
+            {across: preferred_value(main.columns[across].axis, values_of(main.rows, across))}
+        )
     main = main.where(main.rows[figure].notna())
     if "scored" in names and (main.rows.scored == SHIP).any():
         main = main.where(main.rows.scored == SHIP)
@@ -105,17 +107,21 @@ def contest(frame: Frame, axis: str) -> list[Rival]:
     for key, rows in groups:
         identity = {name: value for name, value in zip(names, key, strict=True) if name in varying}
         rivals.append(
-            _rival(main.where(rows.index), identity or dict(zip(names, key, strict=True)), axis)
+            _make_rival(
+                main.where(rows.index), identity or dict(zip(names, key, strict=True)), axis
+            )
         )
     rivals = [rival for rival in rivals if len(rival.frame.rows)]
-    if not frame.of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
-        leader = {n: preferred(frame.columns[n].axis, values_of(main.rows, n)) for n in varying}
+    if not frame.columns_of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
+        leader = {
+            n: preferred_value(frame.columns[n].axis, values_of(main.rows, n)) for n in varying
+        }
         return sorted(rivals, key=lambda rival: rival.of != leader)
-    rivals = _with_shared(rivals)
+    rivals = _keep_shared_values(rivals)
     return sorted(rivals, key=lambda rival: (-round(rival.mean, 6), rival.complexity))
 
 
-def _with_shared(rivals: Sequence[Rival]) -> list[Rival]:
+def _keep_shared_values(rivals: Sequence[Rival]) -> list[Rival]:
     """Return rivals with the values of the axis that all have, of those that depend on it."""
     values = [{*rival.frame.rows[rival.axis]} for rival in rivals if rival.axis]
     if not values:
@@ -124,7 +130,7 @@ def _with_shared(rivals: Sequence[Rival]) -> list[Rival]:
     return [replace(rival, shared=shared, count=count) for rival in rivals]
 
 
-def _names(frame: Frame, axis: str) -> list[str]:
+def _name_columns(frame: Frame, axis: str) -> list[str]:
     """Return the columns that name a rival: declared columns of words, else the first one."""
     names = [name for name in frame.down if frame.rows[name].dtype == object and name != axis]
     if names or frame.down:
@@ -133,7 +139,7 @@ def _names(frame: Frame, axis: str) -> list[str]:
     return [name for name in words if name not in (axis, frame.across)][:1]
 
 
-def _rival(frame: Frame, identity: Mapping[str, Any], axis: str) -> Rival:
+def _make_rival(frame: Frame, identity: Mapping[str, Any], axis: str) -> Rival:
     """Return a rival with one row for each value of the axis that its results depend on."""
     applies = bool(axis) and bool(frame.rows[axis].notna().any())
     if not applies:

@@ -24,15 +24,15 @@ _MARKUP = (
 def glossary() -> dict[tuple[str, ...], str]:
     """Return the meaning of each term by its names, the usual name first."""
     entries = _ENTRY.findall(GLOSSARY.read_text(encoding="utf-8"))
-    return {tuple(names.splitlines()): _plain(text) for names, text in entries}
+    return {tuple(names.splitlines()): _strip_markup(text) for names, text in entries}
 
 
 def meaning(word: str) -> str:
     """Return the meaning of a word in any case; empty if the glossary lacks it."""
-    return _by_word().get(_folded(word), ("", ""))[1]
+    return _entries_by_word().get(_fold_word(word), ("", ""))[1]
 
 
-def said(command: str, word: str) -> int:
+def print_meaning(command: str, word: str) -> int:
     """Print the meaning of a word, or all words without one; return the exit status of a command.
 
     A word that the glossary lacks is refused in one sentence with those near to it.
@@ -41,21 +41,22 @@ def said(command: str, word: str) -> int:
         if not word:
             print("\n".join(", ".join(names) for names in glossary()), flush=True)
             return 0
-        if known := _by_word().get(_folded(word)):
+        if known := _entries_by_word().get(_fold_word(word)):
             print(known[0])
             print(textwrap.fill(known[1], WIDTH, initial_indent="  ", subsequent_indent="  "))
             return 0
         print(
-            f"{command}: --explain has {word!r}, but must be a word of the glossary, {_near(word)}",
+            f"{command}: --explain has {word!r}, but must be a word of the glossary, "
+            f"{_similar_terms(word)}",
             file=sys.stderr,
         )
         return 2
     return 1
 
 
-def _near(word: str) -> str:
+def _similar_terms(word: str) -> str:
     """Return the terms with a similar spelling or with a word in common."""
-    by_word, folded = _by_word(), _folded(word)
+    by_word, folded = _entries_by_word(), _fold_word(word)
     close = difflib.get_close_matches(folded, by_word, NEAR)
     close += [name for name in by_word if set(folded.split()) & set(name.split())]
     terms = list(dict.fromkeys(by_word[name][0] for name in close))[:NEAR]
@@ -63,16 +64,18 @@ def _near(word: str) -> str:
 
 
 @cache
-def _by_word() -> dict[str, tuple[str, str]]:
+def _entries_by_word() -> dict[str, tuple[str, str]]:
     """Return the usual name and the meaning of each term, by any of its names."""
-    return {_folded(name): (names[0], text) for names, text in glossary().items() for name in names}
+    return {
+        _fold_word(name): (names[0], text) for names, text in glossary().items() for name in names
+    }
 
 
-def _folded(word: str) -> str:
+def _fold_word(word: str) -> str:
     return re.sub(r"[\s_-]+", " ", word).strip().casefold()
 
 
-def _plain(text: str) -> str:
+def _strip_markup(text: str) -> str:
     """Return a text without markup, on one line."""
     text = " ".join(text.split())
     for pattern, instead in _MARKUP:

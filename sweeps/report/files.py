@@ -11,9 +11,9 @@ from typing import Any
 
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import PART, Frame
-from sweeps.report.own import write_own
+from sweeps.report.own import write_own_files
 from sweeps.report.places import tables_folder
-from sweeps.report.words import missing
+from sweeps.report.words import is_missing
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
 
@@ -25,32 +25,34 @@ def write_tables(store: PathOrUrl, frames: Iterable[Frame]) -> list[Path]:
     are in the way. Raises OSError if it fails.
     """
     contents = {f"{frame.name}.csv": csv_of(frame) for frame in frames}
-    return write_own(tables_folder(store), contents, instead_of=".csv")
+    return write_own_files(tables_folder(store), contents, instead_of=".csv")
 
 
 def csv_of(frame: Frame) -> bytes:
     """Return a frame as CSV with its columns as header; an absent value is an empty field."""
     rows = frame.rows.drop(columns=PART, errors="ignore")
     texts: dict[str, Any] = {
-        name: rows[name].map(neutral) for name in rows if rows[name].dtype.kind not in "fiub"
+        name: rows[name].map(neutralise_formula)
+        for name in rows
+        if rows[name].dtype.kind not in "fiub"
     }
     for name in rows:
         digits = frame.columns[name].digits
         if digits is not None and rows[name].dtype.kind == "f":
-            texts[name] = rows[name].map(partial(rounded, digits=digits))
-    rows = rows.assign(**texts).rename(columns=neutral)
+            texts[name] = rows[name].map(partial(round_number, digits=digits))
+    rows = rows.assign(**texts).rename(columns=neutralise_formula)
     text = rows.to_csv(index=False, lineterminator="\r\n")
     return text.encode("utf-8", "backslashreplace")
 
 
-def rounded(value: float, digits: int) -> float:
+def round_number(value: float, digits: int) -> float:
     """Return a number rounded to some decimals, and NaN for an infinite one."""
     return round(value, digits) if math.isfinite(value) else math.nan
 
 
-def neutral(value: Any) -> Any:
+def neutralise_formula(value: Any) -> Any:
     """Return a cell with an apostrophe before a text that a spreadsheet would run as a formula."""
-    if not isinstance(value, str) or missing(value) or not value.startswith(FORMULA):
+    if not isinstance(value, str) or is_missing(value) or not value.startswith(FORMULA):
         return value
     with suppress(ValueError):
         float(value)

@@ -59,7 +59,7 @@ def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
     return titled
 
 
-def _setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
+def _read_setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
     """Return a setting: the coordinate of that name, else the configuration's value; or None."""
     if name in dataset.coords and not dataset[name].dims:
         value = dataset[name].item()
@@ -71,14 +71,19 @@ def _setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -
 def scan_of(
     attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
 ) -> dict[str, Any]:
-    """Return noisy raw images of one flight of a store, and its corrections: see `stages`."""
+    """Return noisy raw images of one flight of a store, and its corrections.
+
+    See `correction_stages`.
+    """
     configuration = attributes["configuration"]
-    reflectance = _setting(flight, configuration["ladar"], "reflectance")
-    values = {setting.name: _setting(flight, {}, setting.name) for setting in (*FLOWN, *RECORDED)}
+    reflectance = _read_setting(flight, configuration["ladar"], "reflectance")
+    values = {
+        setting.name: _read_setting(flight, {}, setting.name) for setting in (*FLOWN, *RECORDED)
+    }
     view = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
-    view["seed"] = _setting(flight, configuration, "seed")
+    view["seed"] = _read_setting(flight, configuration, "seed")
     methods = {name: flight[name].item() for name in ("chain", "azimuth", "mirror", "range_filter")}
-    threshold = _setting(flight, configuration["irar"], "segmentation_threshold")
+    threshold = _read_setting(flight, configuration["irar"], "segmentation_threshold")
     return {
         "scan": scan_again(values, mesh, **view, reflectance=reflectance),
         "chain": Chain(**methods, segmentation_threshold=threshold),
@@ -100,7 +105,7 @@ def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
     return read_mesh(known)
 
 
-def stages(
+def correction_stages(
     mesh: trimesh.Trimesh, scan: Scan, chain: Chain, *, autofocus: bool = False, **surface: Any
 ) -> dict[str, Snapshot]:
     """Return the raw images, those after every stage of a chain, and the truth, by title.
@@ -123,7 +128,7 @@ def stages(
         looks=np.ones(scan.intensity.shape, dtype=int),
     )
     images = {RAW: raw}
-    for title, part in _parts(chain).items():
+    for title, part in _partial_chains(chain).items():
         image = part.correct(scan, estimate, part.window(mesh, flight, NO_ERROR))
         threshold = chain.segmentation_threshold
         images[title] = irar.segmented(image, estimate, threshold=threshold)
@@ -131,7 +136,7 @@ def stages(
     return images | {TRUTH: truth}
 
 
-def _parts(chain: Chain) -> dict[str, Chain]:
+def _partial_chains(chain: Chain) -> dict[str, Chain]:
     """Return the chain up to each of its corrections, by title."""
     if chain.chain != EXACT:
         return {f"all corrections as printed,\nf the {RATES[chain.chain]} rate": chain}

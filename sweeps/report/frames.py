@@ -13,9 +13,18 @@ import xarray as xr
 
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
-from sweeps.report.article_columns import with_comparisons
-from sweeps.report.stores import OF_ARRAYS, attributes, groups, opened, read, refusal
-from sweeps.report.words import UNITS, WORDED, WORDS, file_name, printable, shown, unit_of, words_of
+from sweeps.report.article_columns import add_comparisons
+from sweeps.report.stores import OF_ARRAYS, attributes, list_groups, opened, read_group, refusal
+from sweeps.report.words import (
+    UNITS,
+    WORDED,
+    WORDS,
+    file_name,
+    printable_text,
+    unit_of,
+    value_text,
+    words_of,
+)
 
 # Dimensions of draws.
 DRAWS = ("replicate", "phase", "order", "draw")
@@ -58,7 +67,7 @@ class Column:
             return WORDS[value]
         if isinstance(value, float) and math.isinf(value):
             return self.infinite
-        return shown(value, self.format if self.role != "axis" else "g")
+        return value_text(value, self.format if self.role != "axis" else "g")
 
     def in_words(self, value: Any) -> str:
         """Return a value with the words of its axis, and its unit."""
@@ -90,7 +99,7 @@ class Frame:
     across: str = ""  # column of the axis across, if any
     notes: tuple[str, ...] = ()
 
-    def of_role(self, role: str, figure: str = "") -> list[str]:
+    def columns_of_role(self, role: str, figure: str = "") -> list[str]:
         """Return names of the columns of a role, of one figure if given."""
         return [
             name
@@ -101,12 +110,12 @@ class Frame:
     @property
     def figures(self) -> list[str]:
         """Return names of the columns of figures that are listed, the main one first."""
-        return [name for name in self.of_role("figure") if self.columns[name].listed]
+        return [name for name in self.columns_of_role("figure") if self.columns[name].listed]
 
     @cached_property
     def varying_axes(self) -> list[str]:
         """Names of the axes along which rows differ."""
-        return [name for name in self.of_role("axis") if self.rows[name].nunique() > 1]
+        return [name for name in self.columns_of_role("axis") if self.rows[name].nunique() > 1]
 
     @cached_property
     def records(self) -> dict[Any, dict[str, Any]]:
@@ -117,14 +126,14 @@ class Frame:
         """Return the frame with some of its rows."""
         return replace(self, rows=self.rows.loc[rows])
 
-    def of_axes(self, names: Sequence[str]) -> Frame:
+    def keep_axes(self, names: Sequence[str]) -> Frame:
         """Return the frame with only some of its axes."""
         columns = {
             n: column for n, column in self.columns.items() if column.role != "axis" or n in names
         }
         return replace(self, columns=columns)
 
-    def at(self, place: Mapping[str, Any]) -> Frame:
+    def select(self, place: Mapping[str, Any]) -> Frame:
         """Return the rows at some values of axes, including rows without a value there."""
         mask = pd.Series(True, index=self.rows.index)
         for name, value in place.items():
@@ -153,7 +162,7 @@ def frame(path: PathOrUrl, name: str) -> pd.DataFrame:
     ConfigurationError
         If the store has no such table.
     """
-    table = chosen(read_frames(path_or_url("store", path)), name)
+    table = select_table(read_frames(path_or_url("store", path)), name)
     rows = table.rows.drop(columns=PART, errors="ignore")
     rows.attrs["columns"] = {
         key: {"label": column.meaning or column.words, "unit": column.unit}
@@ -162,7 +171,7 @@ def frame(path: PathOrUrl, name: str) -> pd.DataFrame:
     return rows
 
 
-def chosen(frames: Mapping[str, Frame], name: str) -> Frame:
+def select_table(frames: Mapping[str, Frame], name: str) -> Frame:
     """Return the table of a name. Raises ConfigurationError, which lists the names."""
     from sweeps.engine.declare.errors import ConfigurationError
 
@@ -177,16 +186,19 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
         store = opened(path)
         parts: dict[str, list[Frame]] = {}
         attrs = attributes(store)
-        group_names = {f"tables/{name}": name for name in groups(store, "tables")}
-        if not group_names and attrs.get("title") in groups(store):  # of one function over a grid
+        group_names = {f"tables/{name}": name for name in list_groups(store, "tables")}
+        # The store of one function over a grid has no tables.
+        if not group_names and attrs.get("title") in list_groups(store):
             group_names = {attrs["title"]: attrs["title"]}
         for group, name in group_names.items():
-            table = read(store, group)
+            table = read_group(store, group)
             for display in displays_of(table, name):
-                part = tidy(table, display, group)
+                part = tidy_frame(table, display, group)
                 if part is not None:
                     parts.setdefault(display.name, []).append(part)
-        frames = {name: with_comparisons(stacked(tables), attrs) for name, tables in parts.items()}
+        frames = {
+            name: add_comparisons(stack_frames(tables), attrs) for name, tables in parts.items()
+        }
     # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
         raise refusal(path, error) from error
@@ -204,12 +216,12 @@ def displays_of(table: xr.Dataset, name: str) -> list[Display]:
     return [Display(name, str(table.attrs.get("title", name.replace("_", " ").capitalize())))]
 
 
-def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
+def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     """Return the frame of one display of a group; None if the group lacks its main figure."""
     declared = display.figures or tuple(_all_figures(table))
     if not declared or declared[0].variable not in table:
         return None
-    figures = [_completed(figure, table) for figure in declared if figure.variable in table]
+    figures = [_complete_figure(figure, table) for figure in declared if figure.variable in table]
     figure_columns = _columns_of_figures(table, figures)
     data = table[list(dict.fromkeys(variable for variable, _ in figure_columns.values()))]
     data = data.drop_vars([name for name in (*HIDDEN, *DRAWS) if _is_extra(data, name)]).load()
@@ -224,9 +236,9 @@ def tidy(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     axes.sort(key=lambda name: name == display.columns)
     for axis in axes:
         column = column_of_axis(data, axis)
-        columns[column.name], rows[column.name] = column, _plain(flat[axis])
+        columns[column.name], rows[column.name] = column, _to_plain_dtype(flat[axis])
     for name, (variable, column) in figure_columns.items():
-        values = _plain(flat[variable])
+        values = _to_plain_dtype(flat[variable])
         columns[name] = column
         rows[name] = values if column.factor == 1 else column.factor * values
     main = figures[0].column
@@ -269,15 +281,15 @@ def _columns_of_figures(
             column = Column(
                 name,
                 main.column,
-                printable(name.replace("_", " ")),
+                printable_text(name.replace("_", " ")),
                 "%" if is_percent else unit_of(str(attrs.get("units", "1"))),
-                printable(str(attrs.get("long_name", ""))),
+                printable_text(str(attrs.get("long_name", ""))),
                 role,
                 main.format,
                 main.listed,
                 TENTHS if is_percent else main.digits,
                 100 if is_percent else 1,
-                printable(str(attrs.get("infinite", "inf"))),
+                printable_text(str(attrs.get("infinite", "inf"))),
             )
             columns[name] = variable, column
     return columns
@@ -287,7 +299,7 @@ def column_of_axis(data: xr.Dataset, name: str) -> Column:
     """Return the column of an axis, with the label and unit of its setting."""
     attrs = data[name].attrs
     units = str(attrs.get("units", UNITS.get(name, "1")))
-    meaning = printable(str(attrs.get("long_name", "")))
+    meaning = printable_text(str(attrs.get("long_name", "")))
     return Column(file_name(name, units), name, words_of(name), unit_of(units), meaning)
 
 
@@ -305,7 +317,7 @@ def _all_figures(table: xr.Dataset) -> Iterator[Figure]:
             yield Figure(name)
 
 
-def _completed(figure: Figure, table: xr.Dataset) -> Figure:
+def _complete_figure(figure: Figure, table: xr.Dataset) -> Figure:
     """Return a figure with an interval and columns found by name, where it declares none."""
     name = figure.variable
     pairs = [pair for low, high in ENDS if {*(pair := (name + low, name + high))} <= {*table}]
@@ -319,14 +331,14 @@ def _completed(figure: Figure, table: xr.Dataset) -> Figure:
     )
 
 
-def _plain(values: pd.Series) -> pd.Series:
+def _to_plain_dtype(values: pd.Series) -> pd.Series:
     """Return values as floats, or as integers and truth values that may be missing."""
     kind = values.dtype.kind
     types = {"f": "float64", "i": "Int64", "u": "Int64", "b": "boolean"}
     return values.astype(types[kind]) if kind in types else values.astype(object)
 
 
-def stacked(parts: Sequence[Frame]) -> Frame:
+def stack_frames(parts: Sequence[Frame]) -> Frame:
     """Concatenate frames: labels first, then axes, the one across last, then figures."""
     columns = {name: column for part in parts for name, column in part.columns.items()}
     across = next((part.across for part in parts if part.across), "")

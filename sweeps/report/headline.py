@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sweeps.report.contest import SCORES, UNTESTED, Rival, contest, main_axis, main_frame
+from sweeps.report.contest import SCORES, UNTESTED, Rival, find_rivals, main_axis, main_frame
 from sweeps.report.frames import Column, Frame
-from sweeps.report.pivot import FEW, constants, entry
+from sweeps.report.pivot import FEW, constant_values, make_entry
 from sweeps.report.stores import ERRORS
-from sweeps.report.words import MAIN, SIMPLEST, missing
+from sweeps.report.words import MAIN, SIMPLEST, is_missing
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame count", "aspects")
 COVERED = 0.95
-"""Share of views whose error `accuracy` states."""
+"""Share of views whose error `accuracy_sentences` states."""
 DIGITS = 6  # at most, to tell two ends apart
 NO_BETTER = ", no better than chance"
 
@@ -29,16 +29,16 @@ def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list
     """Return sentences on the main result of a store, each with its setting."""
     frame = main_frame(frames)
     axis = main_axis(frame, list(attributes.get("swept", ())))
-    rivals = contest(frame, axis)
+    rivals = find_rivals(frame, axis)
     if not rivals:
         score = SCORES in frames
         return ["No score: no test has an answer." if score else f"{frame.title}: no result."]
     if SCORES in frames:
-        return [_of_scores(frame, rivals, ships_in_words(attributes))]
-    return [_of_any(frame, rivals[0])]
+        return [_score_sentence(frame, rivals, ships_in_words(attributes))]
+    return [_figure_sentence(frame, rivals[0])]
 
 
-def accuracy(store: Any) -> list[str]:
+def accuracy_sentences(store: Any) -> list[str]:
     """Return a sentence on the numerical error of a store's range profiles, if it has any."""
     errors = np.asarray(store[ERRORS]) if ERRORS in store else np.zeros(0)
     errors = errors[errors > 0]  # nor NaN
@@ -60,9 +60,10 @@ def headline_for_script(
     if SCORES not in frames or len(frames[SCORES].rows) > most:
         return None
     frame = main_frame(frames)
-    figure, axes = frame.figures[0], frame.of_role("axis")
+    figure, axes = frame.figures[0], frame.columns_of_role("axis")
     beside = {
-        role: next(iter(frame.of_role(role, figure)), "") for role in ("low", "high", "chance")
+        role: next(iter(frame.columns_of_role(role, figure)), "")
+        for role in ("low", "high", "chance")
     }
     return beside | {
         "table": SCORES,
@@ -80,7 +81,7 @@ def headline_for_script(
 
 def settings_of(whole: Frame, rival: Rival) -> dict[str, str]:
     """Return the setting of a rival, except on its axis: values by the words of their axes."""
-    columns, values = rival.frame.columns, constants(rival.frame)
+    columns, values = rival.frame.columns, constant_values(rival.frame)
     names = [n for n in _setting_columns(whole) if n not in (rival.axis, *rival.of)]
     words = [columns[name].words for name in names]
     return {axis: values[axis] for axis in words if axis in values}
@@ -88,13 +89,13 @@ def settings_of(whole: Frame, rival: Rival) -> dict[str, str]:
 
 def _setting_columns(frame: Frame) -> list[str]:
     """Return the columns of `NAMED` axes and of axes that vary between rows."""
-    by_words = {frame.columns[name].words: name for name in frame.of_role("axis")}
+    by_words = {frame.columns[name].words: name for name in frame.columns_of_role("axis")}
     listed = [by_words[words] for words in NAMED if words in by_words]
     left_out = (*frame.down, frame.across, "kind")
     return list(dict.fromkeys([*listed, *(n for n in frame.varying_axes if n not in left_out)]))
 
 
-def _of_scores(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
+def _score_sentence(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
     """Return a sentence on the best classifier: percent correct, interval, setting and chance."""
     best = rivals[0]
     frame, figure = best.frame, scores.figures[0]
@@ -102,25 +103,25 @@ def _of_scores(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
     classifier = frame.columns["classifier"].text(row.classifier)
     name = f"{classifier} on {BY.get(row.channel, row.channel)}"
     start = f"Best of {len(rivals)}: {name}" if len(rivals) > 1 else name[0].upper() + name[1:]
-    first, *last = (_percent(frame, label) for label in _ends(best))
+    first, *last = (_percent_text(frame, label) for label in _end_labels(best))
     first_place, *last_places = (
-        _at(best, label, whole_words=not k) for k, label in enumerate(_ends(best))
+        _position_text(best, label, whole_words=not k) for k, label in enumerate(_end_labels(best))
     )
     ends = f"{first[0]} of {ships}{first_place}{first[1]}"
     for (words, chance), place in zip(last, last_places, strict=True):
         ends += f"{',' * bool(first[1])} and {words}{place}{chance}"
     setting = ", ".join(f"{words} {value}" for words, value in settings_of(scores, best).items())
     sentence = f"{start} identifies {ends}{f' ({setting})' if setting else ''}"
-    levels = frame.of_role("chance", figure)
+    levels = frame.columns_of_role("chance", figure)
     sentence += f"; chance {row[levels[0]]:.0f} %." if levels else "."
-    sentence += _ranked(rivals)
+    sentence += _ranking_sentence(rivals)
     least = frame.rows["n"].min() if "n" in frame.rows else FEW
     if least < FEW:
         sentence += f" Few answers (n = {least:.0f}) make the interval wide."
     return sentence
 
 
-def _ranked(rivals: Sequence[Rival]) -> str:
+def _ranking_sentence(rivals: Sequence[Rival]) -> str:
     """Return a sentence on the values that rank rivals, unless all rivals have all values."""
     rival = next((rival for rival in rivals if rival.axis), None)
     if rival is None or len(rival.shared) == rival.count:
@@ -133,39 +134,41 @@ def _ranked(rivals: Sequence[Rival]) -> str:
     return f" Ranked by {count} of {rival.count} values of {words}, {pronoun} that all have."
 
 
-def _of_any(table: Frame, rival: Rival) -> str:
+def _figure_sentence(table: Frame, rival: Rival) -> str:
     """Return a sentence on the main figure of any table, between the ends of its axis."""
     frame, column = rival.frame, table.columns[table.figures[0]]
     row, numeric = frame.rows.iloc[0], pd.api.types.is_numeric_dtype(frame.rows[column.name])
     identity = {frame.columns[name].words: name for name in rival.of if name in table.varying_axes}
-    settings = [frame.columns[n].in_words(row[n]) for n in identity.values() if not missing(row[n])]
+    settings = [
+        frame.columns[n].in_words(row[n]) for n in identity.values() if not is_missing(row[n])
+    ]
     settings += [
         frame.columns[name].in_words(row[name])
         for name in table.varying_axes
-        if name not in (rival.axis, *identity.values()) and not missing(row[name])
+        if name not in (rival.axis, *identity.values()) and not is_missing(row[name])
     ]
     name = column.words[0].upper() + column.words[1:]
-    ends = _ends(rival)
+    ends = _end_labels(rival)
     if len(ends) == 2 and numeric:
-        clause = f"{name} {_course(rival, column)}"
+        clause = f"{name} {_describe_course(rival, column)}"
     else:
-        words, no_better = _percent(frame, ends[0])
-        clause = f"{name} is {words}{_at(rival, ends[0])}{no_better}"
-    levels = frame.of_role("chance", column.name)
+        words, no_better = _percent_text(frame, ends[0])
+        clause = f"{name} is {words}{_position_text(rival, ends[0])}{no_better}"
+    levels = frame.columns_of_role("chance", column.name)
     level = f"; chance {row[levels[0]]:.0f} %" if levels else ""
     return f"{', '.join([clause, *settings])}{level}."
 
 
-def _course(rival: Rival, column: Column) -> str:
+def _describe_course(rival: Rival, column: Column) -> str:
     """Return how a figure changes along an axis, such as 'falls from 3 at 1 to 2 at 5 km'."""
-    frame, ends = rival.frame, _ends(rival)
+    frame, ends = rival.frame, _end_labels(rival)
     axis, rows = frame.columns[rival.axis], frame.rows
     values = rows[column.name].astype(float)
     first, last = (float(values.loc[label]) for label in ends)
-    texts = dict(zip(ends, _apart(first, last, column), strict=True))
+    texts = dict(zip(ends, _distinct_numbers(first, last, column), strict=True))
     unit = axis.unit or axis.words
-    start, stop = _of_axis([rows.at[label, rival.axis] for label in ends], axis)
-    interval = {label: entry(frame, label, column.name).interval for label in ends}
+    start, stop = _axis_texts([rows.at[label, rival.axis] for label in ends], axis)
+    interval = {label: make_entry(frame, label, column.name).interval for label in ends}
     first_text, last_text = (
         " ".join(filter(None, [texts[k], column.unit, f"[{interval[k]}]" * bool(interval[k])]))
         for k in ends
@@ -184,32 +187,32 @@ def _course(rival: Rival, column: Column) -> str:
         ("most", values.idxmax(), most - max(first, last)),
     ):
         if beyond > 0.1 * (most - least):
-            text = _apart(float(values.loc[label]), last, column)[0]
+            text = _distinct_numbers(float(values.loc[label]), last, column)[0]
             clause += f", {word} {text} at {axis.text(rows.at[label, rival.axis])}"
     return clause
 
 
-def _apart(first: float, last: float, column: Column) -> tuple[str, str]:
+def _distinct_numbers(first: float, last: float, column: Column) -> tuple[str, str]:
     """Return two numbers to two digits, or to as many digits as distinguish them."""
     largest = max(abs(first), abs(last))
     if column.unit == "%" or not (math.isfinite(largest) and 1e-4 <= largest < 1e6):
         return column.text(first), column.text(last)
     texts = "", ""
     for digits in range(2, DIGITS + 1):
-        texts = _rounded(first, digits), _rounded(last, digits)
+        texts = _round_significant(first, digits), _round_significant(last, digits)
         if texts[0] != texts[1] or first == last:
             break
     return texts
 
 
-def _rounded(value: float, digits: int) -> str:
+def _round_significant(value: float, digits: int) -> str:
     """Return a number to some significant digits, whole ones in full and without an exponent."""
     if value.is_integer():
         return f"{value:.0f}"
     return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"
 
 
-def _of_axis(values: Sequence[Any], column: Column) -> list[str]:
+def _axis_texts(values: Sequence[Any], column: Column) -> list[str]:
     """Return values of an axis with equally many decimals."""
     texts = [column.text(value) for value in values]
     decimals = max(len(text.partition(".")[2]) for text in texts)
@@ -218,24 +221,24 @@ def _of_axis(values: Sequence[Any], column: Column) -> list[str]:
     return [f"{value:.{decimals}f}" for value in values]
 
 
-def _ends(rival: Rival) -> list[Any]:
+def _end_labels(rival: Rival) -> list[Any]:
     """Return the labels of the first and the last row; only the first without an axis."""
     labels = rival.frame.rows.index
     return list(dict.fromkeys([labels[0], labels[-1]])) if rival.axis else [labels[0]]
 
 
-def _percent(frame: Frame, label: Any) -> tuple[str, str]:
+def _percent_text(frame: Frame, label: Any) -> tuple[str, str]:
     """Return a figure with unit and interval, and a remark if it may be chance."""
     figure = frame.columns[frame.figures[0]]
-    cell, row = entry(frame, label, figure.name), frame.rows.loc[label]
+    cell, row = make_entry(frame, label, figure.name), frame.rows.loc[label]
     words = [cell.text, figure.unit, f"[{cell.interval}]" * bool(cell.interval)]
-    low, chance = (frame.of_role(role, figure.name) for role in ("low", "chance"))
-    known = low and chance and not missing(row[low[0]]) and not missing(row[chance[0]])
+    low, chance = (frame.columns_of_role(role, figure.name) for role in ("low", "chance"))
+    known = low and chance and not is_missing(row[low[0]]) and not is_missing(row[chance[0]])
     doubtful = known and row[low[0]] <= row[chance[0]]
     return " ".join(word for word in words if word), NO_BETTER if doubtful else ""
 
 
-def _at(rival: Rival, label: Any, *, whole_words: bool = True) -> str:
+def _position_text(rival: Rival, label: Any, *, whole_words: bool = True) -> str:
     """Return the position of a row on its axis, with the name of the axis if `whole_words`."""
     if not rival.axis:
         return ""

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import xarray as xr
 
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.engine.store.tables import with_scalars
-from sweeps.report.frames import displays_of, tidy
-from sweeps.report.page.content import charted
-from sweeps.report.page.write import rendered
+from sweeps.engine.store.tables import restore_scalars
+from sweeps.report.frames import displays_of, tidy_frame
+from sweeps.report.page.content import chart_content
+from sweeps.report.page.write import render_template
 
 NAME = "chart"
 HEIGHT = 520  # pixels, of a chart with its selectors
@@ -74,20 +74,22 @@ def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
     >>> "height" in chart(heights, x="age").document
     True
     """
-    table = with_scalars(ds)
+    table = restore_scalars(ds)
     display = _display_of(table, y)
     figure = display.figures[0].variable
     dims = list(map(str, table[figure].dims))
     for name, dim in (("x", x), ("colour", colour)):
         if dim not in dims and (dim or name == "x"):
-            raise ValueError(f"{name} is {dim!r}, but must be {_one_of(dims)}")
+            raise ValueError(f"{name} is {dim!r}, but must be {_choices_text(dims)}")
     if x == colour:
         raise ValueError(f"colour is {colour!r}, but must differ from x")
-    frame = tidy(table, display, "")
+    frame = tidy_frame(table, display, "")
     assert frame is not None  # it has its figure
     by_axis = {column.axis: name for name, column in frame.columns.items() if column.role == "axis"}
-    content = charted({NAME: frame}, [x], "", along=by_axis[x], colour=by_axis.get(colour, ""))
-    return Chart(rendered("chart.html", content))
+    content = chart_content(
+        {NAME: frame}, [x], "", along=by_axis[x], colour=by_axis.get(colour, "")
+    )
+    return Chart(render_template("chart.html", content))
 
 
 def _display_of(table: xr.Dataset, variable: str) -> Display:
@@ -101,7 +103,7 @@ def _display_of(table: xr.Dataset, variable: str) -> Display:
     if not numeric:
         raise ValueError("the data set has no numeric variable")
     if selected not in numeric:
-        raise ValueError(f"y is {variable!r}, but must be {_one_of(numeric)}")
+        raise ValueError(f"y is {variable!r}, but must be {_choices_text(numeric)}")
     for display, figure in figures:
         if figure.variable == selected:
             return replace(display, name=NAME, figures=(figure,))
@@ -109,5 +111,5 @@ def _display_of(table: xr.Dataset, variable: str) -> Display:
     return Display(NAME, title[:1].upper() + title[1:], (Figure(selected),))
 
 
-def _one_of(names: Sequence[str]) -> str:
+def _choices_text(names: Sequence[str]) -> str:
     return f"one of {', '.join(names)}"

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sweeps.report.words import printable
+from sweeps.report.words import printable_text
 
 WRITTEN = ".written"  # the list of a folder
 PAGE = "ncti-page"  # name of the meta element with the digest of a page
@@ -30,7 +30,9 @@ _LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
 _PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE.encode())
 
 
-def write_own(folder: Path, contents: Mapping[str, bytes], *, instead_of: str = "") -> list[Path]:
+def write_own_files(
+    folder: Path, contents: Mapping[str, bytes], *, instead_of: str = ""
+) -> list[Path]:
     """Write files into a folder, which is made if missing, unless others are in their places.
 
     Parameters
@@ -55,26 +57,29 @@ def write_own(folder: Path, contents: Mapping[str, bytes], *, instead_of: str = 
     if os.path.lexists(folder) and not folder.is_dir():
         return [folder]
     folder.mkdir(FOLDER, exist_ok=True)
-    with _locked(folder):
+    with _folder_lock(folder):
         listed = _read_list(folder / WRITTEN)
         if listed is None:
             return [folder / WRITTEN]
         digests = {name: _digest(content) for name, content in contents.items()}
         for name in [name for name in listed if instead_of and name.endswith(instead_of)]:
-            if name not in digests and _has(folder / name, listed.pop(name)):
+            if name not in digests and _has_digest(folder / name, listed.pop(name)):
                 (folder / name).unlink()
-        changed = [name for name, digest in digests.items() if not _has(folder / name, (digest,))]
+        changed = [
+            name for name, digest in digests.items() if not _has_digest(folder / name, (digest,))
+        ]
         free = [
             name
             for name in changed
-            if not os.path.lexists(folder / name) or _has(folder / name, listed.get(name, ()))
+            if not os.path.lexists(folder / name)
+            or _has_digest(folder / name, listed.get(name, ()))
         ]
         # Listed before and after with both digests: an interrupt leaves own files.
         _write_list(
             folder, listed | {name: (*listed.get(name, ()), digests[name]) for name in free}
         )
         for name in free:
-            write_whole(folder / name, contents[name])
+            write_atomically(folder / name, contents[name])
         _write_list(folder, listed | {name: (digests[name],) for name in free})
     return [folder / name for name in changed if name not in free]
 
@@ -83,12 +88,12 @@ def _write_list(folder: Path, listed: Listed) -> None:
     """Write the list of a folder, unless it is unchanged."""
     lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
     path, content = folder / WRITTEN, "".join(lines).encode()
-    if (content or path.exists()) and not _has(path, (_digest(content),)):
-        write_whole(path, content)
+    if (content or path.exists()) and not _has_digest(path, (_digest(content),)):
+        write_atomically(path, content)
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
+def _folder_lock(folder: Path) -> Iterator[None]:
     """Wait for the lock of a folder, which the operating system releases with a process.
 
     Where the file system has no locks, nothing is locked.
@@ -102,7 +107,7 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def sealed(page: str) -> bytes:
+def seal_page(page: str) -> bytes:
     """Return the bytes of a page that contains `UNKNOWN`, with its digest there instead."""
     content = page.encode("utf-8", "replace")
     return content.replace(UNKNOWN.encode(), _digest(content).encode(), 1)
@@ -122,9 +127,9 @@ def is_free(path: Path) -> bool:
     return _digest(content[:begin] + UNKNOWN.encode() + content[end:]) == sealed_by[2].decode()
 
 
-def sentence_of(kept: Sequence[Path]) -> str:
+def blocked_sentence(kept: Sequence[Path]) -> str:
     """Return a sentence on files that are in the way."""
-    names = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
+    names = ", ".join(printable_text(repr(str(path))) for path in kept[:NAMED])
     if (unlisted := len(kept) - NAMED) > 0:
         names += f" and {unlisted} more"
     reason = (
@@ -135,7 +140,7 @@ def sentence_of(kept: Sequence[Path]) -> str:
     return f"{names} {reason}; everything else is written"
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes) -> None:
     """Write a file under another name, then move it, so that it is never seen incomplete."""
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
@@ -159,7 +164,7 @@ def _read_list(path: Path) -> Listed | None:
     return listed if _LINE.sub("", text) == "" else None
 
 
-def _has(path: Path, digests: Iterable[str]) -> bool:
+def _has_digest(path: Path, digests: Iterable[str]) -> bool:
     """Return whether a path is a file, and no link, with one of some digests."""
     if path.is_symlink() or not path.is_file():
         return False

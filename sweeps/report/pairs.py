@@ -15,7 +15,7 @@ from ncti.evaluate import AspectAccuracy, paired_difference, replicated_accuracy
 from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import Part
-from sweeps.report.stores import attributes, groups, opened, read
+from sweeps.report.stores import attributes, list_groups, opened, read_group
 from sweeps.stages.classifier import drawn_aspects, kinds_of_aspects
 
 ANSWERS = {
@@ -41,25 +41,25 @@ class Pairs:
         return [dim for dim in DRAWS if dim in self.first.dims]
 
     @cached_property
-    def _asked(self) -> NDArray[np.bool_]:
+    def _answered(self) -> NDArray[np.bool_]:
         return (self.first.values >= 0) & (self.second.values >= 0)
 
     @cached_property
     def discordant(self) -> NDArray[np.intp]:
         """Number of discordant pairs, in which one answer is right, (...)."""
-        differ = (self.first.values != self.second.values) & self._asked
+        differ = (self.first.values != self.second.values) & self._answered
         return differ.sum(axis=tuple(range(-2 - len(self._draws), 0)))
 
     def differences(self) -> AspectAccuracy:
         """Return the second fraction of right answers less the first, with 95 % intervals."""
         right = self.first.values == 1, self.second.values == 1
-        options: dict[str, Any] = {"answered": self._asked, "draws": len(self._draws)}
+        options: dict[str, Any] = {"answered": self._answered, "draws": len(self._draws)}
         return paired_difference(*right, self.first.aspect.values, **options)
 
     def excludes_zero(self, confidence: float, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return whether the intervals over all aspects of some cells exclude 0, (cell,)."""
         right = self.first.values[cells] == 1, self.second.values[cells] == 1
-        options: dict[str, Any] = {"answered": self._asked[cells], "confidence": confidence}
+        options: dict[str, Any] = {"answered": self._answered[cells], "confidence": confidence}
         # Bins do not matter to the interval over all aspects: one is the quickest.
         one_bin = np.zeros(self.first.sizes["aspect"])
         interval = paired_difference(*right, one_bin, draws=len(self._draws), **options)
@@ -72,7 +72,7 @@ class Pairs:
             self.second.values == 1,
             self.first.aspect.values,
             draws=len(self._draws),
-            answered=self._asked,
+            answered=self._answered,
         ).fraction
         overall = np.full(difference.fraction.shape, np.nan)
         overall[..., -1] = np.nan if significant is None else significant
@@ -122,11 +122,11 @@ def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
     """
     store = opened(path)
     group = part.group.replace("tables/", "classification/", 1)
-    answers = read(store, group)[ANSWERS[part.display.figures[0].variable]].load()
-    attrs, marked = attributes(store), [group for group in MARKED if group in groups(store)]
+    answers = read_group(store, group)[ANSWERS[part.display.figures[0].variable]].load()
+    attrs, marked = attributes(store), [group for group in MARKED if group in list_groups(store)]
     if not marked:
         return answers
-    learned = read(store, marked[0])["learned"].load().reset_coords(drop=True)
+    learned = read_group(store, marked[0])["learned"].load().reset_coords(drop=True)
     ends = float(answers.aspect.min()), float(answers.aspect.max())
     number = attrs["configuration"]["grid"].get("random_aspects", 0)
     drawn = answers.aspect.isin(drawn_aspects(*ends, number, attrs["seed"]))
@@ -135,13 +135,13 @@ def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
     return xr.concat([answers.where(mask, -1) for mask in kinds.values()], along)
 
 
-def paired(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
+def pair_answers(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
     """Return the answers that both stores have; None without any.
 
     An axis of one value in each, such as the pulse width of 30 ns in one and 40 ns in the other, is
     left out.
     """
-    first, second = _with_dims(first, second.dims), _with_dims(second, first.dims)
+    first, second = _expand_dims(first, second.dims), _expand_dims(second, first.dims)
     single = [
         dim for dim in first.dims if dim not in VIEW and first.sizes[dim] == second.sizes[dim] == 1
     ]
@@ -160,7 +160,7 @@ def paired(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
     return Pairs(former.transpose(*order), latter.transpose(*order), partial)
 
 
-def _with_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:
+def _expand_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:
     """Return answers expanded by another store's dimensions that are scalar coordinates here."""
     return answers.expand_dims(
         [dim for dim in dims if dim in answers.coords and dim not in answers.dims]

@@ -20,11 +20,11 @@ from rich.progress import track
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.confusion import most_confused
-from sweeps.report.own import write_own
+from sweeps.report.own import write_own_files
 from sweeps.report.places import tables_folder
-from sweeps.report.screen import line, page
-from sweeps.report.stores import attributes, groups, nominal, opened, read, reason
-from sweeps.report.words import printable, unit_of
+from sweeps.report.screen import buffered_console, print_line
+from sweeps.report.stores import attributes, error_reason, list_groups, nominal, opened, read_group
+from sweeps.report.words import printable_text, unit_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -51,7 +51,7 @@ def draw_profiles(store: PathOrUrl) -> Figure:
     """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
     from matplotlib.figure import Figure  # here, since it takes long to import
 
-    profiles = read(opened(store), "range_profile")[["expected", "averaged"]]
+    profiles = read_group(opened(store), "range_profile")[["expected", "averaged"]]
     dims = ("ship", "aspect", "frame_count", "down_range")
     profiles = nominal(profiles, keep=dims)
     quarter = profiles.sel(aspect=ASPECT, method="nearest").load()  # and no other views
@@ -65,15 +65,15 @@ def draw_profiles(store: PathOrUrl) -> Figure:
     # Fixed margins, since a layout engine takes as long as drawing.
     figure.subplots_adjust(left=0.01, right=0.99, bottom=0.11, top=0.86, wspace=0.04)
     panels = figure.subplots(1, 3)
-    _stack(panels[0], turned, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
-    _stack(panels[1], quarter.expected, "ship", "{}", f"ships at {angle}")
-    _stack(panels[2], averaged, "frame_count", "{} frames", f"{ship} at {angle}, averages")
+    _draw_stack(panels[0], turned, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
+    _draw_stack(panels[1], quarter.expected, "ship", "{}", f"ships at {angle}")
+    _draw_stack(panels[2], averaged, "frame_count", "{} frames", f"{ship} at {angle}, averages")
     setting = f"{profiles.range.item():g} km, {profiles.pulse_width.item():g} ns pulses"
     figure.suptitle(f"Range profiles at {setting}")
     return figure
 
 
-def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str) -> None:
+def _draw_stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str) -> None:
     """Draw profiles above one another, each above its noise floor and relative to its peak."""
     for index, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
         profile = profiles.sel({over: value}) if profiles[over].ndim else profiles
@@ -82,9 +82,9 @@ def _stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str
         axes.plot(profile.down_range, height, lw=1.1)
         anchor = profile.down_range[-1].item(), 0.15 - STEP * index
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-        words = printable(label.format(value))
+        words = printable_text(label.format(value))
         axes.annotate(words, anchor, ha="right", fontsize=SMALL, bbox=behind)  # noise may cross it
-    axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
+    axes.set(title=printable_text(title), yticks=[], xlabel="down-range from the ship origin [m]")
     axes.spines[["left", "right", "top"]].set_visible(False)
 
 
@@ -93,13 +93,15 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    images = read(opened(store), "infrared")
+    images = read_group(opened(store), "infrared")
     dims = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
     view = nominal(images, keep=dims).sel(aspect=SEEN, method="nearest")
     ship = "spruance" if "spruance" in view.ship.values else view.ship.values[0]
     view = view.sel(ship=ship)[["image", "log_polar"]].load()
     ranges, ways = view.range.values, view.super_resolution.values
-    shots = [[_shot(view.sel(range=r, super_resolution=way)) for way in ways] for r in ranges]
+    shots = [
+        [_image_and_map(view.sel(range=r, super_resolution=way)) for way in ways] for r in ranges
+    ]
     # Crop all images to the smallest, on one scale, so that the ship has one length in all.
     extents = np.array([extent for row in shots for _, extent, _ in row])
     (left, low), (right, high) = extents[:, ::2].max(axis=0), extents[:, 1::2].min(axis=0)
@@ -124,10 +126,10 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
             box = {"facecolor": "black", "edgecolor": "none", "alpha": 0.5, "pad": 1.5}
             text(span, (start + width - gap, top - gap), color="w", ha="right", bbox=box)
     for k, way in enumerate(ways):
-        text(f"super-resolution: {printable(str(way))}", (k * (width + gap) + width / 2, gap))
+        text(f"super-resolution: {printable_text(str(way))}", (k * (width + gap) + width / 2, gap))
     axes.plot([0.0, SCALE], [-size[1] + margin] * 2, color="k", lw=2)
     aspect, frames = float(view.aspect), int(view.frame_count)
-    words = f"{SCALE:g} m; {printable(str(ship))}, aspect {aspect:g}°, {frames} frames; "
+    words = f"{SCALE:g} m; {printable_text(str(ship))}, aspect {aspect:g}°, {frames} frames; "
     words += "below each image its log-polar map, radius over angle"
     text(words, (SCALE + gap, -size[1] + margin), ha="left")
     axes.set(xlim=(gap - margin, size[0] - margin), ylim=(margin - gap - size[1], margin - gap))
@@ -135,12 +137,12 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
     return figure
 
 
-def _shot(view: xr.Dataset) -> tuple[Floats, Floats, NDArray[Any]]:
+def _image_and_map(view: xr.Dataset) -> tuple[Floats, Floats, NDArray[Any]]:
     """Return an image without its empty margins, its edges [m] and its log-polar map."""
-    return *_cropped(view), view.log_polar.transpose("radius", "angle").values
+    return *_crop_image(view), view.log_polar.transpose("radius", "angle").values
 
 
-def _cropped(view: xr.Dataset) -> tuple[Floats, Floats]:
+def _crop_image(view: xr.Dataset) -> tuple[Floats, Floats]:
     """Return an image without its empty margins, and its edges [m]."""
     image = view.image.transpose("row", "col").values
     row, column = (np.isfinite(image).any(axis=axis) for axis in (1, 0))
@@ -155,34 +157,34 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
     from matplotlib.figure import Figure
 
     root = opened(store)
-    rows = [name for name in PICTURED if name in groups(root)]
+    rows = [name for name in PICTURED if name in list_groups(root)]
     figure = Figure(figsize=(5.6, 1.7 * len(rows) + 0.5), layout="constrained")
     panels = figure.subplots(len(rows), 2, sharex="row", sharey="row", squeeze=False)
     for row, group in zip(panels, rows, strict=True):
         for axes, ship in zip(row, ships, strict=True):
             if group == "infrared":
-                _silhouette(axes, root, ship, aspect)
+                _draw_silhouette(axes, root, ship, aspect)
             else:
-                _profile(axes, root, ship, aspect)
+                _draw_profile(axes, root, ship, aspect)
     for axes, ship in zip(panels[0], ships, strict=True):
-        axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=SMALL + 1)
+        axes.set_title(f"{printable_text(ship)}, {aspect:g}°", fontsize=SMALL + 1)
     return figure
 
 
-def _profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
+def _draw_profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     """Draw the expected range profile of one view."""
-    profiles = nominal(read(store, "range_profile")[["expected"]], keep=("ship", "aspect"))
+    profiles = nominal(read_group(store, "range_profile")[["expected"]], keep=("ship", "aspect"))
     profile = profiles.expected.sel(ship=ship).sel(aspect=aspect, method="nearest").load()
     axes.plot(profile.down_range, profile, lw=1.1)
     axes.set_xlabel("down-range [m]", fontsize=SMALL)
     axes.set_yticks([])
 
 
-def _silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
+def _draw_silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     """Draw the infrared image of one view, at the shortest range."""
-    images = nominal(read(store, "infrared"), keep=("ship", "aspect", "range", "row", "col"))
+    images = nominal(read_group(store, "infrared"), keep=("ship", "aspect", "range", "row", "col"))
     view = images.sel(ship=ship).sel(aspect=aspect, method="nearest")[["image"]]
-    image, extent = _cropped(view.sel(range=view.range.min()).load())
+    image, extent = _crop_image(view.sel(range=view.range.min()).load())
     left, right, low, high = extent
     axes.imshow(image, extent=(left, right, low, high), cmap="inferno", origin="lower")
     axes.set_xlabel("across [m]", fontsize=SMALL)
@@ -199,24 +201,32 @@ def draw_flights(
     store has no flights, or its ships are unknown.
     """
     # Imported here, since only flights need it and it is slow to import.
-    from sweeps.report.flights import draw_stages, flights_of, known_ship, scan_of, stages
+    from sweeps.report.flights import (
+        correction_stages,
+        draw_stages,
+        flights_of,
+        known_ship,
+        scan_of,
+    )
 
     root = opened(store)
     if "validation" not in root:
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
     attrs, load = attributes(root), ship or partial(known_ship, attributes(root))
-    flights = flights_of(read(root, "validation"))
+    flights = flights_of(read_group(root, "validation"))
     meshes = {label: load(label) for label in {flight.ship.item() for flight in flights.values()}}
 
-    def drawn(title: str, flight: xr.Dataset) -> Figure:
+    def draw_flight(title: str, flight: xr.Dataset) -> Figure:
         mesh = meshes[flight.ship.item()]
         simulated = scan_of(attrs, flight, mesh)
-        return draw_stages(stages(mesh, **simulated), title, simulated["scan"].flight.slant_range)
+        return draw_stages(
+            correction_stages(mesh, **simulated), title, simulated["scan"].flight.slant_range
+        )
 
     return {
         "flight_{}_{:g}km_{:g}deg.png".format(
             re.sub(r"[^\w.-]", "_", flight.ship.item()), flight.range.item(), flight.aspect.item()
-        ): partial(drawn, title, flight)
+        ): partial(draw_flight, title, flight)
         for title, flight in flights.items()
     }
 
@@ -235,13 +245,15 @@ def write_pictures(
         for name, make in track(drawn.items(), description="  pictures        ", console=aside):
             content = io.BytesIO()
             make().savefig(content, format="png")
-            blocked += write_own(folder, {name: content.getvalue()})
+            blocked += write_own_files(folder, {name: content.getvalue()})
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"pictures are not drawn: {error}") from error
     names = list(drawn)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    with page(console) as paged:
-        line(f"pictures  {printable(str(folder))}: {', '.join(names[:NAMED])}{more}", paged)
+    with buffered_console(console) as paged:
+        print_line(
+            f"pictures  {printable_text(str(folder))}: {', '.join(names[:NAMED])}{more}", paged
+        )
     return list(dict.fromkeys(blocked))
 
 
@@ -261,7 +273,7 @@ def pictures_of(
     They include the ships most often confused in the predictions. A picture that fails is
     empty, and does not prevent the page.
     """
-    drawn, present = {}, groups(store)
+    drawn, present = {}, list_groups(store)
     for group in (name for name in (CONFUSED, *DRAWN) if name in present):
         try:
             draw = DRAWN.get(group)
@@ -269,13 +281,13 @@ def pictures_of(
                 confused = most_confused(predictions) if {*PICTURED} & {*present} else None
                 draw = confused and partial(draw_confused, ships=confused[0], aspect=confused[1])
             if draw is not None:
-                drawn[group] = _png(draw, path), ""
+                drawn[group] = _draw_png(draw, path), ""
         except Exception as error:
-            drawn[group] = "", reason(error)
+            drawn[group] = "", error_reason(error)
     return drawn
 
 
-def _png(draw: Callable[[PathOrUrl], Figure], path: PathOrUrl) -> str:
+def _draw_png(draw: Callable[[PathOrUrl], Figure], path: PathOrUrl) -> str:
     """Return the picture that `draw` makes of a store, as PNG in base64."""
     content = io.BytesIO()
     with warnings.catch_warnings():
@@ -289,22 +301,22 @@ def ships_of(store: Any) -> list[dict[str, Any]]:
 
     With label, measures by name as numbers with their units, picture and warning.
     """
-    if SHIPS not in groups(store):
+    if SHIPS not in list_groups(store):
         return []
-    table = read(store, SHIPS).load()
+    table = read_group(store, SHIPS).load()
     units = {n: unit_of(str(table[n].attrs.get("units", "1"))) for n in MEASURES if n in table}
     ships = []
     for label in table.ship.values.tolist():
         row = table.sel(ship=label)
         measures = {name: (float(row[name]), unit) for name, unit in units.items()}
-        picture = png_of(row.picture.values) if "picture" in row else ""
+        picture = encode_png(row.picture.values) if "picture" in row else ""
         warning = str(row.warning.item()) if "warning" in row else ""
         ship = {"label": str(label), "measures": measures, "picture": picture}
         ships.append(ship | {"warning": warning})
     return ships
 
 
-def png_of(brightness: NDArray[np.floating]) -> str:
+def encode_png(brightness: NDArray[np.floating]) -> str:
     """Return a picture, (row, column), from 0 to 1 and the lowest row first, as PNG in base64.
 
     NaN is transparent. Empty if all is NaN.

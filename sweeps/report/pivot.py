@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.words import MAIN, NOTHING, WORDED, missing, preferred
+from sweeps.report.words import MAIN, NOTHING, WORDED, is_missing, preferred_value
 
 FEW = 30  # answers below which a score is said to rest on few
 
@@ -46,12 +46,12 @@ class Table:
     notes: tuple[str, ...]
 
 
-def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
+def ordered_axes(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
     """Return the varying axes in the order of rows, axes of words last.
 
     Among the others, swept axes come first, then declared ones.
     """
-    words = in_words(frame)
+    words = word_axes(frame)
     varying = [name for name in frame.varying_axes if name not in (frame.across, *words)]
     leading = [name for name in varying if frame.columns[name].axis in swept]
     leading.sort(key=lambda name: list(swept).index(frame.columns[name].axis))
@@ -59,44 +59,44 @@ def ordered(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
     return [*dict.fromkeys([*leading, *declared, *varying]), *words]
 
 
-def in_words(frame: Frame) -> list[str]:
+def word_axes(frame: Frame) -> list[str]:
     """Return the declared axes down whose values are words, such as classifiers."""
     return [n for n in frame.down if n in frame.varying_axes and frame.rows[n].dtype == object]
 
 
-def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
+def lay_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
     """Return a frame as a table with one row for every place on the varying axes.
 
     The declared axes whose values are words, such as classifiers, are one column, the last.
     """
-    down = ordered(frame, swept)
+    down = ordered_axes(frame, swept)
     across = frame.across if frame.across in frame.varying_axes else ""
     heads = values_of(frame.rows, across) if across else []
     main, figures = frame.figures[0], frame.figures
     extra = figures
     if across:
         extra = [name for name in figures[1:] if _is_constant(frame, name, down)]
-    headings = [_head(frame.columns[across], value) for value in heads]
+    headings = [_column_heading(frame.columns[across], value) for value in heads]
     headings += [frame.columns[name].heading for name in extra]
     groups: dict[tuple[Any, ...], dict[Any, Any]] = {}
     for label, row in frame.records.items():
-        place = tuple(None if missing(row[name]) else row[name] for name in down)
+        place = tuple(None if is_missing(row[name]) else row[name] for name in down)
         groups.setdefault(place, {})[row[across] if across else None] = label
     order = {name: {v: k for k, v in enumerate(values_of(frame.rows, name))} for name in down}
     lines = []
     for place in sorted(groups, key=lambda place: _rank(place, down, order)):
         labels = groups[place]
-        cells = [entry(frame, labels.get(head), main) for head in heads]
-        cells += [entry(frame, next(iter(labels.values())), name) for name in extra]
+        cells = [make_entry(frame, labels.get(head), main) for head in heads]
+        cells += [make_entry(frame, next(iter(labels.values())), name) for name in extra]
         keys = tuple(
             "" if value is None else frame.columns[name].text(value)
             for name, value in zip(down, place, strict=True)
         )
         lines.append(Line(place, keys, tuple(cells)))
     columns = tuple(frame.columns[name] for name in down)
-    start = len(down) - len(in_words(frame))
+    start = len(down) - len(word_axes(frame))
     if start < len(down) - 1:
-        lines = [_joined(line, columns, start) for line in lines]
+        lines = [_join_keys(line, columns, start) for line in lines]
         words = ", ".join(column.words for column in columns[start:])
         columns = (*columns[:start], replace(columns[start], words=words, unit=""))
     return Table(
@@ -109,7 +109,7 @@ def laid_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
     )
 
 
-def _head(column: Column, value: Any) -> str:
+def _column_heading(column: Column, value: Any) -> str:
     """Return the heading of a value of the axis across."""
     text = column.text(value)
     if text[:1].isdigit():
@@ -119,7 +119,7 @@ def _head(column: Column, value: Any) -> str:
     return text if column.axis in WORDED else f"{column.words} {text}"
 
 
-def _joined(line: Line, columns: Sequence[Column], start: int) -> Line:
+def _join_keys(line: Line, columns: Sequence[Column], start: int) -> Line:
     """Return a row with its keys from `start` on joined; numbers get the words of their axis."""
     words = [
         text if column.axis in WORDED or not text[:1].isdigit() else f"{column.words} {text}"
@@ -133,7 +133,11 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
     """Return the notes of a table, on chance and on wide intervals, too."""
     notes = [*frame.notes, chance_in_words(frame)]
     overall = MAIN["aspect_bin"]
-    if frame.of_role("low") and frame.across and (frame.rows[frame.across] == overall).any():
+    if (
+        frame.columns_of_role("low")
+        and frame.across
+        and (frame.rows[frame.across] == overall).any()
+    ):
         notes.append(
             "An interval of the whole takes in how much bins differ, and may be the widest."
         )
@@ -146,7 +150,7 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
 
 def chance_in_words(frame: Frame) -> str:
     """Return a sentence on the level of chance, if it is constant or depends on one axis down."""
-    for chance in frame.of_role("chance", frame.figures[0]):
+    for chance in frame.columns_of_role("chance", frame.figures[0]):
         text, unit = frame.columns[chance].text, frame.columns[chance].unit
         levels = frame.rows[chance].dropna().unique()
         if len(levels) == 1:
@@ -173,10 +177,10 @@ def _is_constant(frame: Frame, name: str, down: Sequence[str]) -> bool:
     return bool((frame.rows.groupby(list(down), dropna=False)[name].nunique() <= 1).all())
 
 
-def constants(frame: Frame) -> dict[str, str]:
+def constant_values(frame: Frame) -> dict[str, str]:
     """Return the values of axes of one value, with their units, by the words of the axis."""
     values_in_words = {}
-    for name in frame.of_role("axis"):
+    for name in frame.columns_of_role("axis"):
         values = frame.rows[name].dropna().unique()
         column = frame.columns[name]
         if len(values) == 1 and not frame.rows[name].isna().any():
@@ -185,27 +189,27 @@ def constants(frame: Frame) -> dict[str, str]:
     return values_in_words
 
 
-def entry(frame: Frame, label: Any, figure: str) -> Entry:
+def make_entry(frame: Frame, label: Any, figure: str) -> Entry:
     """Return a figure of a row with its interval, and the article's figure."""
     if label is None:
         return Entry("")
     row, column = frame.records[label], frame.columns[figure]
     value = row[figure]
-    if missing(value):
+    if is_missing(value):
         return Entry(NOTHING, row=label, column=figure)
 
-    def beside(role: str, end: str = "") -> str:
-        names = [name for name in frame.of_role(role, figure) if name.endswith(end)]
-        texts = [column.text(row[name]) for name in names if not missing(row[name])]
+    def related_text(role: str, end: str = "") -> str:
+        names = [name for name in frame.columns_of_role(role, figure) if name.endswith(end)]
+        texts = [column.text(row[name]) for name in names if not is_missing(row[name])]
         return texts[0] if texts else ""
 
-    low, high = beside("low"), beside("high")
+    low, high = related_text("low"), related_text("high")
     # Without an interval, the standard deviation over draws.
-    spread = "" if frame.of_role("low", figure) else beside("beside", "spread")
+    spread = "" if frame.columns_of_role("low", figure) else related_text("beside", "spread")
     return Entry(
         column.text(value),
         f"{low}–{high}" if low and high and not _is_endless(value, low, high) else "",
-        beside("article"),
+        related_text("article"),
         f"±{spread}" if spread.strip("0.") else "",
         label,
         figure,
@@ -217,7 +221,7 @@ def _is_endless(value: Any, low: str, high: str) -> bool:
     return isinstance(value, float) and math.isinf(value) and low == high
 
 
-def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
+def select_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
     """Return a frame at the preferred value of every axis except `keep` and the one across.
 
     Parts of a frame that lack that value keep their own.
@@ -229,13 +233,13 @@ def at_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
         if not values:
             continue
         axis = frame.columns[name].axis
-        labels = frame.at({name: preferred(axis, values)}).rows.index
+        labels = frame.select({name: preferred_value(axis, values)}).rows.index
         other_parts = set(frame.rows[PART]) - set(frame.rows.loc[labels, PART])
         # Labels that distinguish parts, such as tests from training, select parts themselves.
         for part in (k for k in other_parts if name not in frame.parts[k].display.labels):
             rows = frame.rows[frame.rows[PART] == part]
             part_values = values_of(rows, name)
-            rows = rows[rows[name] == preferred(axis, part_values)]
+            rows = rows[rows[name] == preferred_value(axis, part_values)]
             labels = labels.append(rows.index)
         frame = frame.where(frame.rows.index.isin(labels))
     return frame

@@ -16,15 +16,15 @@ def report_paths(path: PathOrUrl) -> tuple[Path, Path]:
 
 def tables_folder(path: PathOrUrl) -> Path:
     """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
-    return _beside(path, "tables")
+    return _sibling_path(path, "tables")
 
 
 def page_file(path: PathOrUrl) -> Path:
     """Return the file of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
-    return _beside(path, "report.html")
+    return _sibling_path(path, "report.html")
 
 
-def _beside(path: PathOrUrl, suffix: str) -> Path:
+def _sibling_path(path: PathOrUrl, suffix: str) -> Path:
     neighbour = path_beside(path)
     if neighbour.name.endswith(SUFFIX):
         return neighbour.with_name(f"{neighbour.name.removesuffix(SUFFIX)}-{suffix}")

@@ -18,7 +18,7 @@ EDGE = 6  # pixels between the ends of a bounded scale and the frame, for marker
 def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     """Return the encoding of a figure, and the columns of its interval and its level of chance."""
     column = frame.columns[figure]
-    beside = {role: next(iter(frame.of_role(role, figure)), "") for role in BESIDE}
+    beside = {role: next(iter(frame.columns_of_role(role, figure)), "") for role in BESIDE}
     y: dict[str, Any] = {"field": figure, "type": "quantitative", "title": column.heading}
     values = frame.rows[figure].dropna().tolist()
     bound = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0

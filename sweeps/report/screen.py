@@ -12,14 +12,14 @@ from typing import IO
 from rich.console import Console
 from rich.text import Text
 
-from sweeps.engine.run.process import printing
-from sweeps.report.words import printable
+from sweeps.engine.run.process import guarded_stdout
+from sweeps.report.words import printable_text
 
 PIPED = 80  # cells of a line where there is no terminal
 PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
 
 
-def screen() -> Console:
+def stdout_console() -> Console:
     """Return the console of stdout: as wide as the terminal, elsewhere 80 cells or `COLUMNS`."""
     console = Console(highlight=False)
     if not console.is_terminal:
@@ -29,7 +29,7 @@ def screen() -> Console:
 
 
 @contextmanager
-def page(console: Console) -> Iterator[Console]:
+def buffered_console(console: Console) -> Iterator[Console]:
     """Yield a buffered console; finally write its text to another, as far as possible."""
     text = io.StringIO()
     yield Console(
@@ -40,37 +40,37 @@ def page(console: Console) -> Iterator[Console]:
         no_color=console.no_color,
         legacy_windows=False,
     )
-    _say(text.getvalue(), console.file, console.encoding)
+    _write_text(text.getvalue(), console.file, console.encoding)
 
 
-def _say(text: str, file: IO[str], encoding: str) -> None:
+def _write_text(text: str, file: IO[str], encoding: str) -> None:
     """Write to a file that may be closed, or of another encoding."""
     try:
         text.encode(encoding)
     except UnicodeEncodeError:
         text = text.translate(PLAINER).encode(encoding, "replace").decode(encoding)
-    with printing():
+    with guarded_stdout():
         file.write(text)
         file.flush()
 
 
-def complain(sentence: str) -> None:
+def print_error(sentence: str) -> None:
     """Print a sentence to stderr, ignoring errors."""
     with suppress(OSError, ValueError, AttributeError):
         print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
 
 
-def plain(text: str) -> Text:
+def plain_text(text: str) -> Text:
     """Return a text without markup, its control characters except newlines escaped."""
-    return Text("\n".join(map(printable, text.split("\n"))))
+    return Text("\n".join(map(printable_text, text.split("\n"))))
 
 
-def line(text: str, console: Console) -> None:
+def print_line(text: str, console: Console) -> None:
     """Print one line without wrapping."""
-    console.print(plain(text), soft_wrap=True)
+    console.print(plain_text(text), soft_wrap=True)
 
 
-def note(text: str, console: Console, *, style: str = "dim") -> None:
+def print_note(text: str, console: Console, *, style: str = "dim") -> None:
     """Print a note, if it says anything."""
     if text:
-        console.print(plain(text), style=style)
+        console.print(plain_text(text), style=style)

@@ -17,9 +17,9 @@ from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
 from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
-from sweeps.engine.store.tables import with_scalars
+from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.writing import zarr_store
-from sweeps.report.words import MAIN, preferred, printable
+from sweeps.report.words import MAIN, preferred_value, printable_text
 
 ERRORS = "range_profile/profile_error"
 READ = ("tables", ERRORS)  # what the report prints
@@ -33,11 +33,11 @@ OF_ARRAYS = (
 def opened(path: PathOrUrl) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
     location = resolve_path(path_or_url("store", path))
-    return _opened(location, Objects(location).get(METADATA))
+    return _open_group(location, Objects(location).get(METADATA))
 
 
 @lru_cache(maxsize=2)
-def _opened(location: PathOrUrl, metadata: bytes | None) -> Any:
+def _open_group(location: PathOrUrl, metadata: bytes | None) -> Any:
     """Return a store, opened again only when its metadata change."""
     return zarr.open_group(zarr_store(location), mode="r")
 
@@ -47,15 +47,15 @@ def attributes(store: Any) -> dict[str, Any]:
     return decode_attrs(store.attrs)
 
 
-def groups(store: Any, under: str = "") -> list[str]:
+def list_groups(store: Any, under: str = "") -> list[str]:
     """Return the names of groups of a store, or of subgroups of one."""
     inside = store.get(under) if under else store
     return sorted(inside.group_keys()) if inside is not None else []
 
 
-def read(store: Any, group: str) -> xr.Dataset:
+def read_group(store: Any, group: str) -> xr.Dataset:
     """Return a group of a store, each variable read lazily. Raises KeyError without it."""
-    return with_scalars(xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r")))
+    return restore_scalars(xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r")))
 
 
 def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None:
@@ -79,12 +79,12 @@ def refusal(path: PathOrUrl, why: str | Exception = "") -> ConfigurationError:
     if isinstance(why, OSError) and why.errno not in {None, errno.ENOENT, errno.ENOTDIR}:
         return ConfigurationError(f"store is {str(path)!r}, which cannot be read: {why.strerror}")
     if isinstance(why, Exception) and not isinstance(why, ConfigurationError):
-        why = reason(why)
+        why = error_reason(why)
     sentence = f"store is {str(path)!r}, but must be the zarr store of a sweep with tables"
     return ConfigurationError(sentence + (f" ({why})" if why else ""))
 
 
-def reason(error: Exception) -> str:
+def error_reason(error: Exception) -> str:
     """Return the kind of another library's error and the first line of its message."""
     return f"{type(error).__name__}: {error}".partition("\n")[0]
 
@@ -104,12 +104,12 @@ def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = ()) -> xr.Dataset:
         names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
         name = min(names, key=lambda name: name not in MAIN, default="")
         values = dataset[name].values.tolist() if name else []
-        indices[dim] = values.index(preferred(name, values)) if values else 0
+        indices[dim] = values.index(preferred_value(name, values)) if values else 0
     return dataset.isel(indices)
 
 
-def located(path: PathOrUrl) -> str:
+def relative_path(path: PathOrUrl) -> str:
     """Return a path, relative if below the current folder, with control characters escaped."""
     if isinstance(path, Path) and path.is_relative_to(folder := Path.cwd()):
         path = path.relative_to(folder)
-    return printable(str(path))
+    return printable_text(str(path))

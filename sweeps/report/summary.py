@@ -12,17 +12,24 @@ from rich.console import Console
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.answer import answer_table
-from sweeps.report.changes import answer, sentences, settings_sentence
+from sweeps.report.changes import change_sentences, change_table, settings_sentence
 from sweeps.report.compare import Comparison, compare
 from sweeps.report.contest import main_frame
 from sweeps.report.files import write_tables
-from sweeps.report.frames import Frame, chosen, read_frames
-from sweeps.report.headline import accuracy, headline
+from sweeps.report.frames import Frame, read_frames, select_table
+from sweeps.report.headline import accuracy_sentences, headline
 from sweeps.report.own import is_free
-from sweeps.report.pivot import constants, laid_out
+from sweeps.report.pivot import constant_values, lay_out
 from sweeps.report.places import page_file, tables_folder
-from sweeps.report.screen import line, note, page
-from sweeps.report.stores import attributes, check_whole, failed_cells, located, opened, reason
+from sweeps.report.screen import buffered_console, print_line, print_note
+from sweeps.report.stores import (
+    attributes,
+    check_whole,
+    error_reason,
+    failed_cells,
+    opened,
+    relative_path,
+)
 from sweeps.report.terminal import print_table
 from sweeps.report.work import read_work
 
@@ -35,7 +42,7 @@ def tables_of(path: PathOrUrl) -> dict[str, Frame]:
 
 def print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
     """Print the headline of a finished store, the accuracy, and its main table."""
-    with page(console) as aside:
+    with buffered_console(console) as aside:
         _print_answer(path, frames, aside)
 
 
@@ -48,7 +55,7 @@ def finish(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> li
     try:
         return write_tables(path, frames.values())
     finally:
-        with page(console) as aside:
+        with buffered_console(console) as aside:
             _print_places(path, frames, aside)
 
 
@@ -64,22 +71,24 @@ def report(
     """
     check_whole(path, **({"groups": None} if html else {}))
     frames = tables_of(path)
-    selected = None if table is None else chosen(frames, table)
+    selected = None if table is None else select_table(frames, table)
     if selected is None:
         print_answer(path, frames, console)  # first, since the page takes longer
-    blocked = written_page(path, frames) if html else []
+    blocked = write_store_page(path, frames) if html else []
     if selected is None:
         return blocked + finish(path, frames, console)
     try:
         return blocked + write_tables(path, frames.values())
     finally:
-        with page(console) as aside:
-            print_table(laid_out(selected, swept_of(path)), aside, most=None)
-            shared = ", ".join(f"{words} {text}" for words, text in constants(selected).items())
-            note(f"In all rows: {shared}." if shared else "", aside)
+        with buffered_console(console) as aside:
+            print_table(lay_out(selected, swept_axes(path)), aside, most=None)
+            shared = ", ".join(
+                f"{words} {text}" for words, text in constant_values(selected).items()
+            )
+            print_note(f"In all rows: {shared}." if shared else "", aside)
 
 
-def comparison(
+def report_comparison(
     first: PathOrUrl,
     *others: PathOrUrl,
     console: Console,
@@ -98,25 +107,27 @@ def comparison(
     for path in (first, *others):
         check_whole(path, groups=None)
     compared = compare(first, *others)
-    blocked = [] if compared.frames else _without_files(compared.place)
+    blocked = [] if compared.frames else _remove_files(compared.output_path)
     if table is not None and not compared.frames:
-        raise ConfigurationError(f"there is no table {table!r}: {sentences(compared)[0]}")
-    selected = None if table is None else chosen(compared.frames, table)
-    with page(console) as aside:
+        raise ConfigurationError(f"there is no table {table!r}: {change_sentences(compared)[0]}")
+    selected = None if table is None else select_table(compared.frames, table)
+    with buffered_console(console) as aside:
         if selected is not None:
-            print_table(laid_out(selected, swept_of(first)), aside, most=None)
+            print_table(lay_out(selected, swept_axes(first)), aside, most=None)
         else:
             _print_changes(compared, aside, html=html)
     if not compared.frames:
         return blocked
-    blocked = write_tables(compared.place, compared.frames.values())
+    blocked = write_tables(compared.output_path, compared.frames.values())
     if html:
-        with _refused():
-            blocked += write_page(page_file(compared.place), lambda: comparison_page(compared))
+        with _page_errors():
+            blocked += write_page(
+                page_file(compared.output_path), lambda: comparison_page(compared)
+            )
     return blocked
 
 
-def _without_files(store: Path) -> list[Path]:
+def _remove_files(store: Path) -> list[Path]:
     """Remove the unchanged tables and page of a comparison; return the paths in the way."""
     page_path, folder = page_file(store), tables_folder(store)
     if page_path.is_file() and is_free(page_path):
@@ -124,30 +135,30 @@ def _without_files(store: Path) -> list[Path]:
     return write_tables(store, []) if folder.is_dir() else []
 
 
-def written_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
+def write_store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
     """Write the report page of a store; see `write_page`.
 
     Raises ConfigurationError if it cannot be written.
     """
     # Imported here, since the import takes longer than printing tables.
-    from sweeps.report.page.write import page_of, write_page
+    from sweeps.report.page.write import store_page, write_page
 
-    with _refused():
-        return write_page(page_file(path), lambda: page_of(path, frames))
+    with _page_errors():
+        return write_page(page_file(path), lambda: store_page(path, frames))
 
 
 @contextmanager
-def _refused() -> Iterator[None]:
+def _page_errors() -> Iterator[None]:
     """Raise errors of writing a page as ConfigurationError."""
     try:
         yield
     # zarr and xarray raise various errors for damaged groups without a table.
     except Exception as error:
-        fault = getattr(error, "strerror", None) or reason(error)
+        fault = getattr(error, "strerror", None) or error_reason(error)
         raise ConfigurationError(f"the report page is not written: {fault}") from error
 
 
-def swept_of(path: PathOrUrl) -> Sequence[str]:
+def swept_axes(path: PathOrUrl) -> Sequence[str]:
     """Return the names of the axes that were swept."""
     axes: Sequence[str] = attributes(opened(path)).get("swept", ())
     return axes
@@ -158,45 +169,45 @@ def _print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console
     console.print()
     store = opened(path)
     for sentence in headline(frames, attributes(store)):
-        note(sentence, console, style="bold")
-    for sentence in accuracy(store):
-        note(sentence, console)
-    print_table(answer_table(main_frame(frames), swept_of(path), console.width), console)
+        print_note(sentence, console, style="bold")
+    for sentence in accuracy_sentences(store):
+        print_note(sentence, console)
+    print_table(answer_table(main_frame(frames), swept_axes(path), console.width), console)
 
 
 def _print_changes(compared: Comparison, console: Console, *, html: bool) -> None:
     """Print the largest changes along the swept axis, and the paths of all files."""
-    for sentence in sentences(compared):
-        note(sentence, console, style="bold")
-    note(settings_sentence(compared), console)
+    for sentence in change_sentences(compared):
+        print_note(sentence, console, style="bold")
+    print_note(settings_sentence(compared), console)
     if compared.frames:
-        print_table(answer(compared, swept_of(compared.paths[0])), console)
-    line("", console)
+        print_table(change_table(compared, swept_axes(compared.paths[0])), console)
+    print_line("", console)
     for path, name in zip(compared.paths, compared.names, strict=True):
         if failed := failed_cells(opened(path)):
             number = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-            line(f"failed  {number} of {name}: the comparison covers the others", console)
+            print_line(f"failed  {number} of {name}: the comparison covers the others", console)
     if not compared.frames:
         return
     count = f"{len(compared.frames)} CSV file" + "s" * (len(compared.frames) > 1)
-    line(f"tables  {located(tables_folder(compared.place))} ({count})", console)
+    print_line(f"tables  {relative_path(tables_folder(compared.output_path))} ({count})", console)
     if html:
-        line(f"page    {located(page_file(compared.place))}", console)
+        print_line(f"page    {relative_path(page_file(compared.output_path))}", console)
     else:
-        stores = " ".join(shlex.quote(located(path)) for path in compared.paths)
-        line(f"next    ncti-report {stores} --html", console)
+        stores = " ".join(shlex.quote(relative_path(path)) for path in compared.paths)
+        print_line(f"next    ncti-report {stores} --html", console)
 
 
 def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
     """Print the paths of a store, its page and its tables, and the number of failed cells."""
-    line("", console)
+    print_line("", console)
     if failed := failed_cells(opened(path)):
         count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-        line(f"failed  {count}: the tables cover the others", console)
-    line(f"store   {located(path)}", console)
+        print_line(f"failed  {count}: the tables cover the others", console)
+    print_line(f"store   {relative_path(path)}", console)
     if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
-        line(f"page    {located(page_file(path))}", console)
+        print_line(f"page    {relative_path(page_file(path))}", console)
     count = f"{len(frames)} CSV file" + "s" * (len(frames) > 1)
-    line(f"tables  {located(tables_folder(path))} ({count})", console)
+    print_line(f"tables  {relative_path(tables_folder(path))} ({count})", console)
     table = next(iter(frames))
-    line(f"next    ncti-report {shlex.quote(located(path))} --table {table}", console)
+    print_line(f"next    ncti-report {shlex.quote(relative_path(path))} --table {table}", console)

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 
 from sweeps.report.pivot import Entry, Line, Table
-from sweeps.report.screen import note, plain
+from sweeps.report.screen import plain_text, print_note
 
 GAP = 2  # blanks between columns
 WIDEST, WIDEST_FIGURE, LEAST = 26, 40, 4  # cells of a column of labels, of figures, of any
@@ -35,66 +35,69 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
     fit move into a table below.
     """
     console.print()
-    note(table.title, console, style="bold")
+    print_note(table.title, console, style="bold")
     lines = table.lines[:most]
-    texts = [[text_of(cell) for cell in line.cells] for line in lines]
-    labels, figures = _columns(table, lines)
-    beside = _beside(labels, figures, console.width)
+    texts = [[entry_text(cell) for cell in line.cells] for line in lines]
+    labels, figures = _make_columns(table, lines)
+    beside = _fitting_labels(labels, figures, console.width)
     section_count = len(labels) - len(beside)  # axes that head sections
-    for number, share in enumerate(_shares(figures, console.width - _sum(beside) - GAP)):
+    for number, share in enumerate(
+        _iter_shares(figures, console.width - _total_width(beside) - GAP)
+    ):
         if number:
-            note("(further columns of the same table)", console)
+            print_note("(further columns of the same table)", console)
         columns = [*beside, *(figures[k] for k in share)]
         _print_row(
             columns, [column.head for column in columns], console, style="bold", vertical="bottom"
         )
-        note("─" * _sum(columns), console)
+        print_note("─" * _total_width(columns), console)
         before: tuple[str, ...] = ()
         for line, row in zip(lines, texts, strict=True):
             if line.keys[:section_count] != before[:section_count]:
                 before = ()
                 pairs = zip(table.down[:section_count], line.place, strict=False)
                 words = [axis.in_words(value) for axis, value in pairs if value is not None]
-                note(", ".join(words), console, style="bold")
-            keys = _unrepeated(line.keys[section_count:], before[section_count:])
+                print_note(", ".join(words), console, style="bold")
+            keys = _blank_repeated_keys(line.keys[section_count:], before[section_count:])
             _print_row(columns, [*keys, *(row[k] for k in share)], console)
             before = line.keys
     if len(table.lines) > len(lines):
-        note(f"{len(table.lines) - len(lines)} more rows are in {table.name}.csv.", console)
+        print_note(f"{len(table.lines) - len(lines)} more rows are in {table.name}.csv.", console)
     for text in table.notes:
-        note(text, console)
+        print_note(text, console)
 
 
-def fitting(table: Table, width: int) -> int:
+def count_fitting_columns(table: Table, width: int) -> int:
     """Return the number of a table's columns of figures that fit in a width beside its labels."""
-    labels, figures = _columns(table, table.lines)
-    beside = _beside(labels, figures, width)
-    return len(next(_shares(figures, width - _sum(beside) - GAP)))
+    labels, figures = _make_columns(table, table.lines)
+    beside = _fitting_labels(labels, figures, width)
+    return len(next(_iter_shares(figures, width - _total_width(beside) - GAP)))
 
 
-def _columns(table: Table, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
+def _make_columns(table: Table, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
     """Return the columns of labels and of figures, for some rows of a table."""
     labels = [
-        _column(column.heading, [line.keys[k] for line in lines], WIDEST)
+        _make_column(column.heading, [line.keys[k] for line in lines], WIDEST)
         for k, column in enumerate(table.down)
     ]
     figures = [
         replace(
-            _column(head, [text_of(line.cells[k]) for line in lines], WIDEST_FIGURE), right=True
+            _make_column(head, [entry_text(line.cells[k]) for line in lines], WIDEST_FIGURE),
+            right=True,
         )
         for k, head in enumerate(table.heads)
     ]
     return labels, figures
 
 
-def text_of(cell: Entry) -> str:
+def entry_text(cell: Entry) -> str:
     """Return a figure with its interval or spread, and the article's below."""
     interval = f" [{cell.interval}]" if cell.interval else ""
     spread = f" {cell.spread}" if cell.spread else ""
     return cell.text + interval + spread + (f"\narticle {cell.article}" if cell.article else "")
 
 
-def _column(head: str, texts: Sequence[str], widest: int) -> _Column:
+def _make_column(head: str, texts: Sequence[str], widest: int) -> _Column:
     """Return a column as wide as its texts, and as the words of its heading, which fold."""
     words = [*head.split(), *(word_line for text in texts for word_line in text.split("\n"))]
     width = max(map(cell_len, words), default=1)
@@ -103,16 +106,20 @@ def _column(head: str, texts: Sequence[str], widest: int) -> _Column:
     return _Column(head, min(width, widest))
 
 
-def _beside(labels: Sequence[_Column], figures: Sequence[_Column], width: int) -> Sequence[_Column]:
+def _fitting_labels(
+    labels: Sequence[_Column], figures: Sequence[_Column], width: int
+) -> Sequence[_Column]:
     """Return the last labels, which fit beside the figures in a width.
 
     As many as leave space for all figures, or at least for the widest; the last one may fold.
     """
     widest = max((figure.width for figure in figures), default=0)
-    last = min(_sum(labels[-1:]), FOLDED)
-    needed = GAP + (_sum(figures) if last + GAP + _sum(figures) <= width else widest)
+    last = min(_total_width(labels[-1:]), FOLDED)
+    needed = GAP + (
+        _total_width(figures) if last + GAP + _total_width(figures) <= width else widest
+    )
     beside = labels
-    while len(beside) > 1 and _sum(beside) + needed > width:
+    while len(beside) > 1 and _total_width(beside) + needed > width:
         beside = beside[1:]
     if len(beside) == 1:
         available = width - needed
@@ -120,7 +127,7 @@ def _beside(labels: Sequence[_Column], figures: Sequence[_Column], width: int) -
     return beside
 
 
-def _sum(columns: Sequence[_Column]) -> int:
+def _total_width(columns: Sequence[_Column]) -> int:
     return sum(column.width for column in columns) + GAP * max(len(columns) - 1, 0)
 
 
@@ -137,11 +144,11 @@ def _print_row(
     for column in columns:
         justify: Literal["left", "right"] = "right" if column.right else "left"
         grid.add_column(width=column.width, justify=justify, vertical=vertical)
-    grid.add_row(*map(plain, texts), style=style)
+    grid.add_row(*map(plain_text, texts), style=style)
     console.print(grid)
 
 
-def _unrepeated(keys: Sequence[str], before: Sequence[str]) -> list[str]:
+def _blank_repeated_keys(keys: Sequence[str], before: Sequence[str]) -> list[str]:
     """Return the keys of a row, with leading keys that repeat the previous row's empty."""
     repeated = 0
     while repeated < min(len(keys), len(before)) - 1 and keys[repeated] == before[repeated]:
@@ -149,11 +156,11 @@ def _unrepeated(keys: Sequence[str], before: Sequence[str]) -> list[str]:
     return ["" if k < repeated else key for k, key in enumerate(keys)]
 
 
-def _shares(figures: Sequence[_Column], width: int) -> Iterator[list[int]]:
+def _iter_shares(figures: Sequence[_Column], width: int) -> Iterator[list[int]]:
     """Yield the indices of the figures of each printed table."""
     share: list[int] = []
     for k in range(len(figures)):
-        if share and _sum([figures[index] for index in (*share, k)]) > width:
+        if share and _total_width([figures[index] for index in (*share, k)]) > width:
             yield share
             share = []
         share.append(k)

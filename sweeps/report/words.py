@@ -46,7 +46,7 @@ MAIN: dict[str, Any] = {
 }
 
 
-def printable(text: str) -> str:
+def printable_text(text: str) -> str:
     """Return a text with its control and other invisible characters escaped."""
     if text.isprintable():
         return text
@@ -55,7 +55,7 @@ def printable(text: str) -> str:
 
 def words_of(name: str) -> str:
     """Return the name of an axis as people write it."""
-    words = printable(name.replace("_", " ")).split(" ")
+    words = printable_text(name.replace("_", " ")).split(" ")
     return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
 
 
@@ -69,23 +69,23 @@ def file_name(name: str, units: str) -> str:
 
 def unit_of(units: str) -> str:
     """Return a unit as printed; empty if there is none."""
-    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable(units)))
+    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable_text(units)))
 
 
-def missing(value: Any) -> bool:
+def is_missing(value: Any) -> bool:
     """Return whether a value of a frame is absent."""
     return value is None or value is pd.NA or bool(value != value)
 
 
-def shown(value: Any, format: str = "g") -> str:
+def value_text(value: Any, format: str = "g") -> str:
     """Return a value as printed, floats by a format."""
-    if missing(value):
+    if is_missing(value):
         return NOTHING
     if isinstance(value, bool) or type(value).__name__ == "bool":
         return "yes" if value else "no"
     if isinstance(value, float) and math.isfinite(value):
         return format_number(value, format)
-    return printable(str(value)).replace("_", " ")
+    return printable_text(str(value)).replace("_", " ")
 
 
 def format_number(value: float, format: str) -> str:
@@ -96,7 +96,7 @@ def format_number(value: float, format: str) -> str:
     return text.lstrip("-") if not text.strip("-0.%") else text
 
 
-def preferred(name: str, values: Sequence[Any]) -> Any:
+def preferred_value(name: str, values: Sequence[Any]) -> Any:
     """Return the value of an axis to show first: the main one, the nearest number, or the first."""
     main = MAIN.get(name)
     for choice in main if isinstance(main, tuple) else (main,):

@@ -11,7 +11,7 @@ import pandas as pd
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
-from sweeps.report.own import write_own
+from sweeps.report.own import write_own_files
 from sweeps.report.places import tables_folder
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def write_work(store: PathOrUrl, stages: Mapping[str, Progress]) -> list[Path]:
     rows = [
         (name, work.done, work.reused, work.failed, work.seconds) for name, work in stages.items()
     ]
-    content = csv_of(_frame(pd.DataFrame(rows, columns=list(COLUMNS))))
-    return write_own(tables_folder(store), {f"{NAME}.csv": content})
+    content = csv_of(_work_frame(pd.DataFrame(rows, columns=list(COLUMNS))))
+    return write_own_files(tables_folder(store), {f"{NAME}.csv": content})
 
 
 def read_work(store: PathOrUrl) -> Frame | None:
@@ -43,8 +43,8 @@ def read_work(store: PathOrUrl) -> Frame | None:
         rows = pd.read_csv(tables_folder(store) / f"{NAME}.csv")
     except (OSError, ValueError):
         return None
-    return _frame(rows) if list(rows) == list(COLUMNS) and len(rows) else None
+    return _work_frame(rows) if list(rows) == list(COLUMNS) and len(rows) else None
 
 
-def _frame(rows: pd.DataFrame) -> Frame:
+def _work_frame(rows: pd.DataFrame) -> Frame:
     return Frame(NAME, "Work of the last sweep, by stage", rows, COLUMNS, down=("stage",))

@@ -24,7 +24,7 @@ from sweeps.engine.declare.settings import Run, Settings, count, draws, number, 
 from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views, in_blocks
+from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views, read_in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
@@ -182,7 +182,7 @@ def form_categories(
     by_first = label_rule == "first"
     names[:count] = clustering.first_names(ships, order) if by_first else clustering.names(ships)
     weights[:count] = clustering.weights
-    right = ships_named(names, formed.category) == ship.reshape(known.shape)
+    right = category_ships(names, formed.category) == ship.reshape(known.shape)
     return {
         "training_category": formed.category,
         "training_confused": np.where(known, formed.confused, NONE),
@@ -195,7 +195,7 @@ def form_categories(
     }
 
 
-def ships_named(names: Ships, category: Ships) -> Ships:
+def category_ships(names: Ships, category: Ships) -> Ships:
     """Return the ship of each category; `NONE` for a vector without a category."""
     return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
 
@@ -241,7 +241,7 @@ def answer_tests(
         for index, formed, (category, cosine) in zip(indices, trainings, matches, strict=True):
             labels = formed["training_category"]
             category = np.where(valid, category.reshape(valid.shape), NONE)
-            predicted = ships_named(formed["names"], category)
+            predicted = category_ships(formed["names"], category)
             if score_rule == "ship":
                 scored, right = valid, predicted == ship
             else:
@@ -251,7 +251,7 @@ def answer_tests(
             answers["similarity"][*index, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
             answers["predicted"][*index, f] = predicted
             answers["correct"][*index, f] = np.where(scored, right, NONE)
-    return answers | {"cell": classifier.state(answers["correct"], valid)}
+    return answers | {"cell": classifier.answer_state(answers["correct"], valid)}
 
 
 def _clustering(formed: Arrays) -> Clustering:
@@ -307,13 +307,13 @@ def match_learning(
 # Declarations
 
 
-@in_memory(gather=GATHERED, keep=4, reads=in_blocks("expected"))
+@in_memory(gather=GATHERED, keep=4, reads=read_in_blocks("expected"))
 def profile_training_set(expected: Profiles, valid: Views, training_views: Views) -> TrainingSet:
     """Return the training views and similarities of expected profiles, shared by all trainings."""
     return TrainingSet.of_views(expected, valid, training_views, classifier.profile_vectors)
 
 
-@in_memory(gather=GATHERED, keep=4, reads=in_blocks("template_log_polar"))
+@in_memory(gather=GATHERED, keep=4, reads=read_in_blocks("template_log_polar"))
 def silhouette_training_set(
     template_log_polar: NDArray[np.uint8], valid: Views, training_views: Views
 ) -> TrainingSet:
@@ -333,12 +333,12 @@ silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrare
 LEARNED = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
 OF_RANGE = classifier.ClassifierGroup.of_classifier(
     NAME,
-    classifier.names_by(NAME, RANGE),
+    classifier.classifies_with(NAME, RANGE),
     (*classifier.OF_PROFILES, *LEARNED, *classifier.TESTED),
 )
 OF_INFRARED = classifier.ClassifierGroup.of_classifier(
     "acn_infrared",
-    classifier.names_by(NAME, INFRARED),
+    classifier.classifies_with(NAME, INFRARED),
     (*OF_SILHOUETTES, "phase", *LEARNED, *LOOK),
 )
 RULES = ("label_rule", "score_rule")

@@ -165,7 +165,7 @@ def generated_ships(learned: Sequence[str], number: int) -> tuple[ShipName, ...]
     )
 
 
-def names_by(name: str, sensor: str) -> Condition:
+def classifies_with(name: str, sensor: str) -> Condition:
     """Return the condition that a classifier and a sensor are selected."""
     return lambda choices: name in choices[Classifier.name] and views.looks(sensor)(choices)
 
@@ -232,7 +232,7 @@ def training_marks(of: Group) -> tuple[Stage, Stage]:
     )
 
 
-def _learned(choices: Choices) -> list[Views]:
+def _views_by_spacing(choices: Choices) -> list[Views]:
     """Return the (ship, aspect) mask of a sweep's training views for every template spacing."""
     arguments = (*(choices[setting] for setting in GATHERED), choices.value(Classifier.unknown))
     drawn = random_test_aspects(choices, choices[Grid.aspect])
@@ -240,7 +240,7 @@ def _learned(choices: Choices) -> list[Views]:
     return [training_views(*arguments, aspects, spacing, drawn) for spacing in choices[SPACING]]
 
 
-def learned_of(choices: Choices) -> xr.DataArray:
+def training_view_mask(choices: Choices) -> xr.DataArray:
     """Return the (ship, aspect) mask of a sweep's training views, by template spacing.
 
     The spacing is a dimension where it is an axis.
@@ -248,23 +248,23 @@ def learned_of(choices: Choices) -> xr.DataArray:
     import xarray as xr
 
     spacings = {SPACING.name: list(choices[SPACING])}
-    learned = xr.DataArray(_learned(choices), spacings, (SPACING.name, *VIEW))
+    learned = xr.DataArray(_views_by_spacing(choices), spacings, (SPACING.name, *VIEW))
     return learned if len(learned) > 1 else learned.isel({SPACING.name: 0}, drop=True)
 
 
-def known_of(choices: Choices) -> xr.DataArray:
+def training_ship_mask(choices: Choices) -> xr.DataArray:
     """Return the (ship,) mask of the ships in a sweep's training set."""
-    learned = learned_of(choices)
+    learned = training_view_mask(choices)
     return learned.any([dim for dim in learned.dims if dim != "ship"])
 
 
-def aspects_of(choices: Choices) -> dict[str, xr.DataArray]:
+def aspect_masks(choices: Choices) -> dict[str, xr.DataArray]:
     """Return masks of the kinds of aspects of a sweep: see `kinds_of_aspects`."""
     import xarray as xr
 
     aspects = choices[Grid.aspect]
     drawn = xr.DataArray(np.isin(aspects, random_test_aspects(choices, aspects)), dims="aspect")
-    return kinds_of_aspects(learned_of(choices).any("ship"), drawn)
+    return kinds_of_aspects(training_view_mask(choices).any("ship"), drawn)
 
 
 def kinds_of_aspects(learned: xr.DataArray, drawn: xr.DataArray) -> dict[str, xr.DataArray]:
@@ -290,7 +290,7 @@ def check(choices: Choices) -> Choices:
             refuse(Classifier.alternative, repr(str(name)), f"of classifier.unknown: {allowed}")
     if len(unknown) == len(ships_given):
         refuse(Classifier.unknown, "every ship of grid.ship", "fewer, which leave one to learn")
-    for spacing, learned in zip(choices[SPACING], _learned(choices), strict=True):
+    for spacing, learned in zip(choices[SPACING], _views_by_spacing(choices), strict=True):
         if spacing is not None and not learned.any():
             refuse(SPACING, spacing, "such that an aspect learned is a multiple of it")
     return choices
@@ -298,7 +298,7 @@ def check(choices: Choices) -> Choices:
 
 def check_left_out(choices: Choices) -> None:
     """Refuse to leave the true aspect out if no other aspect is learned."""
-    aspects = min(int(learned.any(axis=0).sum()) for learned in _learned(choices))
+    aspects = min(int(learned.any(axis=0).sum()) for learned in _views_by_spacing(choices))
     if any(choices[Classifier.left_out]) and aspects < 2:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
@@ -320,15 +320,15 @@ def check_receiver(choices: Choices, name: str) -> None:
 
 def profile_vectors(profiles: Profiles | Floats) -> Floats:
     """Return (..., ship, aspect, bin) profiles as (..., view, bin) vectors, zero where missing."""
-    return vectors_of(by_view(profiles))
+    return to_vectors(stack_views(profiles))
 
 
-def by_view(profiles: Profiles | Floats) -> Profiles | Floats:
+def stack_views(profiles: Profiles | Floats) -> Profiles | Floats:
     """Return (..., ship, aspect, bin) profiles as (..., view, bin) ones."""
     return profiles.reshape(*profiles.shape[:-3], -1, profiles.shape[-1])
 
 
-def vectors_of(profiles: Profiles | Floats) -> Floats:
+def to_vectors(profiles: Profiles | Floats) -> Floats:
     """Return the vectors of (..., bin) profiles, zero for missing ones."""
     return profile_vector(np.where(np.isfinite(profiles), profiles, 0.0))
 
@@ -338,7 +338,7 @@ def map_vectors(maps: NDArray[np.uint8]) -> NDArray[np.float32]:
     return map_vector(maps.reshape(*maps.shape[:-4], -1, *maps.shape[-2:]))
 
 
-def in_blocks(*names: str) -> dict[str, At]:
+def read_in_blocks(*names: str) -> dict[str, At]:
     """Return reads of stages whose results are gathered over all views, in blocks."""
     return {name: At(name, in_blocks=True) for name in names}
 
@@ -355,15 +355,15 @@ def judged(named: Ships, valid: Views, tested: Views | None = None) -> Arrays:
     predicted = np.where(answered, named, NONE)
     right = predicted == np.arange(len(valid))[:, None]
     correct = np.where(answered, right, np.int8(NONE))
-    return {"predicted": predicted, "correct": correct, "cell": state(correct, valid)}
+    return {"predicted": predicted, "correct": correct, "cell": answer_state(correct, valid)}
 
 
-def state(correct: Ships, valid: Views) -> NDArray[np.int8]:
+def answer_state(correct: Ships, valid: Views) -> NDArray[np.int8]:
     """Return the state of answers: done, failed without a view, missing if not requested."""
     return np.where(correct >= 0, 1, np.where(valid, -1, 0)).astype("i1")
 
 
-def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
+def best_ships(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
     """Return (view,) most probable ships and probabilities of the true ones, 0 if unknown.
 
     `posterior` has the ships and their (view, ship) probabilities.
@@ -378,7 +378,7 @@ def most_probable(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, 
 
 def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the answers about ships in the training set; unknown ones cannot be right."""
-    return classified.isel(ship=np.flatnonzero(known_of(choices)))
+    return classified.isel(ship=np.flatnonzero(training_ship_mask(choices)))
 
 
 def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROFILES) -> xr.Dataset:
@@ -386,7 +386,7 @@ def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROF
 
     Tables of range profiles have the receiver as an attribute, if all have the same.
     """
-    table = tabulate_scores(known_ships(classified, choices), aspects_of(choices), shown)
+    table = tabulate_scores(known_ships(classified, choices), aspect_masks(choices), shown)
     receivers = choices.values.get(Ladar.receiver.key, ())
     one_receiver = len(receivers) == 1 and shown == PROFILES
     return table.assign_attrs({"receiver": receivers[0]} if one_receiver else {})
@@ -452,43 +452,51 @@ class ClassifierGroup(Group):
         """
         labels = {"classifier": self.name, "channel": RANGE} if labels is None else labels
 
-        def of_ships(choices: Choices) -> float:
-            return 100.0 / int(known_of(choices).sum())
+        def ship_chance(choices: Choices) -> float:
+            return 100.0 / int(training_ship_mask(choices).sum())
 
-        def of_answers(choices: Choices) -> float:
+        def answer_chance(choices: Choices) -> float:
             classes = 1 if scored == "ship" else len(aspect_bins(choices[Grid.aspect])[0])
-            return of_ships(choices) / classes
+            return ship_chance(choices) / classes
 
-        def form(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+        def tabulate_formed(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
             return tabulate_categories(known_ships(classified, choices))
 
-        def reject(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
+        def tabulate_rejected(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
             vigilances = choices[Classifier.test_vigilance]
             # Ships of the alternative are known to it, so they do not test rejection.
             tested = ~np.isin(choices[Grid.ship], choices.value(Classifier.alternative) or ())
-            arguments = known_of(choices).isel(ship=tested), aspects_of(choices), vigilances
+            arguments = (
+                training_ship_mask(choices).isel(ship=tested),
+                aspect_masks(choices),
+                vigilances,
+            )
             return tabulate_rejection(classified.isel(ship=tested), *arguments)
 
-        def rejecting_some(choices: Choices) -> bool:
-            return self.when(choices) and not bool(known_of(choices).all())
+        def has_unknown_ships(choices: Choices) -> bool:
+            return self.when(choices) and not bool(training_ship_mask(choices).all())
 
-        name, chance = self.name, (of_answers, of_ships)
+        name, chance = self.name, (answer_chance, ship_chance)
         answer_displays = scores.score_displays(labels, scored=scored, source=name, chance=chance)
         tables = [self.table(name, make, *answer_displays)]
         if forming:
             display = scores.category_display(labels, name)
-            tables.append(self.table(f"categories_{name}", form, display))
+            tables.append(self.table(f"categories_{name}", tabulate_formed, display))
         if rejecting:
             displays = scores.rejection_displays(labels)
             tables.append(
-                replace(self, when=rejecting_some).table(f"rejection_{name}", reject, *displays)
+                replace(self, when=has_unknown_ships).table(
+                    f"rejection_{name}", tabulate_rejected, *displays
+                )
             )
         return tuple(tables)
 
 
 def of_profiles(name: str, *own: str) -> ClassifierGroup:
     """Return the group of a classifier of range profiles, with its own dimensions."""
-    return ClassifierGroup.of_classifier(name, names_by(name, RANGE), (*OF_PROFILES, *own, *TESTED))
+    return ClassifierGroup.of_classifier(
+        name, classifies_with(name, RANGE), (*OF_PROFILES, *own, *TESTED)
+    )
 
 
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))

@@ -36,19 +36,19 @@ class Correlation(Settings, key="classifier", single="coordinate"):
 @in_memory(
     uses=(Correlation,),
     gather=(Grid.replicate, *classifier.GATHERED),
-    reads=classifier.in_blocks("averaged"),
+    reads=classifier.read_in_blocks("averaged"),
     keep=4,
 )
 def profile_draws(averaged: Profiles, training: str) -> Profiles | Floats:
     """Return (replicate, view, bin) draws of averaged profiles; none unless they are learned."""
-    draws = classifier.by_view(averaged)
+    draws = classifier.stack_views(averaged)
     return draws[:] if training == NOISY else draws[:0].copy()  # which does not keep the others
 
 
 @ANSWERS.answers(
     Output("similarity", classifier.VIEW, label="cosine similarity to the nearest profile"),
     uses=(Grid, Classifier, Correlation),
-    reads=classifier.in_blocks("expected", "averaged"),
+    reads=classifier.read_in_blocks("expected", "averaged"),
 )
 def correlation(
     profile_draws: Profiles | Floats,
@@ -75,8 +75,8 @@ def correlation(
         training_set = np.delete(profile_draws, replicate, axis=0)
     else:
         training_set = expected.reshape(1, -1, expected.shape[-1])
-    tests = classifier.by_view(averaged)
-    return match_views(training_set, tests, valid, known, left_out, classifier.vectors_of)
+    tests = classifier.stack_views(averaged)
+    return match_views(training_set, tests, valid, known, left_out, classifier.to_vectors)
 
 
 def match_views(

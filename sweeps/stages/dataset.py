@@ -85,15 +85,15 @@ class Rows(Settings, key="dataset"):
     )
 
 
-def _has(kind: str) -> Condition:
+def _has_rows_of(kind: str) -> Condition:
     """Return the condition that the data set has rows of a sensor."""
     return lambda choices: looks(SENSOR)(choices) and kind in SENSORS[choices.value(Rows.sensor)]
 
 
 # Each group has the parameters of its rows, so that either can be read alone.
 USED = (Rows, Grid, Scene, Ladar, Render, Run)
-PROFILES = Group(SENSOR, _has("range"), USED)
-SILHOUETTES = Group(f"{SENSOR}_infrared", _has("infrared"), (*USED, Infrared))
+PROFILES = Group(SENSOR, _has_rows_of("range"), USED)
+SILHOUETTES = Group(f"{SENSOR}_infrared", _has_rows_of("infrared"), (*USED, Infrared))
 
 # Keywords of `ncti.dataset`: settings; those of the grid are lists to draw from.
 OF_BOTH = {
@@ -122,7 +122,7 @@ LISTS = ("slant_range", "frames", "pulse_width", "cnr")
 INTEGERS = {"row": "i8", "view": "i8", "frames": "i4", "ship": "i4"}
 
 
-def _parameters(names: Iterable[str]) -> list[Output]:
+def _declare_parameters(names: Iterable[str]) -> list[Output]:
     """Declare parameters of rows, such as `row_aspect`."""
     outputs = [Output("rows", ("ship",), "i4", label="rows of a ship")]
     for name in names:
@@ -135,28 +135,28 @@ def _parameters(names: Iterable[str]) -> list[Output]:
 
 
 @PROFILES.stage(
-    *_parameters(ROWS),
+    *_declare_parameters(ROWS),
     Output("profile", ("place", "down_range"), label=VARIABLES["profile"][1]),
     reads=OF_RADAR,
     gather=(Grid.ship, Grid.range, Grid.frame_count, Grid.pulse_width),
 )
 def profile_rows(hulls: tuple[Hull, ...], ship: tuple[str, ...], **given: Any) -> Arrays:
     """Return a piece of rows of the laser radar."""
-    return made(hulls, ship, "range", **given)
+    return make_rows(hulls, ship, "range", **given)
 
 
 @SILHOUETTES.stage(
-    *_parameters(name for name in ROWS if name not in ONLY_RADAR),
+    *_declare_parameters(name for name in ROWS if name not in ONLY_RADAR),
     Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
     reads=OF_IMAGER,
     gather=(Grid.ship, Grid.range, Grid.frame_count),
 )
 def silhouette_rows(hulls: tuple[Hull, ...], ship: tuple[str, ...], **given: Any) -> Arrays:
     """Return a piece of rows of the imager."""
-    return made(hulls, ship, "infrared", **given)
+    return make_rows(hulls, ship, "infrared", **given)
 
 
-def made(
+def make_rows(
     hulls: tuple[Hull, ...],
     ship: tuple[str, ...],
     sensor: str,
@@ -167,7 +167,7 @@ def made(
 ) -> Arrays:
     """Return the arrays of the rows of a piece, as `ncti.dataset` makes them."""
     drawn = {name: list(given[name]) for name in LISTS if given.get(name) is not None}
-    meshes = [named(*pair) for pair in zip(hulls, map(str, ship), strict=True)]
+    meshes = [named_mesh(*pair) for pair in zip(hulls, map(str, ship), strict=True)]
     rows = dataset(meshes, count, first=piece * count, sensor=sensor, **{**given, **drawn})
     index = np.searchsorted(np.array(ship, dtype=str), rows.ship.values)
     arrays = {f"row_{name}": values.values for name, values in rows.coords.items() if name in ROWS}
@@ -176,7 +176,7 @@ def made(
 
 
 @lru_cache(maxsize=64)
-def named(hull: Hull, label: str) -> trimesh.Trimesh:
+def named_mesh(hull: Hull, label: str) -> trimesh.Trimesh:
     """Return a ship's mesh with the sweep's label as its name."""
     mesh = views.read_mesh(hull)
     if mesh.metadata.get("name") != label:

@@ -38,13 +38,13 @@ SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the article's chain
 
 
-receivers = plain(reads=views.by_name(RECORDED[1:]), name="receivers")(views.keywords)
+receivers = plain(reads=views.settings_by_name(RECORDED[1:]), name="receivers")(views.keywords)
 flight_place = plain(
     reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
 )(views.keywords)
 
 
-@plain(uses=(Irar, Grid), reads=views.by_name(FLOWN))
+@plain(uses=(Irar, Grid), reads=views.settings_by_name(FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
     """Return the settings of a pass; None for a ship that is not flown past."""
     return None if flown is not None and ship not in flown else views.keywords(**values)
@@ -57,11 +57,11 @@ def if_flown(function: Callable[..., Result]) -> Callable[..., Result | None]:
     """Return a function that returns None if any argument is None, as for a ship not flown past."""
 
     @wraps(function)
-    def called(*args: Any, **kwargs: Any) -> Result | None:
+    def call_if_flown(*args: Any, **kwargs: Any) -> Result | None:
         absent = any(argument is None for argument in (*args, *kwargs.values()))
         return None if absent else function(*args, **kwargs)
 
-    return called
+    return call_if_flown
 
 
 @in_memory(uses=(Ladar,))
@@ -113,8 +113,8 @@ def scan(
 ) -> tuple[Scan, Scan]:
     """Return the raw images, and the same without noise."""
     conditions = {"replicate": replicate, **dict(receivers)}
-    noisy = irar.recorded(flown_pass, dict(course), conditions, **dict(flight_place))
-    return noisy, irar.received(flown_pass, dict(receivers)).noiseless()
+    noisy = irar.record_scan(flown_pass, dict(course), conditions, **dict(flight_place))
+    return noisy, irar.apply_receivers(flown_pass, dict(receivers)).noiseless()
 
 
 @in_memory(uses=(Irar,), reads={"error": Irar.errors, "focused": Irar.autofocus})
@@ -209,7 +209,7 @@ def corrected(
     """Return the corrected images of a flight, their tilts, their profiles and landmarks."""
     bins = profile_bins(window, bin_width)
     if scan is None or navigation is None or truth is None:
-        return _nothing(bins.size)
+        return _empty_results(bins.size)
     (noisy, clean), (view, models) = scan, truth
     flight = noisy.flight
     pixels = flight_chain.window(mesh, flight, error)
@@ -237,7 +237,7 @@ def corrected(
     }
 
 
-def _nothing(bins: int) -> Arrays:
+def _empty_results(bins: int) -> Arrays:
     """Return the empty results of a ship that is not flown past."""
     lengths = {"source": len(comparison.SOURCES), "down_range": bins}
     return {
@@ -275,7 +275,8 @@ def check(choices: Choices) -> Choices:
             refuse(Irar.band_start, values["band_start"], stop)
     views.check_beam(choices, Irar.profile_range, Ladar.ifov)
     hulls = {
-        ship: views.read_mesh(views.hull.function(ship)).convex_hull for ship in flown(choices)
+        ship: views.read_mesh(views.hull.function(ship)).convex_hull
+        for ship in flown_ships(choices)
     }
     for values in combinations(choices, (Grid.ship, Grid.aspect, *FLOWN)):
         ship, aspect, place = values.pop("ship"), values.pop("aspect"), ""
@@ -284,7 +285,9 @@ def check(choices: Choices) -> Choices:
             place = f" ({ship} at {aspect:g} deg)"
             plan = plan_scan(hulls[ship], flight) if ship in hulls else None
         except ValueError as problem:
-            raise ConfigurationError(f"{_of_key(problem, values['range'])}{place}") from problem
+            raise ConfigurationError(
+                f"{_translate_message(problem, values['range'])}{place}"
+            ) from problem
         for error in choices[Irar.errors]:
             _check_estimate(flight, error)
         if plan is not None and not plan.meets(hulls[ship]):
@@ -293,7 +296,7 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-def flown(choices: Choices) -> tuple[Value, ...]:
+def flown_ships(choices: Choices) -> tuple[Value, ...]:
     """Return the ships that are flown past."""
     past = choices.value(Irar.flown)
     return tuple(ship for ship in choices[Grid.ship] if past is None or ship in past)
@@ -321,7 +324,7 @@ def _check_estimate(flight: Flight, error: Error) -> None:
         )
 
 
-def _of_key(error: ValueError, slant_range: float) -> str:
+def _translate_message(error: ValueError, slant_range: float) -> str:
     """Return the library's message about a flight, with the configuration's keys and units."""
     match = re.fullmatch(r"slant_range is .*? must be at least ([\d.e+]+), (.*)", str(error))
     if match:

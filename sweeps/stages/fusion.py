@@ -49,7 +49,7 @@ LOOKS = (
 Indices = NDArray[np.intp]
 
 
-def names_by_both(choices: Choices) -> bool:
+def classifies_with_both(choices: Choices) -> bool:
     """Return whether fusion is chosen, and both sensors see every range of profiles."""
     sensors = {RANGE, INFRARED} <= set(choices.value(Sweep.sensor))
     ranges = set(choices[Grid.range]) <= set(choices[Infrared.range])
@@ -73,7 +73,7 @@ def cosines(
     return similarity
 
 
-def by_view(maps: NDArray[np.uint8], lead: int) -> NDArray[np.uint8]:
+def stack_map_views(maps: NDArray[np.uint8], lead: int) -> NDArray[np.uint8]:
     """Return (..., ship, aspect, angle, radius) maps as (..., view, angle, radius) ones."""
     return maps.reshape(*maps.shape[:lead], -1, *maps.shape[lead + 2 :])
 
@@ -83,7 +83,7 @@ def by_view(maps: NDArray[np.uint8], lead: int) -> NDArray[np.uint8]:
     uses=(Infrared,),
     along=(Infrared.frame_count,),
     gather=(Infrared.subpixel_offsets, *GATHERED),
-    reads=classifier.in_blocks("template_log_polar", "log_polar"),
+    reads=classifier.read_in_blocks("template_log_polar", "log_polar"),
 )
 def silhouette_constants(
     template_log_polar: NDArray[np.uint8],
@@ -100,8 +100,8 @@ def silhouette_constants(
     from ncti.classify.calibration import fit_held_out_phases
 
     learned = np.flatnonzero(valid.all(axis=0) & training_views)
-    templates = classifier.map_vectors(by_view(template_log_polar, 1)[:, learned][:, None])
-    maps = by_view(log_polar, 2)
+    templates = classifier.map_vectors(stack_map_views(template_log_polar, 1)[:, learned][:, None])
+    maps = stack_map_views(log_polar, 2)
     ship_aspect = np.divmod(learned, training_views.shape[1])
     return np.stack(
         [
@@ -145,7 +145,7 @@ def profile_outlier_fraction(
 
 ANSWERS = classifier.ClassifierGroup.of_classifier(
     NAME,
-    names_by_both,
+    classifies_with_both,
     (
         *(*classifier.OF_PROFILES, "channel", "gain_sigma", *OF_SILHOUETTES, "super_resolution"),
         *("infrared_frame_count", "place", "draw", "frame_count"),
@@ -173,7 +173,7 @@ ANSWERS = classifier.ClassifierGroup.of_classifier(
     gather=(Grid.replicate, Infrared.subpixel_offsets, *GATHERED),
     # Densities of profiles are shared by all of them.
     along=(Likelihood.gain_sigma, Grid.frame_count, *LOOKS),
-    reads=classifier.in_blocks("averaged")
+    reads=classifier.read_in_blocks("averaged")
     | {
         name: At(name, {Infrared.range: Grid.range}, in_blocks=name != "silhouette_constants")
         for name in ("template_log_polar", "log_polar", "silhouette_constants")
@@ -212,7 +212,7 @@ def fusion(
     looks, replicates, phases = math.prod(axes), averaged.shape[1], log_polar.shape[len(LOOKS)]
     maps = log_polar.reshape(looks, phases, -1, *log_polar.shape[-2:])
     known_maps = template_log_polar.reshape(math.prod(kinds), phases, -1, *maps.shape[-2:])
-    silhouettes = _vectors(known_maps, training_set)
+    silhouettes = _kind_vectors(known_maps, training_set)
     profiles = averaged.reshape(len(frame_count), replicates, -1, averaged.shape[-1])
     draws = max(replicates, phases)
     shape = (len(gain_sigma), len(frame_count), looks, len(CHANNELS), draws)
@@ -226,7 +226,7 @@ def fusion(
         ]
         for f, count in enumerate(frame_count):
             block = np.concatenate([profiles[f, r, views[rows]] for r in range(replicates)])
-            logs = templates.log_likelihood(prior.levelled(block), count, gain_sigma=gain_sigma)
+            logs = templates.log_likelihood(prior.drop_floors(block), count, gain_sigma=gain_sigma)
             logs = logs.reshape(len(gain_sigma), replicates, len(true), -1)[..., template]
             for g, d in np.ndindex(len(gain_sigma), draws):
                 profile = logs[g, d % replicates]
@@ -240,7 +240,7 @@ def fusion(
                     of_both = (label_posterior(scores, of_ship) for scores in (silhouette, fused))
                     for c, posterior in enumerate((of_profile, *of_both)):
                         index = g, f, m, c, d, true, column
-                        best[index], probability[index] = classifier.most_probable(posterior, true)
+                        best[index], probability[index] = classifier.best_ships(posterior, true)
     answers = classifier.judged(best, compared) | {"probability": probability}
     answers |= _constants(factors, of_profiles.mean(axis=-1), shape)
     return {
@@ -249,7 +249,7 @@ def fusion(
     }
 
 
-def _vectors(maps: NDArray[np.uint8], views: Indices) -> list[NDArray[np.float32]]:
+def _kind_vectors(maps: NDArray[np.uint8], views: Indices) -> list[NDArray[np.float32]]:
     """Return (phase, view, feature) vectors of some views of each of (kind, phase, view, ...) maps.
 
     Advanced indices on both sides of a slice come first.
@@ -296,7 +296,7 @@ def check(choices: Choices) -> Choices:
         if not {RANGE, INFRARED} <= set(sensors):
             refuse(Sweep.sensor, repr(", ".join(sensors)), f"both {reason}")
         require_among(choices, Grid.range, Infrared.range, f", {reason}")
-    if names_by_both(choices):
+    if classifies_with_both(choices):
         offsets = len(choices[Infrared.subpixel_offsets])
         if offsets < LEAST_PHASES:
             reason = f"the classifier {NAME} weighs the silhouettes of one by those of others"

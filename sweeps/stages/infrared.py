@@ -80,7 +80,7 @@ LEAST_NEDT = 1e-3
 MOST_COVERAGE = 0.95
 
 
-def _as(grid: Setting) -> dict[str, Any]:
+def _help_on_default(grid: Setting) -> dict[str, Any]:
     """Return the help of an axis whose values default to the grid's."""
     return {"help": f"null: that of {grid.key}", "single": "dimension"}
 
@@ -117,11 +117,11 @@ class Infrared(Settings, key="infrared"):
     window_height = quantity(
         50, 1, 500, "m", "height of the highest ship in images", fixed=views.SHAPES
     )
-    range = quantity(Grid.range, 1, 1000, "km", "slant range", **_as(Grid.range))
+    range = quantity(Grid.range, 1, 1000, "km", "slant range", **_help_on_default(Grid.range))
     frame_count = count(
         *(Grid.frame_count, 1, views.MOST_FRAMES),
         label="infrared frames averaged",
-        **_as(Grid.frame_count),
+        **_help_on_default(Grid.frame_count),
     )
     super_resolution = word(
         list(library.SUPER_RESOLUTIONS),
@@ -163,7 +163,9 @@ class Infrared(Settings, key="infrared"):
     training_range = quantity(
         25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
     )
-    vigilance = number(Grid.vigilance, 0, 1, label="vigilance in training", **_as(Grid.vigilance))
+    vigilance = number(
+        Grid.vigilance, 0, 1, label="vigilance in training", **_help_on_default(Grid.vigilance)
+    )
     subpixel_offsets = draws(
         4,
         MOST_OFFSETS,
@@ -226,7 +228,7 @@ def detector_view(
 ) -> DetectorView:
     """Return a ship on the detector."""
     stream = partial(cell_rng, seed, ship=str(ship), aspect=aspect, range=range / views.SI["km"])
-    patches = views.restored(Hits, hits).patches(mirrored=aspect != drawn_aspect)
+    patches = views.restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(range, ifov)
     return DetectorView(patches, side, imager.contrast(range), imager, stream)
 
@@ -362,7 +364,7 @@ def template_log_polar(
     subpixel_offsets: tuple[int, ...],
 ) -> Bytes:
     """Return (offset, angle, radius) noiseless maps."""
-    patches = views.restored(Hits, hits).patches(mirrored=aspect != drawn_aspect)
+    patches = views.restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
     targets = [
         patches.covering(side, spread_place(offset)).target(coverage_rule)
@@ -396,7 +398,7 @@ def check_window(choices: Choices) -> None:
         longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
         for setting, needed in ((length, longest), (height, float(vertices[:, 2].max()))):
             if needed > (allowed := choices.value(setting)):
-                hold = f"at least {math.ceil(needed)} m to hold {ship}{views.hint(ship)}"
+                hold = f"at least {math.ceil(needed)} m to hold {ship}{views.fault_hint(ship)}"
                 views.refuse(setting, allowed, hold)
 
 
@@ -411,7 +413,7 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     """
     import xarray as xr
 
-    probability = _measured(images, "detection_probability")
+    probability = _drop_scalars(images, "detection_probability")
     labels, index = aspect_bins(images.aspect.values)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
     name = xr.Variable("aspect_bin", [*labels, "overall"])
@@ -432,7 +434,7 @@ def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     `error`, mean over ships, aspects and offsets, and `error_spread`, over them. Views that are not
     there, and images without contrast, are left out; NaN where none is.
     """
-    error = _measured(images, "reconstruction_error")
+    error = _drop_scalars(images, "reconstruction_error")
     columns = {
         "error": (error.mean(OVER), "rms difference from the noiseless fine image over contrast"),
         "error_spread": (error.std(OVER), "standard deviation of that over views and positions"),
@@ -468,14 +470,14 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     )
 
 
-def _measured(images: xr.Dataset, name: str) -> xr.DataArray:
+def _drop_scalars(images: xr.Dataset, name: str) -> xr.DataArray:
     """Return one variable without the scalar coordinates of segmentation and mapping."""
     variable = images[name].load()
     single = [key for key, coord in variable.coords.items() if not coord.dims]
     return variable.drop_vars([key for key in single if key != "coverage_rule"])
 
 
-def _table(
+def _image_table(
     name: str, tabulate: Any, title: str, figures: tuple[Figure, ...], **options: Any
 ) -> Table:
     """Return a table of images, with one row for each range and number of frames."""
@@ -510,7 +512,7 @@ STAGES = (
     template_log_polar,
 )
 TABLES = (
-    _table(
+    _image_table(
         "sensor",
         tabulate_sensor,
         "Passive-infrared sensor",
@@ -521,7 +523,7 @@ TABLES = (
         ),
         source="sensor",
     ),
-    _table(
+    _image_table(
         "detection",
         tabulate_detection,
         "Probability that the imager detects a ship",
@@ -531,7 +533,7 @@ TABLES = (
         ),
         columns="aspect_bin",
     ),
-    _table(
+    _image_table(
         "super_resolution",
         tabulate_reconstruction,
         "Error of infrared images against the noiseless one of half the pixel",

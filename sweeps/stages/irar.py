@@ -341,13 +341,13 @@ def draw_number(replicate: int, jitter: float) -> int:
     return replicate if jitter else 0
 
 
-def received(flown: Pass, receivers: Values) -> Pass:
+def apply_receivers(flown: Pass, receivers: Values) -> Pass:
     """Return the same pass with receivers of values of `RECORDED`."""
     flight = replace(flown.plan.flight, **parameters(receivers))
     return replace(flown, plan=replace(flown.plan, flight=flight))
 
 
-def recorded(flown: Pass, course: Values, receivers: Values, *, seed: int, **view: Any) -> Scan:
+def record_scan(flown: Pass, course: Values, receivers: Values, *, seed: int, **view: Any) -> Scan:
     """Return the raw images of a pass, by receivers of values of `RECORDED`.
 
     The draw of the noise does not depend on the passive band.
@@ -355,7 +355,7 @@ def recorded(flown: Pass, course: Values, receivers: Values, *, seed: int, **vie
     passive = {setting.name for setting in Passive.declared}
     naming = {name: value for name, value in receivers.items() if name not in passive}
     rng = cell_rng(seed, stage="flight", **view, **course, **naming)
-    return received(flown, receivers).record(rng)
+    return apply_receivers(flown, receivers).record(rng)
 
 
 def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **place: Any) -> Scan:
@@ -367,7 +367,7 @@ def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **pla
     names = ([setting.name for setting in settings] for settings in (FLOWN, RECORDED))
     course, receivers = ({name: values[name] for name in group} for group in names)
     draw = {"replicate": receivers["replicate"], "reflectance": reflectance}
-    return recorded(fly_past(mesh, course, **draw, **place), course, receivers, **place)
+    return record_scan(fly_past(mesh, course, **draw, **place), course, receivers, **place)
 
 
 def loops(choices: Choices) -> list[Loops]:

@@ -165,10 +165,10 @@ def seen_shift(
         return 0.0, 0.0
     view = {"ship": str(ship), "aspect": aspect, "range": range, "replicate": replicate}
     right, up = cell_rng(seed, stage="place", **view).random(2).tolist()
-    return on_side((right, up), aspect, drawn_aspect)
+    return mirror_place((right, up), aspect, drawn_aspect)
 
 
-def on_side(place: Place, aspect: float, drawn_aspect: float) -> Place:
+def mirror_place(place: Place, aspect: float, drawn_aspect: float) -> Place:
     """Return a place, mirrored if the other side of the ship is drawn.
 
     No whole IFOV is added, so that IFOVs have the same numbers, and noise, on either side.
@@ -186,7 +186,7 @@ def extent(image: RangeImage | LineImage, **beam: Any) -> Arrays:
 @in_memory(uses=(Grid,))
 def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
     """Return the library's range extent, mirrored if the other side was drawn."""
-    drawn = views.restored(RangeExtent.unpacked, extent)
+    drawn = views.restore(RangeExtent.unpacked, extent)
     return drawn if aspect == drawn_aspect else drawn.mirrored()
 
 
@@ -345,7 +345,7 @@ def _check_window(choices: Choices) -> None:
     for ship in choices[Grid.ship]:
         reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
         if allowed := longer_window(window, ship=ship, reach=reach, pulse_width=longest):
-            views.refuse(Ladar.window, window, f"{allowed}{views.hint(ship)}")
+            views.refuse(Ladar.window, window, f"{allowed}{views.fault_hint(ship)}")
 
 
 def _check_cnr(choices: Choices) -> None:

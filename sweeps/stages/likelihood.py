@@ -22,7 +22,7 @@ from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plai
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Ships, Views
-from sweeps.stages.ladar import Ladar, expected, extent, ifovs, on_side
+from sweeps.stages.ladar import Ladar, expected, extent, ifovs, mirror_place
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class Prior:
     floor_sigma: float
     floor_estimated: bool
 
-    def levelled(self, profiles: Profiles) -> Profiles | Floats:
+    def drop_floors(self, profiles: Profiles) -> Profiles | Floats:
         """Return profiles, without their floors if these are estimated."""
         return profiles - estimated_floor(profiles) if self.floor_estimated else profiles
 
@@ -116,12 +116,12 @@ class Moments:
     prior: Prior
 
     @property
-    def known(self) -> Views:
+    def learned_mask(self) -> Views:
         """The (ship, aspect) mask of learned views."""
         return self.valid.all(axis=0) & self.training_views
 
     @property
-    def alternative(self) -> Views:
+    def alternative_mask(self) -> Views:
         """The (ship, aspect) mask of templates that stand for unknown ships."""
         return self.valid.all(axis=0) & self.alternative_views
 
@@ -141,7 +141,7 @@ class Moments:
 
         places = range(len(self.placed_profile))
         profiles = [self.placed_profile[place, chosen] for place in places]
-        means = self.prior.levelled(np.stack(profiles, axis=1))
+        means = self.prior.drop_floors(np.stack(profiles, axis=1))
         ship, column = chosen.nonzero()
         aspects = np.array(self.aspect)[column]
         return GaussianTemplates(
@@ -185,7 +185,7 @@ def template_shift(
     [of_aspect] = classifier.training_aspects((aspect,), *selection)
     absent = set(unknown or ()) - set(alternative or ())
     number = template_places if of_aspect and ship not in absent else 0
-    return on_side(spread_place(number), aspect, drawn_aspect)
+    return mirror_place(spread_place(number), aspect, drawn_aspect)
 
 
 # At the first place these cells are those of expected profiles.
@@ -202,7 +202,7 @@ placed_profile = replace(
 
 profile_moments = in_memory(
     uses=(Grid,),
-    reads=classifier.in_blocks("placed_profile", "covariance"),
+    reads=classifier.read_in_blocks("placed_profile", "covariance"),
     gather=(Likelihood.template_places, *GATHERED),
     name="profile_moments",
 )(Moments)
@@ -220,8 +220,8 @@ def calibrated_error(
     rng: np.random.Generator,
 ) -> Floats:
     """Return the template error, calibrated on left-out templates unless it is given."""
-    if template_error is None and profile_moments.known.any():
-        known = profile_moments.known
+    if template_error is None and profile_moments.learned_mask.any():
+        known = profile_moments.learned_mask
         return np.array(profile_moments.templates(known, None, rng).template_error_)
     return np.array(template_error or 0.0)
 
@@ -231,7 +231,7 @@ def profile_templates(
     profile_moments: Moments, calibrated_error: Floats
 ) -> tuple[GaussianTemplates, Views]:
     """Return the templates of all training views, and their (ship, aspect) mask."""
-    known = profile_moments.known
+    known = profile_moments.learned_mask
     return profile_moments.templates(known, float(calibrated_error)), known
 
 
@@ -240,7 +240,7 @@ def alternative_templates(
     profile_moments: Moments, calibrated_error: Floats
 ) -> tuple[GaussianTemplates | None, Views]:
     """Return the templates of ships known to be unknown, or None, and their mask."""
-    chosen = profile_moments.alternative
+    chosen = profile_moments.alternative_mask
     templates = profile_moments.templates(chosen, float(calibrated_error)) if chosen.any() else None
     return templates, chosen
 
@@ -288,7 +288,7 @@ def track(
     return Track(aspect, aspect_sigma, reported)
 
 
-def _in_wider_cells(
+def _widened_scores(
     templates: GaussianTemplates,
     profiles: Profiles | Floats,
     densities: tuple[Floats, Floats],
@@ -306,16 +306,18 @@ def _in_wider_cells(
         rows, remaining = of_view == column, of_template != column
         reduced, index = templates.without(~remaining), (slice(None), *np.ix_(rows, remaining))
         scores[index] = reduced.log_likelihood(profiles[rows], count, gain_sigma=gain_sigma)
-        peak[index] = peaks(reduced, count, gain_sigma)
+        peak[index] = peak_densities(reduced, count, gain_sigma)
     return scores, peak
 
 
-def peaks(templates: GaussianTemplates, count: int, gain_sigma: tuple[float, ...]) -> Floats:
+def peak_densities(
+    templates: GaussianTemplates, count: int, gain_sigma: tuple[float, ...]
+) -> Floats:
     """Return the (gain, 1, template) greatest log densities under each template."""
     return np.stack([[templates.peak(count, gain_sigma=gain)] for gain in gain_sigma])
 
 
-def _others(
+def _score_alternative(
     unknown: GaussianTemplates | None,
     profiles: Profiles | Floats,
     count: int,
@@ -346,7 +348,7 @@ def _fit_of_best(scores: Floats, peak: Floats, exclude: Views, bins: int) -> Flo
     Output("fit", classifier.VIEW, label="log probability of a worse fit of the best template"),
     Output("calibrated_error", label="template error, given or calibrated"),
     uses=(Grid, Classifier, Likelihood),
-    reads=classifier.in_blocks("averaged"),
+    reads=classifier.read_in_blocks("averaged"),
     # All combinations share the densities.
     along=(Classifier.left_out, Likelihood.gain_sigma, Grid.frame_count),
 )
@@ -387,17 +389,17 @@ def likelihood(
     best = np.full(shape, NONE, dtype=np.int16)
     probability, similarity, fit = np.full((3, *shape), np.nan)
     for f, count in enumerate(frame_count):
-        highest = peaks(templates, count, gain_sigma)
+        highest = peak_densities(templates, count, gain_sigma)
         for rows in row_blocks(len(views), HELD_ROWS):
-            block, right = prior.levelled(flat[f, views[rows]]), true[rows]
+            block, right = prior.drop_floors(flat[f, views[rows]]), true[rows]
             narrow = templates.log_likelihood(block, count, gain_sigma=gain_sigma), highest
-            alternative_scores = _others(unknown, block, count, gain_sigma)
+            alternative_scores = _score_alternative(unknown, block, count, gain_sigma)
             log_prior = track.log_prior(views[rows], template, column)
             for n, leave in enumerate(left_out):
                 scored = narrow
                 if leave and templates.template_error_:
                     columns = of_view[rows], of_template
-                    scored = _in_wider_cells(templates, block, narrow, columns, count, gain_sigma)
+                    scored = _widened_scores(templates, block, narrow, columns, count, gain_sigma)
                 exclude = (of_view[rows, None] == column) & leave
                 for g, (scores, peak) in enumerate(zip(*scored, strict=True)):
                     index = n, g, f, right, of_view[rows]
@@ -406,7 +408,7 @@ def likelihood(
                         all_scores, label, exclude=exclude, log_prior=log_prior
                     )
                     posterior = ships[ships != NONE], chance[:, ships != NONE]
-                    best[index], probability[index] = classifier.most_probable(posterior, right)
+                    best[index], probability[index] = classifier.best_ships(posterior, right)
                     fit[index] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
                     likely = posterior[1].max(axis=1)
                     if unknown is not None:  # compare with the alternative only

@@ -24,11 +24,20 @@ from sweeps.stages import acn, classifier, ladar, views
 from sweeps.stages.acn import Network, TrainingSet
 from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Views
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
-from sweeps.stages.flights import flown
+from sweeps.stages.flights import flown_ships
 from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar, flight_of
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.mnn import mnn, mnn_training
-from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, Profiles, by_key, looks, require
+from sweeps.stages.views import (
+    IRAR,
+    Arrays,
+    Grid,
+    Keywords,
+    Profiles,
+    looks,
+    require,
+    settings_by_key,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,7 +96,7 @@ def signature(
         pixels = {f.name: corrected[f"pixel_{f.name}"] for f in fields(ShipPixels)}
         try:
             extent = measured_extent(
-                views.restored(ShipPixels, pixels),
+                views.restore(ShipPixels, pixels),
                 flight_of(aspect, dict(course + receivers)),
                 slant_range=profile_range,
                 ifov=ladar_ifov,
@@ -128,7 +137,7 @@ ANSWERS = ClassifierGroup.of_classifier(
 
 LEARNING = ("presentation", "vigilance", "learning_rate", "max_passes", "label_rule")
 acn_settings = plain(
-    reads=by_key(Network) | {"presentation": "profile_order", "vigilance": Grid.vigilance},
+    reads=settings_by_key(Network) | {"presentation": "profile_order", "vigilance": Grid.vigilance},
     name="acn_settings",
 )(views.keywords)
 
@@ -209,7 +218,7 @@ def measured(namer: Namer, signature: Profiles, valid: Views) -> Arrays:
         "predicted": predicted,
         "correct": correct,
         "ship_correct": np.where(correct == NONE, NONE, predicted == true),
-        "cell": classifier.state(correct, valid),
+        "cell": classifier.answer_state(correct, valid),
     }
 
 
@@ -233,9 +242,9 @@ def check(choices: Choices) -> Choices:
 
 def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the scores of ships that are in training and flown past."""
-    known, past = classifier.known_ships(classified, choices), flown(choices)
+    known, past = classifier.known_ships(classified, choices), flown_ships(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
-    return tabulate_scores(known, classifier.aspects_of(choices), classifier.PROFILES)
+    return tabulate_scores(known, classifier.aspect_masks(choices), classifier.PROFILES)
 
 
 STAGES = (

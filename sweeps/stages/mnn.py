@@ -16,7 +16,7 @@ from sweeps.engine.declare.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Arrays, Grid, Keywords, Profiles, by_key, keywords
+from sweeps.stages.views import Arrays, Grid, Keywords, Profiles, keywords, settings_by_key
 
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
@@ -69,7 +69,7 @@ class Mnn(Settings, key="classifier.mnn", single="coordinate"):
     max_hidden = count(25, 1, 1000, label="largest number of hidden nodes", single="")
 
 
-mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)
+mnn_settings = plain(reads=settings_by_key(Mnn), name="mnn_settings")(keywords)
 
 
 @ANSWERS.stage(
@@ -90,7 +90,7 @@ mnn_settings = plain(reads=by_key(Mnn), name="mnn_settings")(keywords)
     ),
     uses=(Grid,),
     gather=GATHERED,
-    reads=classifier.in_blocks("expected"),
+    reads=classifier.read_in_blocks("expected"),
     # The same initial weights in every setting, so that only the settings differ.
     stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), NAME),
 )
@@ -117,13 +117,15 @@ def mnn_training(
     inputs, random_state = settings.pop("inputs"), int(rng.integers(2**32))
     scaling = "common" if inputs == STANDARDISED else "none"
     network = GainAnnealedNetwork(**settings, scaling=scaling, random_state=random_state)
-    truth = classes_of(valid.shape, aspect)
+    truth = view_classes(valid.shape, aspect)
     known = training_views & valid
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` shows it
-        network.fit(seen(expected[known], inputs), truth[known])
+        network.fit(network_inputs(expected[known], inputs), truth[known])
     classes = np.full(valid.shape, NONE)
-    classes[valid] = predicted(network, expected.reshape(1, -1, expected.shape[-1]), valid, inputs)
+    classes[valid] = predict_classes(
+        network, expected.reshape(1, -1, expected.shape[-1]), valid, inputs
+    )
     return {
         "training_correct": np.where(known, classes == truth, NONE),
         "presentations": np.array(network.n_iter_),
@@ -136,7 +138,7 @@ def mnn_training(
     Output("predicted_bin", classifier.VIEW, "i2", label="number of the predicted aspect bin"),
     Output("ship_correct", classifier.VIEW, "i1", "1 where the ship is right, for any aspect bin"),
     uses=(Grid, Mnn),
-    reads=classifier.in_blocks("averaged"),
+    reads=classifier.read_in_blocks("averaged"),
     along=(Grid.frame_count,),
 )
 def mnn(
@@ -147,19 +149,19 @@ def mnn(
     classes = np.full(averaged.shape[:-1], NONE)
     flat = averaged.reshape(len(classes), -1, averaged.shape[-1])
     for f, of_count in enumerate(classes):
-        of_count[valid] = predicted(network, flat, valid, inputs, f)
+        of_count[valid] = predict_classes(network, flat, valid, inputs, f)
     bins = len(aspect_bins(aspect)[0])
     answers = classifier.judged(classes // bins, valid)
-    right = np.where(valid, classes == classes_of(valid.shape, aspect), NONE)
+    right = np.where(valid, classes == view_classes(valid.shape, aspect), NONE)
     return answers | {
         "correct": right,
         "predicted_bin": np.where(valid, classes % bins, NONE),
         "ship_correct": answers["correct"],
-        "cell": classifier.state(right, valid),
+        "cell": classifier.answer_state(right, valid),
     }
 
 
-def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np.intp]:
+def view_classes(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np.intp]:
     """Return the (ship, aspect) classes of views: a number for every ship and aspect bin."""
     labels, group = aspect_bins(aspects)
     ship, aspect = np.indices(shape)
@@ -167,7 +169,7 @@ def classes_of(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[np
     return classes
 
 
-def predicted(
+def predict_classes(
     network: GainAnnealedNetwork, profiles: Profiles, valid: Views, inputs: str, number: int = 0
 ) -> NDArray[np.intp]:
     """Return the classes of existing views from (number, view, bin) profiles at index `number`.
@@ -177,11 +179,11 @@ def predicted(
     views = np.flatnonzero(valid)
     classes = np.empty(len(views), dtype=np.intp)
     for rows in row_blocks(len(views)):
-        classes[rows] = network.predict(seen(profiles[number, views[rows]], inputs))
+        classes[rows] = network.predict(network_inputs(profiles[number, views[rows]], inputs))
     return classes
 
 
-def seen(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
+def network_inputs(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
     """Return the network's inputs from (view, bin) profiles."""
     return profiles if inputs == RAW else profile_vector(profiles)
 

@@ -59,10 +59,10 @@ def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
     measures = dict(zip(MEASURES, mesh.extents, strict=True))
     words = warning(mesh.metadata["findings"], mesh.metadata["mend"])
     counted = {"facets": len(mesh.faces), "warning": words[:LONGEST_WARNING]}
-    return measures | counted | dict(zip(("pixel", "picture"), drawn(mesh), strict=True))
+    return measures | counted | dict(zip(("pixel", "picture"), draw_portrait(mesh), strict=True))
 
 
-def drawn(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:
+def draw_portrait(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:
     """Return the pixel [m] and the brightness, (row, column), of a ship that fills the picture.
 
     Row 0 is the lowest. Every ray through the middle of a pixel sees the nearest facet, lit as a
@@ -96,13 +96,13 @@ def warning(findings: tuple[str, ...], mend: Transform | None, ship: ShipName | 
     if ship is None:
         return f"{words}; if so, use {f'{{{entries[0]}}}' if entries else 'no transform'}"
     known = ship_name(ship.source)
-    label_entry = [f"name: {_quoted(ship)}"] if ship != known else []
+    label_entry = [f"name: {_quote_for_hydra(ship)}"] if ship != known else []
     source = ship.source if known == ship.source else os.path.relpath(ship.source)
-    mapping = ", ".join((f"path: {_quoted(source)}", *label_entry, *entries))
+    mapping = ", ".join((f"path: {_quote_for_hydra(source)}", *label_entry, *entries))
     return f"{words}; if so, use {shlex.quote(f'{Grid.ship.key}={{{mapping}}}')}"
 
 
-def _quoted(word: str) -> str:
+def _quote_for_hydra(word: str) -> str:
     """Return a text as Hydra reads it inside a mapping."""
     if re.fullmatch(r"[\w./-]+", word, re.ASCII):
         return str(word)

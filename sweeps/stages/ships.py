@@ -11,7 +11,7 @@ from ncti.ships import ShipError, Transform, names
 from ncti.ships.loading import LONGEST_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
 from ncti.ships.transform import AXES, FARTHEST, LARGEST_SCALE, SMALLEST_SCALE
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import Text, Value, Word, ascending, quote_value
+from sweeps.engine.declare.kinds import Text, Value, Word, quote_value, sorted_values
 from sweeps.engine.declare.settings import (
     Setting,
     Settings,
@@ -108,7 +108,7 @@ class Ships(Text):
             raise ConfigurationError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
         words = [value for value in listed if isinstance(value, str)]
         if words or not listed:
-            ascending(key, words)
+            sorted_values(key, words)
         ships: set[ShipName] = set()
         for value in listed:
             ship = ship_name(value) if isinstance(value, str) else self._read_file(key, value)

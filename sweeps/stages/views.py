@@ -321,17 +321,17 @@ def keywords(**values: Any) -> Keywords:
     return tuple(values.items())
 
 
-def by_name(settings: Iterable[Setting]) -> dict[str, Setting]:
+def settings_by_name(settings: Iterable[Setting]) -> dict[str, Setting]:
     """Return settings by the names of their dimensions."""
     return {setting.name: setting for setting in settings}
 
 
-def by_key(settings: type[Settings]) -> dict[str, Setting]:
+def settings_by_key(settings: type[Settings]) -> dict[str, Setting]:
     """Return the settings of a group by the last words of their keys."""
     return {setting.key.rpartition(".")[2]: setting for setting in settings.declared}
 
 
-def restored(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
+def restore(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
     """Return an object from the arrays of `vars` of another; arrays of one number as numbers.
 
     Dataclasses of arrays and numbers cross the cache in this way.
@@ -349,7 +349,7 @@ def cache_folder() -> Path:
 @lru_cache(maxsize=16)
 def read_mesh(hull: Hull) -> trimesh.Trimesh:
     """Return a ship's mesh, cached in this process; ValueError if it changed or is unfit."""
-    mesh = ncti.ships.load(hull.source, cache=_built(), **asdict(hull.transform))
+    mesh = ncti.ships.load(hull.source, cache=_built_folder(), **asdict(hull.transform))
     if mesh.metadata["digest"] != hull.digest:
         raise ValueError(f"{hull.source} was changed while the sweep ran")
     return mesh
@@ -368,10 +368,10 @@ def _reach(hull: Hull) -> float:
 @lru_cache(maxsize=16)
 def description(hull: Hull) -> ncti.ships.Description:
     """Return measures and vertices of a ship, faster than `read_mesh`; ValueError if unfit."""
-    return ncti.ships.describe(hull.source, cache=_built(), **asdict(hull.transform))
+    return ncti.ships.describe(hull.source, cache=_built_folder(), **asdict(hull.transform))
 
 
-def hint(ship: ShipName) -> str:
+def fault_hint(ship: ShipName) -> str:
     """Return a hint at a ship's fault for the end of a message; empty if there is none."""
     ship_description = description(hull.function(ship))
     if ship_description.mend is None:
@@ -380,7 +380,7 @@ def hint(ship: ShipName) -> str:
     return f"; {ship} {ship_description.findings[0]}: if so, use {mend}"
 
 
-def _built() -> Path:
+def _built_folder() -> Path:
     """Return the folder of built ships."""
     return cache_folder() / "meshes"
 
@@ -445,7 +445,7 @@ def require(choices: Choices, setting: Setting, allowed: Any, reason: str) -> No
     """Refuse (`ConfigurationError`) every other value of a setting."""
     for value in choices[setting]:
         if value != allowed:
-            refuse(setting, _quoted(value), f"{format_value(allowed)} {reason}")
+            refuse(setting, _quote(value), f"{format_value(allowed)} {reason}")
 
 
 def require_among(choices: Choices, setting: Setting, whole: Setting, reason: str = "") -> None:
@@ -454,10 +454,10 @@ def require_among(choices: Choices, setting: Setting, whole: Setting, reason: st
     for value in (values[0] or ()) if isinstance(setting.kind, SetOf) else values:
         if value not in choices[whole]:
             known = ", ".join(map(format_value, choices[whole]))
-            refuse(setting, _quoted(value), f"one of {known}, the values of {whole.key}{reason}")
+            refuse(setting, _quote(value), f"one of {known}, the values of {whole.key}{reason}")
 
 
-def _quoted(value: Any) -> Any:
+def _quote(value: Any) -> Any:
     return repr(str(value)) if isinstance(value, str) else value
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from docs._tables import __main__ as command
 from docs._tables import scale
-from sweeps.app import command as sweeping
+from sweeps.app import make_command as sweeping
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.views import Grid

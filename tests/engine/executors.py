@@ -59,7 +59,7 @@ def started_with():
 def gather(run):
     """Outcomes of all submitted tasks, by number."""
     outcomes = {}
-    while batch := run.finished():
+    while batch := run.wait():
         outcomes |= {number: (result, error) for number, result, error in batch}
     return outcomes
 

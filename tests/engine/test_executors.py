@@ -79,7 +79,7 @@ def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(a
             assert error is None
             np.testing.assert_array_equal(result[0], executors.draw(number, 100))
             spans.append(result[1])
-    assert any_executor.finished() == []
+    assert any_executor.wait() == []
     processes = {process for process, *_ in spans}
     assert len(processes) <= any_executor.worker_count
     for process in processes:

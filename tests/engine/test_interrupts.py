@@ -15,10 +15,10 @@ from sweeps.engine.command.line import Command
 from sweeps.engine.declare.stage import Table
 from sweeps.engine.run.interrupts import (
     Stopped,
-    interruptible,
+    allow_interrupts,
+    defer_signals,
     raise_if_stopped,
-    signals_deferred,
-    unless_stopped,
+    with_signal_check,
 )
 from sweeps.engine.store import writing as store
 
@@ -43,19 +43,19 @@ def heard():
 
 
 def test_a_signal_waits_until_it_is_heeded():
-    with signals_deferred():
+    with defer_signals():
         arrive()
         arrive(signal.SIGTERM)  # later ones change nothing
         with pytest.raises(Stopped) as stopped:
             raise_if_stopped()
-        assert (stopped.value.words, stopped.value.status) == ("interrupted", 130)
+        assert (stopped.value.message, stopped.value.status) == ("interrupted", 130)
         with pytest.raises(Stopped):
-            unless_stopped(print)("nothing")
-        with pytest.raises(Stopped), interruptible():
+            with_signal_check(print)("nothing")
+        with pytest.raises(Stopped), allow_interrupts():
             pytest.fail("begun after a signal")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     raise_if_stopped()
-    with signals_deferred():
+    with defer_signals():
         raise_if_stopped()  # that of the earlier context is forgotten
 
 

@@ -171,9 +171,9 @@ from sweeps.engine.run.cluster import ClusterChoice
 if __name__ == "__main__":
     with open_executor(ClusterChoice(workers=1), say=print) as run:
         run.submit(0, os.getpid)
-        print(run.finished()[0][1], flush=True)
+        print(run.wait()[0][1], flush=True)
         run.submit(1, time.sleep, 1000)
-        run.finished()
+        run.wait()
 """
     driver = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     with driver:

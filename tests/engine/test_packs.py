@@ -30,7 +30,7 @@ HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
 @pytest.fixture(autouse=True)
 def anew():
     """No head of a pack is remembered."""
-    packs._head.cache_clear()
+    packs._read_head.cache_clear()
 
 
 DTYPES = (
@@ -116,7 +116,7 @@ def test_every_changed_byte_is_noticed(tmp_path):
         flipped = bytearray(content)
         flipped[place] ^= 1 << place % 8
         path.write_bytes(flipped)
-        packs._head.cache_clear()
+        packs._read_head.cache_clear()
         outputs = read_cells(cells, three)
         assert [cell is None for cell in outputs] == [owner in (-1, row) for row in range(3)]
         assert all(
@@ -158,7 +158,7 @@ def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
         new = changed(content[:begin], data.draw(st.lists(changes(begin), max_size=3)))
         path = sealed_as(Path(name), new, content[size:]) if sealed else pack.path
         Path(name, path).write_bytes(new + content[begin:])
-        packs._head.cache_clear()
+        packs._read_head.cache_clear()
         read_pack(cells, path, Path(name, path).stat().st_size)
         for cell, before in zip(
             read_cells(cells, locations(path, range(3), range(3))), MIXED, strict=True
@@ -184,12 +184,12 @@ def test_what_is_cut_off_is_absent(tmp_path):
     content = path.read_bytes()
     for length in range(0, len(content), 7):
         path.write_bytes(content[:length])
-        packs._head.cache_clear()
+        packs._read_head.cache_clear()
         for number, cell in enumerate(read_cells(cells, three)):
             assert cell is None or same(cell, small(number))
         assert cell is None
     path.unlink()
-    packs._head.cache_clear()
+    packs._read_head.cache_clear()
     for strange in (pack.path, ".", "nul\0"):
         assert read_cells(cells, locations(strange, [0, 3], [0, 1])) == [None] * 2
 
@@ -228,7 +228,7 @@ def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, mo
             for path in pack_files(cache):
                 if path not in first.values():
                     exchange(path, first[stage_of(path)])
-            packs._head.cache_clear()
+            packs._read_head.cache_clear()
         return find(index, *arguments)
 
     monkeypatch.setattr(CellIndex, "find", found)
@@ -351,7 +351,7 @@ def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, mo
         def found(index, *arguments, find=CellIndex.find):
             nonlocal short
             short = True  # from the first look-up on, after the index is read
-            packs._head.cache_clear()
+            packs._read_head.cache_clear()
             return find(index, *arguments)
 
         patch.setattr(Objects, "read_range", refused)

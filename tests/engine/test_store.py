@@ -15,7 +15,7 @@ from sweeps.engine.cache.packs import seal
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store.arrays import Array, Group
 from sweeps.engine.store.manifest import MANIFEST, verify
-from sweeps.engine.store.tables import from_dataset, with_scalars
+from sweeps.engine.store.tables import from_dataset, restore_scalars
 from sweeps.engine.store.targets import check_store_path
 from sweeps.engine.store.writing import read_attributes, write_store
 
@@ -97,7 +97,7 @@ def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
     assert {"beyond", "endless"}.isdisjoint(attributes) and attributes["float"] == 0.1
     stored = {"x", "beyond", "endless", "text"}
     assert {path.name for path in (tmp_path / "s.zarr/g").iterdir() if path.is_dir()} == stored
-    results = with_scalars(opened(tmp_path / "s.zarr", "g"))
+    results = restore_scalars(opened(tmp_path / "s.zarr", "g"))
     assert results.attrs == attrs
     for name, value in SCALARS.items():
         assert same_bits(results[name].values, np.array(value)), name
@@ -166,7 +166,9 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     assert tree["classification"].attrs == {"title": "all"}
     acn = tree["classification/acn"].to_dataset()
     assert set(acn.coords) == {"alone"} and acn.attrs["rule"] == "otsu"
-    assert set(with_scalars(acn).coords) == {"rule", "alone"} and with_scalars(acn).attrs == {}
+    assert (
+        set(restore_scalars(acn).coords) == {"rule", "alone"} and restore_scalars(acn).attrs == {}
+    )
     np.testing.assert_array_equal(tree["classification/mnn"]["x"], COUNTS + 1)
     for name in late:
         results = opened(path, name)

@@ -108,4 +108,4 @@ def stored(path, attributes=None, **groups):
 
 def page_of(path):
     """The page of a store."""
-    return write.page_of(path, tables_of(path))
+    return write.store_page(path, tables_of(path))

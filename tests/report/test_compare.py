@@ -12,7 +12,7 @@ from stores import contents, reported, signed
 
 from ncti.evaluate import paired_difference
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.report.changes import answer, sentences, settings_sentence
+from sweeps.report.changes import change_sentences, change_table, settings_sentence
 from sweeps.report.compare import NAME, compare
 from sweeps.report.pairs import Pairs, holm
 
@@ -69,7 +69,7 @@ def test_the_other_way_round_is_the_opposite(answers, tmp_path):
 def test_what_changed_most_is_said_either_way(better, tmp_path):
     right = np.arange(40).reshape(2, 20) % 10 > 0  # nine in ten, and one
     paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
-    sentence, chance = sentences(compare(*paths))
+    sentence, chance = change_sentences(compare(*paths))
     ends, sign = (("90", "10"), "-") if better == 0 else (("10", "90"), "+")
     expected = "The largest difference beyond chance is that of ACN, range profile: "
     expected += f"from {ends[0]} % in 0.zarr to {ends[1]} % in 1.zarr, {sign}80 points [{sign}"
@@ -88,7 +88,7 @@ def test_a_larger_difference_that_is_not_significant_is_not_said_to_be_the_large
     compared = compare(*paths)
     rows = compared.frames[NAME].rows
     assert rows.loc[rows.difference.abs().idxmax(), "pulse_width"] == 10.0
-    sentence, counted = sentences(compared)
+    sentence, counted = change_sentences(compared)
     assert sentence.startswith(
         "The largest difference beyond chance is that of ACN, range profile, at "
     )
@@ -101,7 +101,7 @@ def test_as_many_answers_wrong_as_right_are_no_change_of_a_percentage(tmp_path):
     compared = compare(
         *(store(tmp_path / f"{k}.zarr", correct) for k, correct in enumerate((right, ~right)))
     )
-    assert sentences(compared) == [
+    assert change_sentences(compared) == [
         "ACN, range profile: from 0.zarr to 1.zarr as many answers became wrong as right.",
         "Comparisons significant by Holm's correction at 5 %: 0 of 1.",
     ]
@@ -113,7 +113,7 @@ def test_answers_that_differ_in_training_alone_are_said_to_be_no_tests(answers, 
         coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
         learned = xr.Dataset({"training_correct": (("ship", "aspect"), right.astype("i1"))}, coords)
         stored(path, classification__acn=learned, tables__acn=shown(scores(prefixes=["training_"])))
-    sentence, equal = sentences(compare(*paths))
+    sentence, equal = change_sentences(compare(*paths))
     assert "changed most" in sentence
     assert equal == "All answers of tests are equal; only those at learned aspects changed."
 
@@ -260,7 +260,7 @@ def test_equal_stores_that_share_only_a_part_are_said_to(begin, answers, tmp_pat
     paths.append(store(tmp_path / "1.zarr", answers[1][:, begin:], ASPECTS[begin:]))
     expected = "1.zarr and 0.zarr have the same results"
     expected += " in all that they have in common." if begin else "."
-    assert sentences(compare(*paths)) == sentences(compare(*paths)) == [expected]
+    assert change_sentences(compare(*paths)) == change_sentences(compare(*paths)) == [expected]
 
 
 def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
@@ -273,19 +273,19 @@ def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
 
 
 def test_tables_of_which_one_store_has_more_are_equal_in_part(tmp_path):
-    (sentence,) = sentences(compare(*_trees(tmp_path, [5.0, 6.0], [5.0, 6.0, 7.0])))
+    (sentence,) = change_sentences(compare(*_trees(tmp_path, [5.0, 6.0], [5.0, 6.0, 7.0])))
     assert sentence == "b.zarr and a.zarr have the same results in all that they have in common."
 
 
 def test_a_figure_that_one_store_lacks_has_changed(tmp_path):
     nan = float("nan")
     compared = compare(*_trees(tmp_path, [5.0, nan, nan], [5.0, nan, 7.0]))
-    sentence = sentences(compared)[0]
+    sentence = change_sentences(compared)[0]
     assert (
         sentence
         == "Of tree, height changed most, at size 3: from no value in a.zarr to 7 in b.zarr."
     )
-    (*_, last) = answer(compared, ["size"]).lines
+    (*_, last) = change_table(compared, ["size"]).lines
     assert [cell.text for cell in last.cells] == ["–", "7", "–"]
 
 
@@ -324,7 +324,7 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
         store(tmp_path / f"{'abc'[k]}.zarr", correct, pulse_width=widths)
         for k, correct in enumerate(right)
     ]
-    two = answer(compare(*paths[:2]), ["pulse_width"])
+    two = change_table(compare(*paths[:2]), ["pulse_width"])
     assert two.heads == ("a.zarr", "b.zarr", "difference") and len(two.lines) == 10
     first, *_, last = two.lines
     for line, place in ((first, 0), (last, 23)):
@@ -332,13 +332,13 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
         ends = [100 * correct[place].mean() for correct in right[:2]]
         assert [cell.text for cell in line.cells[:2]] == [f"{end:.0f}" for end in ends]
         assert line.cells[2].text == f"{ends[1] - ends[0]:+.0f}" and line.cells[2].interval
-    three = answer(compare(*paths), ["pulse_width"])
+    three = change_table(compare(*paths), ["pulse_width"])
     assert three.heads == ("b.zarr", "c.zarr") and "other stores less a.zarr" in three.title
     cells = [cell.text for cell in three.lines[0].cells]
     assert cells == [
         f"{100 * (correct[0].mean() - right[0][0].mean()):+.0f}" for correct in right[1:]
     ]
-    sentence, _ = sentences(compare(*paths))
+    sentence, _ = change_sentences(compare(*paths))
     assert " in c.zarr, -" in sentence and "at pulse width " in sentence
 
 
@@ -350,13 +350,13 @@ def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path
         table.height.attrs["units"] = "m"
         stored(path, {"configuration": {"depth": sizes[0]}, "seed": 1}, tables__tree=table)
     compared = compare(*paths)
-    texts = sentences(compared)
+    texts = change_sentences(compared)
     assert (
         texts[0]
         == "Of tree, height changed most, at size 3: from 7 m in a.zarr to 9 m in b.zarr, +2 m."
     )
     assert texts[1].startswith("Without intervals") and len(texts) == 2
-    assert [line.place for line in answer(compared, ["size"]).lines] == [(2.0,), (3.0,)]
+    assert [line.place for line in change_table(compared, ["size"]).lines] == [(2.0,), (3.0,)]
     assert settings_sentence(compared) == "Settings that differ: depth 1 in a.zarr and 2 in b.zarr."
 
 
@@ -405,14 +405,16 @@ def test_stores_of_one_name_are_told_apart_by_their_folders(answers, tmp_path):
         (tmp_path / folder).mkdir()
         paths.append(store(tmp_path / folder / "s.zarr", right))
     compared = compare(*paths)
-    assert compared.names == ("x/s.zarr", "y/s.zarr") and "x/s.zarr" in sentences(compared)[0]
-    assert compared.place == tmp_path / "y" / "y-s-less-x-s.zarr"
+    assert (
+        compared.names == ("x/s.zarr", "y/s.zarr") and "x/s.zarr" in change_sentences(compared)[0]
+    )
+    assert compared.output_path == tmp_path / "y" / "y-s-less-x-s.zarr"
 
 
 def test_a_difference_that_chance_may_make_is_said_to_be_no_more(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", right) for k, right in enumerate(answers[0])]
     compared = compare(*paths)
     assert compared.significant == 0
-    sentence, counted = sentences(compared)
+    sentence, counted = change_sentences(compared)
     assert sentence.startswith("ACN, range profile changed most: from ")
     assert counted == "Comparisons significant by Holm's correction at 5 %: 0 of 1."

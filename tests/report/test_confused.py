@@ -5,7 +5,7 @@ import xarray as xr
 from made import scores, shown
 from pages import page_of, parsed, read_page, stored
 
-from sweeps.report.confusion import confusion_of, most_confused, read_predictions
+from sweeps.report.confusion import confusion_frame, most_confused, read_predictions
 from sweeps.report.frames import read_frames
 from sweeps.report.places import page_file
 from sweeps.report.stores import opened
@@ -60,7 +60,7 @@ def test_answers_that_cannot_be_joined_do_not_prevent_the_page(tmp_path):
 
 def test_every_classifier_has_its_confusion_beside_its_scores(smoke_store):
     frames = read_frames(smoke_store)
-    matrix = confusion_of(read_predictions(opened(smoke_store)), frames)
+    matrix = confusion_frame(read_predictions(opened(smoke_store)), frames)
     pairs = ["classifier", "channel"]
     scored = frames["scores"].rows
     assert {*map(tuple, matrix.rows[pairs].values)} == {*map(tuple, scored[pairs].values)}

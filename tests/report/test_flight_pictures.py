@@ -11,8 +11,8 @@ from stores import FLIGHTS, SMALL, attributes_of, contents, reported, signed
 
 import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading
-from sweeps.engine.store.tables import with_scalars
-from sweeps.report.flights import known_ship, scan_of, stages
+from sweeps.engine.store.tables import restore_scalars
+from sweeps.report.flights import correction_stages, known_ship, scan_of
 from sweeps.report.places import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png"]
@@ -89,7 +89,7 @@ def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
     overrides = [item for item in FLIGHTS if not item.startswith("grid.")]
     path, ship = tmp_path / "s.zarr", ("grid.ship=roberts", "grid.aspect=175")
     swept(path, tmp_path / "cache", *overrides, *ship, *chosen)
-    attributes, flights = attributes_of(path), with_scalars(opened(path, "validation")).squeeze()
+    attributes, flights = attributes_of(path), restore_scalars(opened(path, "validation")).squeeze()
     mesh = ncti.ships.load("roberts")
     axes = [name for name in flights.intensity.dims if name not in ("row", "column")]
     sizes = [flights.sizes[name] for name in axes]
@@ -100,7 +100,7 @@ def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
 
 def assert_drawn(flight, attributes, mesh):
     """The last corrected stage of a flight is its stored image, and nothing of it is cut off."""
-    *_, (title, last), _ = stages(mesh, **scan_of(attributes, flight, mesh)).items()
+    *_, (title, last), _ = correction_stages(mesh, **scan_of(attributes, flight, mesh)).items()
     assert "all corrections" in title
     stored = flight.intensity.transpose("row", "column").sel(row=last.row, column=last.column)
     assert np.count_nonzero(stored) > 100
@@ -122,7 +122,7 @@ def flown(cnr=20.0):
 
 def test_stages_are_those_of_the_source_unless_something_is_left_out():
     def titles(**chosen):
-        return list(stages(*flown(), Chain(**chosen)))[1:-1]
+        return list(correction_stages(*flown(), Chain(**chosen)))[1:-1]
 
     averaged = "averaged, range corrected, segmented"
     assert titles() == [averaged, "shifted in azimuth", "sheared: all corrections"]

@@ -17,13 +17,13 @@ from stores import contents, reported, rows_of, signed
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store.manifest import MANIFEST
 from sweeps.report import own
-from sweeps.report.files import neutral, write_tables
+from sweeps.report.files import neutralise_formula, write_tables
 from sweeps.report.frames import Column, Frame, read_frames
 from sweeps.report.own import WRITTEN
-from sweeps.report.pivot import laid_out
+from sweeps.report.pivot import lay_out
 from sweeps.report.places import page_file, tables_folder
 from sweeps.report.summary import report
-from sweeps.report.terminal import text_of
+from sweeps.report.terminal import entry_text
 
 GROUP = "tables/acn"
 AXES = {"pulse_width": [30.0], "range": [100.0], "vigilance": [0.95], "frame_count": [4]}
@@ -108,9 +108,11 @@ def test_an_ascii_screen_has_every_figure(store, monkeypatch):
         return screen.buffer.getvalue().decode(encoding)
 
     ascii_text, full_text = printed("ascii"), printed("utf-8")
-    for cells in [line.cells for line in laid_out(read_frames(store)["scores"]).lines]:
+    for cells in [line.cells for line in lay_out(read_frames(store)["scores"]).lines]:
         for cell in cells:
-            assert text_of(cell) in full_text and text_of(cell).replace("–", "-") in ascii_text
+            assert (
+                entry_text(cell) in full_text and entry_text(cell).replace("–", "-") in ascii_text
+            )
     assert "\n────" in full_text and "\n----" in ascii_text.replace("?", "-")
 
 
@@ -148,7 +150,7 @@ def test_words_of_a_store_are_neutral_in_files_and_on_the_screen(tmp_path):
 
 @pytest.mark.parametrize("value", ["-5", "+1e3", "-0.5", "x=1", "", " ", 5, -5.0, None, True])
 def test_numbers_and_other_words_stay(value):
-    assert neutral(value) is value
+    assert neutralise_formula(value) is value
 
 
 @pytest.mark.parametrize("damage", ["no store", "a file", "empty", "cut", "no variable", "lost"])
@@ -184,7 +186,7 @@ def test_tables_that_cannot_be_written_are_printed_all_the_same(store, monkeypat
     def full(path, content):
         raise OSError("no more room")
 
-    monkeypatch.setattr(own, "write_whole", full)
+    monkeypatch.setattr(own, "write_atomically", full)
     assert reported(monkeypatch, store) == 2
     captured = capsys.readouterr()
     assert "identified correctly" in captured.out
@@ -287,7 +289,7 @@ def test_changed_tables_and_pages_stay(store, tmp_path, monkeypatch, capsys):
 def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeypatch, step):
     folder = tmp_path / "s-tables"
     write(folder, "scores")
-    written, put = [], own.write_whole
+    written, put = [], own.write_atomically
 
     def interrupted(path, content):
         written.append(path)
@@ -295,7 +297,7 @@ def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeyp
             raise KeyboardInterrupt
         put(path, content)
 
-    monkeypatch.setattr(own, "write_whole", interrupted)
+    monkeypatch.setattr(own, "write_atomically", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write(folder, "scores", value=2)
     monkeypatch.undo()
@@ -306,7 +308,7 @@ def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeyp
 def put_each(folder, names):
     """Write files one by one, as a report does."""
     for name in names:
-        own.write_own(folder, {name: name.encode()})
+        own.write_own_files(folder, {name: name.encode()})
 
 
 def test_reports_at_once_list_the_files_of_both(tmp_path):

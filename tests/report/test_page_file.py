@@ -19,7 +19,7 @@ from sweeps.engine.run.schedule import Progress
 from sweeps.report.page import write
 from sweeps.report.pictures import pictures_of, ships_of
 from sweeps.report.places import page_file
-from sweeps.report.summary import tables_of, written_page
+from sweeps.report.summary import tables_of, write_store_page
 from sweeps.report.work import read_work, write_work
 
 # pictures -----------------------------------------------------------------------------------------
@@ -60,7 +60,7 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
 def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     page_file(path).mkdir()
-    assert written_page(path, tables_of(path)) == [page_file(path)]
+    assert write_store_page(path, tables_of(path)) == [page_file(path)]
     assert capsys.readouterr().err == "" and page_file(path).is_dir()
 
 
@@ -70,11 +70,11 @@ def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, 
     shutil.copytree(write.FOLDER, copy)
     monkeypatch.setattr(write, "FOLDER", copy)
     assert not write.is_current(path)
-    assert written_page(path, tables_of(path)) == [] and write.is_current(path)
+    assert write_store_page(path, tables_of(path)) == [] and write.is_current(path)
     stored(path, {"seed": 2})
     assert not write.is_current(path)
     for name in ("page/content.py", "page/templates/page.js", "frames.py"):
-        assert written_page(path, tables_of(path)) == [] and write.is_current(path)
+        assert write_store_page(path, tables_of(path)) == [] and write.is_current(path)
         with (copy / name).open("a") as file:
             file.write("\n")
         assert not write.is_current(path)

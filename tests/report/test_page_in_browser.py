@@ -17,11 +17,11 @@ from rich.console import Console
 from sweeps.report import chart
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
-from sweeps.report.pivot import at_main
+from sweeps.report.pivot import select_main
 from sweeps.report.places import page_file
 from sweeps.report.stores import attributes
 from sweeps.report.stores import opened as store_of
-from sweeps.report.summary import comparison, tables_of, written_page
+from sweeps.report.summary import report_comparison, tables_of, write_store_page
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
@@ -73,7 +73,7 @@ def two_axes(tmp_path_factory):
     }
     attributes = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
     path = stored(tmp_path_factory.mktemp("two") / "s.zarr", attributes, **tables)
-    assert written_page(path, tables_of(path)) == []
+    assert write_store_page(path, tables_of(path)) == []
     return path
 
 
@@ -197,7 +197,7 @@ def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_sto
         page.goto("about:blank")
         by_name = "&".join(f"{name}={scores.columns[name].text(v)}" for name, v in setting.items())
         page.goto(f"{file.as_uri()}#by={axis}&{by_name}")
-        selected = {"scores": at_main(scores, [*scores.down, axis, *scores.varying_axes])}
+        selected = {"scores": select_main(scores, [*scores.down, axis, *scores.varying_axes])}
         for name, value in setting.items():
             rows = selected["scores"].rows
             selected["scores"] = selected["scores"].where(rows[name].isna() | (rows[name] == value))
@@ -219,7 +219,7 @@ def test_the_headline_ranks_by_values_that_all_have(browser, failed, tmp_path):
     tables = {"tables__acn": shown(datasets[0]), "tables__mnn": shown(datasets[1], "mnn")}
     attrs = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
     path = stored(tmp_path / "s.zarr", attrs, **tables)
-    assert written_page(path, tables_of(path)) == []
+    assert write_store_page(path, tables_of(path)) == []
     [expected] = headline(read_frames(path), attrs)
     assert "Ranked by 2 of 3 values of CNR, those that all have." in expected
     with opened(browser, page_file(path)) as page:
@@ -383,7 +383,7 @@ def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
         table = xr.Dataset({"height": ("size", figures)}, {"size": [1.0, 2.0, 3.0]})
         stored(tmp_path / f"{name}.zarr", {"configuration": {}}, tables__tree=table)
     paths = tmp_path / "a.zarr", tmp_path / "b.zarr"
-    assert comparison(*paths, console=Console(file=io.StringIO()), html=True) == []
+    assert report_comparison(*paths, console=Console(file=io.StringIO()), html=True) == []
     with opened(browser, tmp_path / "b-less-a-report.html") as page:
         page.locator("#table-tree_differences svg").wait_for()
         (zero,) = marks(page, "chart", "rule", "#table-tree_differences").all()

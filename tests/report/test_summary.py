@@ -55,7 +55,7 @@ def test_the_answer_does_not_wait_for_the_page(smoke_store, monkeypatch):
         assert "Best of 8" in console.file.getvalue()
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("sweeps.report.page.write.page_of", page_of)
+    monkeypatch.setattr("sweeps.report.page.write.store_page", page_of)
     with pytest.raises(ConfigurationError, match="page is not written: No space left"):
         report(smoke_store, console, html=True)
 

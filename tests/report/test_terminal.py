@@ -12,10 +12,10 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.report.frames import tidy
-from sweeps.report.pivot import laid_out
+from sweeps.report.frames import tidy_frame
+from sweeps.report.pivot import lay_out
 from sweeps.report.summary import tables_of
-from sweeps.report.terminal import print_table, text_of
+from sweeps.report.terminal import entry_text, print_table
 from sweeps.stages.scores import score_displays
 
 DISPLAY, *_ = score_displays(
@@ -25,7 +25,7 @@ DISPLAY, *_ = score_displays(
 
 def printed(frame, width, swept=(), most=None):
     console = Console(file=io.StringIO(), width=width)
-    print_table(laid_out(frame, swept), console, most=most)
+    print_table(lay_out(frame, swept), console, most=most)
     return console.file.getvalue()
 
 
@@ -34,14 +34,14 @@ def frames(smoke_store, sisters):
     """All tables of two stores, and one along many axes."""
     axes = {"vigilance": [0.9, 0.95], "cnr": [20.0, 30.0], "frame_count": [4, 16]}
     more = {"pulse_width": [30.0, 50.0], "gain_sigma": [0.0, 1.0], "left_out": [False, True]}
-    many = tidy(scores(**axes, **more), DISPLAY, "tables/acn")
+    many = tidy_frame(scores(**axes, **more), DISPLAY, "tables/acn")
     return [*tables_of(smoke_store).values(), *tables_of(sisters).values(), many]
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])
 def test_no_line_is_wider_and_no_word_is_broken(width, frames):
     for frame in frames:
-        laid, text = laid_out(frame), printed(frame, width)
+        laid, text = lay_out(frame), printed(frame, width)
         assert max(map(cell_len, text.splitlines())) <= width, frame.name
         words = set(text.split())
         assert {word for head in laid.heads for word in head.split()} <= words, frame.name
@@ -57,35 +57,37 @@ def test_no_line_is_wider_and_no_word_is_broken(width, frames):
 )
 def test_any_words_fit(words, width):
     table = scores(word=[f"{k} {word}" for k, word in enumerate(words)], size=[1.0, 2.0])
-    text = printed(tidy(table, DISPLAY, "tables/acn"), width)
+    text = printed(tidy_frame(table, DISPLAY, "tables/acn"), width)
     assert max(map(cell_len, text.splitlines())) <= width
 
 
 def test_the_swept_axis_comes_first():
-    frame = tidy(scores(cnr=[20.0, 30.0], frame_count=[4, 16]), DISPLAY, "tables/acn")
+    frame = tidy_frame(scores(cnr=[20.0, 30.0], frame_count=[4, 16]), DISPLAY, "tables/acn")
     for swept, first, second in (("cnr", "CNR", "count"), ("frame_count", "count", "CNR")):
         heading = printed(frame, 120, [swept]).partition("─")[0].splitlines()[-1]
         assert heading.index(first) < heading.index(second)
 
 
 def test_rows_that_are_left_out_are_counted():
-    frame = tidy(scores(cnr=[20.0, 30.0], frame_count=[4, 8, 16]), DISPLAY, "tables/acn")
-    assert len(laid_out(frame).lines) == 6
+    frame = tidy_frame(scores(cnr=[20.0, 30.0], frame_count=[4, 8, 16]), DISPLAY, "tables/acn")
+    assert len(lay_out(frame).lines) == 6
     assert "4 more rows are in scores.csv" in printed(frame, 120, most=2)
 
 
 def test_nothing_is_read_as_markup_and_chance_is_said():
-    text = printed(tidy(scores(word=["[red]x", "\x1b[31my"]), DISPLAY, "tables/acn"), 80)
+    text = printed(tidy_frame(scores(word=["[red]x", "\x1b[31my"]), DISPLAY, "tables/acn"), 80)
     assert "By chance: 25 %." in text
     assert "[red]x" in text and "\\x1b[31my" in text and "\x1b" not in text
 
 
 def test_wide_intervals_have_a_word_why():
     table = scores(size=[1.0, 2.0])
-    assert "how much bins differ" in printed(tidy(table, DISPLAY, "tables/acn"), 200)
+    assert "how much bins differ" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
     for n in (29, 30):
         table.n[:] = n
-        assert (f"few (n = {n}" in printed(tidy(table, DISPLAY, "tables/acn"), 200)) == (n < 30)
+        assert (f"few (n = {n}" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)) == (
+            n < 30
+        )
 
 
 def test_infinity_is_printed_in_the_words_of_its_variable():
@@ -95,6 +97,8 @@ def test_infinity_is_printed_in_the_words_of_its_variable():
         {name: ("range", values) for name, values in needed.items()}, {"range": [25.0, 50.0, 100.0]}
     )
     table.frames.attrs["infinite"] = "more than 128"
-    frame = tidy(table, Display("operate", "Frames", (Figure("frames", format=".0f"),)), "tables/x")
-    texts = [text_of(line.cells[0]) for line in laid_out(frame).lines]
+    frame = tidy_frame(
+        table, Display("operate", "Frames", (Figure("frames", format=".0f"),)), "tables/x"
+    )
+    texts = [entry_text(line.cells[0]) for line in lay_out(frame).lines]
     assert texts == ["4 [2–9]", "more than 128 [90–more than 128]", "more than 128"]

@@ -13,7 +13,7 @@ from pages import stored
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.report.files import csv_of
 from sweeps.report.frames import PART, frame, read_frames
-from sweeps.report.words import missing
+from sweeps.report.words import is_missing
 
 
 @cache
@@ -26,7 +26,7 @@ def number_at(path, part, column, row):
     """The number of the store that a column of a row shows."""
     array = group_of(path, part.group)[part.variables[column]]
     place = {dim: row[part.names[dim]] for dim in part.dims[column] if dim in part.names}
-    absent = {dim for dim, value in place.items() if missing(value)}
+    absent = {dim for dim, value in place.items() if is_missing(value)}
     array = array.sel({dim: value for dim, value in place.items() if dim not in absent})
     return array.values
 
@@ -50,7 +50,7 @@ def test_every_figure_is_the_number_of_the_store_at_its_place(name, request):
                     expected = 100 * expected
                 shown_value = row[column]
                 if math.isnan(expected):
-                    assert missing(shown_value), (table.name, column)
+                    assert is_missing(shown_value), (table.name, column)
                 else:
                     assert float(shown_value) == expected, (table.name, column)
 
@@ -60,7 +60,7 @@ def test_every_cell_of_a_store_is_a_row(smoke_store):
     for tidied in read_frames(smoke_store).values():
         for k, part in enumerate(tidied.parts):
             rows = tidied.rows[tidied.rows[PART] == k]
-            axes = [name for name in tidied.of_role("axis") if rows[name].notna().any()]
+            axes = [name for name in tidied.columns_of_role("axis") if rows[name].notna().any()]
             assert not rows.duplicated(axes).any(), tidied.name
             table = xr.open_zarr(smoke_store, group=part.group)
             variables = {part.variables[name] for name in part.variables}
@@ -76,8 +76,8 @@ def test_files_have_what_frames_have(smoke_store, tmp_path):
         for name in copy:
             for value, read in zip(table.rows[name], copy[name], strict=True):
                 digits = table.columns[name].digits
-                if missing(value):
-                    assert missing(read)
+                if is_missing(value):
+                    assert is_missing(read)
                 elif digits is not None:
                     assert read == round(value, digits)
                 else:
@@ -120,7 +120,7 @@ def test_a_table_of_anyone_needs_no_display(tmp_path):
     table.height.attrs = {"units": "m", "long_name": "height of a tree"}
     tidied = read_frames(stored(tmp_path / "s.zarr", tables__apples=table))["apples"]
     assert tidied.title == "Apples" and tidied.figures == ["height"]
-    assert tidied.of_role("low", "height") == ["ci_low"] and "image" not in tidied.rows
+    assert tidied.columns_of_role("low", "height") == ["ci_low"] and "image" not in tidied.rows
     assert len(tidied.rows) == 4 and tidied.columns["height"].unit == "m"
     assert b"'=rain" in csv_of(tidied)
 

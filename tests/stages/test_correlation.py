@@ -120,9 +120,9 @@ def matched(aspects, left_out, learned_every=1):
     valid = rng.random((3, aspects)) < 0.9
     expected[~valid] = averaged[~valid] = np.nan
     known = valid & (np.arange(aspects) % learned_every == 0)
-    profiles = classifier.by_view(expected)[None], classifier.by_view(averaged)
+    profiles = classifier.stack_views(expected)[None], classifier.stack_views(averaged)
     tracemalloc.start()
-    answers = correlation.match_views(*profiles, valid, known, left_out, see=classifier.vectors_of)
+    answers = correlation.match_views(*profiles, valid, known, left_out, see=classifier.to_vectors)
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     vectors = (classifier.profile_vectors(expected)[None], classifier.profile_vectors(averaged))

@@ -11,12 +11,12 @@ from ncti.ships.perturbation import Variant
 from sweeps.stages import classifier, likelihood
 from sweeps.stages.classifier import (
     Classifier,
-    aspects_of,
+    aspect_masks,
     drawn_aspects,
     generated_ships,
-    known_of,
-    learned_of,
     random_test_aspects,
+    training_ship_mask,
+    training_view_mask,
 )
 from sweeps.stages.views import Grid
 
@@ -51,7 +51,7 @@ def test_they_come_into_the_grid_and_are_not_learned():
     choices = chosen(grid__aspect=[0, 15, 30, 60], grid__random_aspects=2)
     drawn = random_test_aspects(choices, (0, 15, 30, 60))
     assert len(drawn) == 4 and choices[Grid.aspect] == tuple(sorted({0, 15, 30, 60, *drawn}))
-    kinds = aspects_of(choices)
+    kinds = aspect_masks(choices)
     assert list(kinds) == ["learned", "random"]
     aspects = np.array(choices[Grid.aspect])
     np.testing.assert_array_equal(aspects[kinds["random"]], sorted(drawn))
@@ -72,7 +72,7 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     }
     assert choices[Grid.ship] == tuple(sorted({"duncan", "texas", "roberts", *generated}))
     assert choices.value(Classifier.unknown) == tuple(sorted({"roberts", *generated}))
-    assert known_of(choices).sum() == 2
+    assert training_ship_mask(choices).sum() == 2
     assert likelihood.check_first(choices).values == choices.values
     # The first of many, and of fewer ships, are the same.
     many = generated_ships(["texas"], 200)
@@ -88,14 +88,14 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
 def test_a_spacing_learns_its_multiples_and_is_an_axis():
     spaced = {"grid__aspect": {"start": 0, "stop": 6, "step": 0.5}}
     choices = chosen(**spaced, grid__random_aspects=1, classifier__template_spacing=[1.5, 3])
-    learned = learned_of(choices)
+    learned = training_view_mask(choices)
     assert learned.dims == ("template_spacing", "ship", "aspect")
     aspects = np.array(choices[Grid.aspect])
     for spacing in (1.5, 3.0):
         views = learned.sel(template_spacing=spacing)
         for ship in views:
             np.testing.assert_array_equal(aspects[ship], np.arange(0, 6.1, spacing))
-    kinds = aspects_of(choices)
+    kinds = aspect_masks(choices)
     assert list(kinds) == ["learned", "between", "random"]
     assert (sum(kind.astype(int) for kind in kinds.values()) == 1).all()
 

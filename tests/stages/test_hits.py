@@ -6,7 +6,7 @@ import trimesh
 
 from ncti.infrared import Hits, silhouette
 from ncti.render import line_image, range_image
-from sweeps.stages.views import restored
+from sweeps.stages.views import restore
 
 VIEW = {"aspect": 25.0, "depression": 3.84}
 PLACE = (0.3, 0.8)
@@ -32,7 +32,7 @@ def image(request):
 
 def test_patches_cover_what_the_view_does(image):
     hits = Hits.of(image)
-    hits_restored = restored(Hits, {name: np.asarray(array) for name, array in vars(hits).items()})
+    hits_restored = restore(Hits, {name: np.asarray(array) for name, array in vars(hits).items()})
     assert type(hits_restored.columns) is int
     patches = hits_restored.patches()
     raster = patches.covering(15.0, PLACE)

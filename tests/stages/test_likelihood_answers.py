@@ -47,7 +47,7 @@ def scores(templates, averaged, gain, prior):
     flat = averaged.reshape(len(FRAMES), -1, averaged.shape[-1])
     return np.stack(
         [
-            templates[0].log_likelihood(prior.levelled(block), count, gain_sigma=gain)
+            templates[0].log_likelihood(prior.drop_floors(block), count, gain_sigma=gain)
             for count, block in zip(FRAMES, flat, strict=True)
         ]
     )

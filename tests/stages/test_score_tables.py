@@ -15,7 +15,7 @@ GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 def test_unknown_ships_and_aspects_between_are_not_learned():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
     expected = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
-    np.testing.assert_array_equal(classifier.learned_of(choices), expected)
+    np.testing.assert_array_equal(classifier.training_view_mask(choices), expected)
     views = training_views(("a", "b"), (0.0, 1.5), ("b",), None, None, ())
     np.testing.assert_array_equal(views, [[1, 1], [0, 0]])
 

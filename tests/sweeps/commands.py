@@ -8,17 +8,17 @@ import numpy as np
 import xarray as xr
 from once import sharing_ships
 
-from sweeps.app import command, main
+from sweeps.app import main, make_command
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.run.tasks import drop_objects
-from sweeps.engine.sweeping import Finished, RunOptions, sweep
+from sweeps.engine.sweeping import RunOptions, SweepOutcome, sweep
 from sweeps.experiment import EXPERIMENT
 
-COMMAND = command()
+COMMAND = make_command()
 
 FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
 """Coarse images, for tests that need no exact ones."""
@@ -37,7 +37,7 @@ def chosen(*overrides: str) -> Choices:
     return choices
 
 
-def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> Finished:
+def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> SweepOutcome:
     """Run one sweep, and the tables of its store, without the report."""
     drop_objects()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)

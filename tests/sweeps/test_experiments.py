@@ -63,7 +63,7 @@ def test_every_experiment_composes_whole(name):
 
 def test_what_the_command_line_sweeps_comes_before_the_axes_of_an_experiment():
     plan = Plan(EXPERIMENT, chosen("+experiment=smoke", "ladar.cnr=[23,26]"))
-    swept = [setting.name for setting in plan.asked]
+    swept = [setting.name for setting in plan.varied_settings]
     assert swept[0] == "cnr" and "pulse_width" in swept
 
 

@@ -10,7 +10,7 @@ from commands import opened
 from sweeps import Command
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.stage import Stage
-from sweeps.experiment import CORE, INSTALLED, assemble, installed, stages_of
+from sweeps.experiment import CORE, INSTALLED, assemble, load_installed_modules, stages_of
 
 SOUNDER = '''
 """A depth sounder."""
@@ -74,7 +74,7 @@ def package(tmp_path, monkeypatch):
 
 def test_a_module_of_a_package_joins_with_its_experiment(package, folder, capsys):
     package(SOUNDER)
-    modules = (*CORE, *installed())
+    modules = (*CORE, *load_installed_modules())
     added = [module.__name__ for module in modules if module not in (*CORE, *INSTALLED)]
     assert added == ["sounder"]
     command = Command(assemble(*modules, code=("sounder",)))
@@ -91,7 +91,7 @@ def test_a_module_of_a_package_joins_with_its_experiment(package, folder, capsys
 def test_a_module_that_cannot_be_imported_is_named(package):
     site = package("import no_such_library")
     with pytest.raises(DeclarationError, match=r"sounder has the entry point sounder of sweeps"):
-        installed()
+        load_installed_modules()
     code = f"import sys; sys.path.insert(0, {str(site)!r}); from sweeps.app import main; main()"
     process = subprocess.run(
         [sys.executable, "-c", code, "--help"], capture_output=True, text=True, timeout=120

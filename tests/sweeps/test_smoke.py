@@ -10,8 +10,8 @@ from commands import groups_of
 from ncti.features import profile_vector
 from ncti.ladar import noise_floor
 from sweeps.engine.declare.storable import decode_attrs
-from sweeps.report.page.provenance import flat
-from sweeps.report.page.provenance import swept as page_swept
+from sweeps.report.page.provenance import iter_settings
+from sweeps.report.page.provenance import swept_settings as page_swept
 from sweeps.report.stores import attributes as attributes_of
 from sweeps.report.stores import opened
 
@@ -61,7 +61,7 @@ def test_only_axes_that_a_stage_reads_are_swept(smoke_store):
 
 
 def swept_on_page(path):
-    return page_swept(opened(path), flat(attributes_of(opened(path))["configuration"]))
+    return page_swept(opened(path), iter_settings(attributes_of(opened(path))["configuration"]))
 
 
 def test_profiles_are_what_a_physicist_expects(groups):

@@ -17,9 +17,9 @@ from sweeps.engine.declare.settings import COORDINATE, DIMENSION, Settings, coun
 from sweeps.engine.declare.stage import STATE, Group, Output, Status, Stream
 from sweeps.engine.store.writing import read_attributes
 from sweeps.report import stores as report_stores
-from sweeps.report.confusion import confusion_of, read_predictions
+from sweeps.report.confusion import confusion_frame, read_predictions
 from sweeps.report.frames import read_frames
-from sweeps.stages.classifier import names_by
+from sweeps.stages.classifier import classifies_with
 from sweeps.stages.views import STATUS, Grid, looks
 
 SENSOR = NAME = "toy"
@@ -34,7 +34,7 @@ class Toy(Settings, key="toy"):
 
 
 KEELS = Group("toy", looks(SENSOR), (Grid, Toy), status=STATUS)
-ANSWERS = Group("classification/toy", names_by(NAME, SENSOR), (Grid,), status=Status("toy"))
+ANSWERS = Group("classification/toy", classifies_with(NAME, SENSOR), (Grid,), status=Status("toy"))
 
 
 @KEELS.stage(
@@ -116,7 +116,7 @@ def test_it_has_axes_names_ships_and_is_reported(store):
     rows = list(csv.DictReader((store.with_name("s-tables") / "toy.csv").open()))
     assert len(rows) == 4
     assert [float(row["share"]) for row in rows if float(row["scatter_m"]) == 0] == [1, 1]
-    matrix = confusion_of(read_predictions(report_stores.opened(store)), read_frames(store))
+    matrix = confusion_frame(read_predictions(report_stores.opened(store)), read_frames(store))
     assert set(matrix.rows.classifier) == {"toy"} and "channel" not in matrix.columns
 
 

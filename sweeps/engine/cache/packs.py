@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from sweeps.engine.cache.objects import PRIVATE_MODE, UNREACHABLE, Objects
 from sweeps.engine.declare.paths import PathOrUrl, join
 from sweeps.engine.declare.stage import Output
-from sweeps.engine.declare.undeclared import Layout, Undeclared
+from sweeps.engine.declare.undeclared import Layout, UndeclaredOutput
 from sweeps.engine.resolve.keys import Keys, digest, hash_bytes
 
 CELLS_FOLDER = "cells"
@@ -177,7 +177,7 @@ class Head(NamedTuple):
         checks = content[begin + keys.nbytes + numbers.nbytes :]
         of_cells = keys, numbers, ends - record_sizes, ends, layouts, checks
         size = int(ends[-1]) if cells else 0
-        return cls(Pack(path, size, cells, stage, seconds, _kinds(described)), *of_cells)
+        return cls(Pack(path, size, cells, stage, seconds, _cell_kinds(described)), *of_cells)
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
         """Return the arrays of a record, copied; None if its digest differs."""
@@ -209,7 +209,7 @@ class PackWriter:
         number = self.layouts.get(key := tuple(layout))
         if number is None:
             for array in outputs.values():
-                _code(np.asarray(array).dtype)
+                _dtype_code(np.asarray(array).dtype)
             number = self.layouts[key] = len(self.layouts)
         self.numbers.append(number)
         self.checks.append(hash_bytes(record, DIGEST_BYTES))
@@ -231,10 +231,10 @@ class PackWriter:
         step = READ_BYTES * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
         cells.put(path, chain((head,), blocks))
-        return Pack(path, len(head) + size, len(keys), stage, seconds, _kinds(self.layouts))
+        return Pack(path, len(head) + size, len(keys), stage, seconds, _cell_kinds(self.layouts))
 
 
-def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
+def _cell_kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
     """Return the kinds of cells with some layouts: the name, code and shape of every array."""
     return frozenset(
         tuple((name, code, len(shape)) for name, code, shape in layout) for layout in layouts
@@ -243,10 +243,10 @@ def _kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
 
 def array_kinds(outputs: Iterable[Output]) -> frozenset[Kind] | None:
     """Return the kind of a stage's cells from its outputs; None if these are undeclared."""
-    if any(isinstance(output, Undeclared) for output in outputs):
+    if any(isinstance(output, UndeclaredOutput) for output in outputs):
         return None
-    return _kinds(
-        [[(output.name, _code(np.dtype(output.dtype)), output.dims) for output in outputs]]
+    return _cell_kinds(
+        [[(output.name, _dtype_code(np.dtype(output.dtype)), output.dims) for output in outputs]]
     )
 
 
@@ -259,7 +259,7 @@ def _parse_path(path: str) -> tuple[str, int]:
 
 
 @cache
-def _code(dtype: np.dtype[Any]) -> str:
+def _dtype_code(dtype: np.dtype[Any]) -> str:
     """Return the code of a dtype, as `_plain_dtype` reads it."""
     return _plain_dtype(dtype).str
 
@@ -289,7 +289,7 @@ def raise_resource_error(error: BaseException) -> None:
 
 
 @lru_cache(maxsize=CACHED_HEADS)
-def _head(cells: Objects, path: str) -> Head:
+def _read_head(cells: Objects, path: str) -> Head:
     """Return the head of a pack; raise an exception of any kind if it is bad."""
     return Head.parse(path, bytes(cells.read_range(path, 0, _parse_path(path)[1])))
 
@@ -312,7 +312,7 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
     for indices in np.split(order, begins[1:]) if order.size else ():
         rows, path = locations.row[indices], locations.paths[locations.pack[indices[0]]]
         with ignore_damage():
-            head = _head(cells, path)
+            head = _read_head(cells, path)
             in_range = np.flatnonzero(rows < len(head.keys))
             equal = head.keys[rows[in_range]] == locations.keys[indices[in_range]]
             matching = in_range[equal.all(axis=1)]
@@ -330,7 +330,7 @@ def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
     for number in np.unique(locations.pack).tolist():
         indices = np.flatnonzero(locations.pack == number)
         with ignore_damage():
-            head = _head(cells, locations.paths[number])
+            head = _read_head(cells, locations.paths[number])
             kinds, first = np.unique(head.numbers[locations.row[indices]], return_index=True)
             for kind, index in zip(kinds.tolist(), indices[first].tolist(), strict=True):
                 layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
@@ -365,7 +365,7 @@ def _read_run(
 def read_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
     """Return the description and keys of a pack; no cells if its head cannot be read."""
     with ignore_damage():
-        head = _head.__wrapped__(cells, path) if _parse_path(path)[1] <= size else None
+        head = _read_head.__wrapped__(cells, path) if _parse_path(path)[1] <= size else None
         if head is None or head.pack.size != size:
             raise ValueError("it is longer or shorter than it was")
         return head.pack, head.keys.copy()

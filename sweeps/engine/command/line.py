@@ -40,21 +40,21 @@ from sweeps.engine.resolve.overrides import (
     error_message,
     fuse_jobs,
     make_job,
+    quote_for_shell,
     read_jobs,
     register,
-    shell_quoted,
 )
 from sweeps.engine.resolve.plan import Plan, modules_of, stored_stages, with_inputs
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.forking import preloaded_modules, start_fork_server
-from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped, signals_deferred
+from sweeps.engine.run.interrupts import Stopped, allow_interrupts, defer_signals, raise_if_stopped
 from sweeps.engine.run.process import environment, flush_output, say, show
-from sweeps.engine.run.progress import NAMED_FAILURES, count_table, summary, watching
+from sweeps.engine.run.progress import NAMED_FAILURES, count_table, show_progress, summary
 from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.provenance import differences
 from sweeps.engine.store.targets import check_cache_path, check_targets
 from sweeps.engine.store.writing import read_attributes
-from sweeps.engine.sweeping import Finished, RunOptions, extended_attributes, preview, sweep
+from sweeps.engine.sweeping import RunOptions, SweepOutcome, extended_attributes, preview, sweep
 
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"
@@ -63,7 +63,7 @@ HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
 MAX_CELLS = 10_000_000  # their keys fit into memory
 
-Report = Callable[[PathOrUrl, Choices, Finished], None]
+Report = Callable[[PathOrUrl, Choices, SweepOutcome], None]
 PlannedSweep = tuple[Plan, RunOptions]
 
 
@@ -106,14 +106,14 @@ class Command:
     def _run_reporting(self, words: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
-            with signals_deferred():
-                self._main(words)
+            with defer_signals():
+                self._dispatch(words)
                 raise_if_stopped()
                 return "", ALL_DONE
         except SystemExit as ended:  # of a parser, after its help or a wrong option
             return "", ended.code if isinstance(ended.code, int) else ALL_DONE
         except Stopped as stopped:
-            return f"{stopped.words}; {RESUME_HINT}", stopped.status
+            return f"{stopped.message}; {RESUME_HINT}", stopped.status
         except (ConfigurationError, DeclarationError) as error:
             return str(error), INVALID
         except (HydraException, OmegaConfBaseException) as error:
@@ -130,7 +130,7 @@ class Command:
             message = f"cannot {verb}{location}: {error.strerror or error}"
             return message, SOME_FAILED if error.errno in disk else INVALID
 
-    def _main(self, words: Sequence[str]) -> None:
+    def _dispatch(self, words: Sequence[str]) -> None:
         experiment = self.experiment
         if HELP.intersection(words):
             show(usage(experiment))
@@ -143,14 +143,14 @@ class Command:
             _, path = self._store_and_cache(
                 [word for word in words if word not in done], "--cache", "clear", f"{PRUNE}20GB"
             )
-            self._cache(path, _prune_limit(done))
+            self._print_cache(path, _prune_limit(done))
             return
         if "--status" in words:
             for part in format_status(*self._store_and_cache(words, "--status")):
                 show(part)
             return
         if "--why" in words:
-            self._why([word for word in words if word != "--why"])
+            self._print_differences([word for word in words if word != "--why"])
             return
         for word in words:
             self._check_option(word)
@@ -170,7 +170,7 @@ class Command:
             with environment({"HYDRA_FULL_ERROR": "1"}):
                 conf = None if experiment.conf is None else str(experiment.conf)
                 name = config_name(experiment)
-                hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._job)()
+                hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._run_job)()
         finally:
             sys.argv = before
 
@@ -183,7 +183,7 @@ class Command:
             spelling = f"{'' if is_known else '+'}{stripped}{'' if '=' in stripped else '=VALUE'}"
             raise ConfigurationError(f"{word} is not an option; give it without dashes, {spelling}")
 
-    def _job(self, composed: DictConfig) -> None:
+    def _run_job(self, composed: DictConfig) -> None:
         """Run one job of Hydra: a sweep, by default with its own store."""
         hydra_config = HydraConfig.get()
         store = Path(hydra_config.runtime.output_dir, DEFAULT_STORE)
@@ -192,16 +192,16 @@ class Command:
 
     def prepare(self, jobs: Sequence[Job]) -> list[PlannedSweep]:
         """Return the checked sweeps of some jobs; an invalid job stops them all."""
-        with interruptible():
+        with allow_interrupts():
             checked = [replace(job, choices=self.experiment.check(job.choices)) for job in jobs]
         stores = dict.fromkeys(path_or_url("store", job.store) for job in jobs)
         sweeps: list[PlannedSweep] = []
-        with interruptible():
+        with allow_interrupts():
             fused = fuse_jobs(self.experiment, checked)
             for cache in dict.fromkeys(choices.value(Run.cache) for choices, _ in fused):
                 check_targets(stores, self._cache_path(cache), self.beside)
             for choices, store in fused:
-                options = self._options(choices, store)
+                options = self._run_options(choices, store)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
                     _check_size(plan)
@@ -225,7 +225,7 @@ class Command:
         if modules and "__main__" not in modules:  # a script, which must be guarded first
             start_fork_server(preloaded_modules(modules))
 
-    def _why(self, words: Sequence[str]) -> None:
+    def _print_differences(self, words: Sequence[str]) -> None:
         """Print the differences between each stage's keys and a store's."""
         [job] = read_jobs(self.experiment, words, several=False)
         choices, path = self.experiment.check(job.choices), path_or_url("store", job.store)
@@ -251,7 +251,7 @@ class Command:
     def _cache_path(self, value: Value) -> PathOrUrl:
         return path_or_url("cache", str(value)) if value else user_cache_path(self.name)
 
-    def _options(self, choices: Choices, store: PathOrUrl) -> RunOptions:
+    def _run_options(self, choices: Choices, store: PathOrUrl) -> RunOptions:
         """Return the store, cache and cluster of a sweep."""
         return RunOptions(
             store,
@@ -297,7 +297,7 @@ class Command:
         """Run one sweep and its report; return messages on failures."""
         base = path_beside(options.store)
         log = FailureLog(base.with_name(f"{base.name.removesuffix('.zarr')}-failures.log"))
-        with watching(
+        with show_progress(
             self.name, log, options.store, options.cache, record=not options.partial
         ) as watch:
             finished = sweep(plan, options, watch)
@@ -306,15 +306,15 @@ class Command:
         say(self.name, summary(finished.progress, finished.seconds))
         messages = [_failure_text(finished.failures, log)] if finished.failures else []
         try:
-            with interruptible():
-                (self.report or self._report)(options.store, plan.choices, finished)
+            with allow_interrupts():
+                (self.report or self._print_report)(options.store, plan.choices, finished)
         except SweepIncomplete as error:
             messages.append(str(error))
         except Exception as error:  # the store is complete without it
             say(self.name, f"the store is written, but not its report: {one_line(error)}")
         return messages
 
-    def _report(self, store: PathOrUrl, choices: Choices, finished: Finished) -> None:
+    def _print_report(self, store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
         from sweeps.engine.store.tables import format_tables  # imports xarray, which takes long
 
         # Modules with `answer`, by the commands that print more.
@@ -328,9 +328,9 @@ class Command:
         path = os.path.relpath(store) if isinstance(store, Path) else store
         show(f"store   {path}")
         for entry in reports:
-            show(f"next    {entry.name} {shell_quoted(path)}")
+            show(f"next    {entry.name} {quote_for_shell(path)}")
 
-    def _cache(self, path: PathOrUrl, limit: float | None) -> None:
+    def _print_cache(self, path: PathOrUrl, limit: float | None) -> None:
         """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
 
         Raises ConfigurationError if a sweep uses it.

@@ -38,16 +38,20 @@ def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
         ) from error
     running = is_locked(store)
     condition = f"running as process {process}" if running else ended
-    sentence = f"{store}: {condition}; begun {_clock(begun)}, state of {_clock(updated)}"
-    return sentence, _table(stages, updated - begun, running)
+    sentence = (
+        f"{store}: {condition}; begun {_format_clock(begun)}, state of {_format_clock(updated)}"
+    )
+    return sentence, _stage_table(stages, updated - begun, running)
 
 
-def _table(stages: Mapping[str, tuple[Progress, float]], elapsed: float, running: bool) -> Table:
+def _stage_table(
+    stages: Mapping[str, tuple[Progress, float]], elapsed: float, running: bool
+) -> Table:
     """Return a table of cells and estimated time by stage, with totals in the last row."""
     total = Progress.sum(progress for progress, _ in stages.values())
     rows = {**dict(reversed([*stages.items()])), "all": (total, sum(w for _, w in stages.values()))}
     numbers = {
-        name: (progress.total, progress.reused, progress.done, progress.failed, progress.left)
+        name: (progress.total, progress.reused, progress.done, progress.failed, progress.remaining)
         + (time_left(work, total.seconds, elapsed),) * running
         for name, (progress, work) in rows.items()
     }
@@ -55,5 +59,5 @@ def _table(stages: Mapping[str, tuple[Progress, float]], elapsed: float, running
     return count_table(numbers, *headings)
 
 
-def _clock(seconds: float) -> str:
+def _format_clock(seconds: float) -> str:
     return datetime.fromtimestamp(seconds).isoformat(" ", "seconds")

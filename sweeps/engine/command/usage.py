@@ -61,11 +61,11 @@ def usage(experiment: Experiment) -> str:
     }
     listed = {heading: _format_entries(list(entries)) for heading, entries in sections.items()}
     parts = [
-        _wrapped(f"{name}: {experiment.title}.", ""),
+        _wrap_text(f"{name}: {experiment.title}.", ""),
         [f"Usage: {name} [+experiment=NAME] [KEY=VALUE ...] [OPTION ...]"],
         *([header] if (header := _header(conf)) else ()),
         *([heading, *lines] for heading, lines in listed.items() if lines),
-        _wrapped(STATUS, ""),
+        _wrap_text(STATUS, ""),
     ]
     return "\n\n".join("\n".join(part) for part in parts)
 
@@ -110,7 +110,7 @@ def _format_entries(entries: Sequence[tuple[str, str]]) -> list[str]:
     margin = " " * (max(short, default=0) + len(INDENT) + 2)
     lines = []
     for word, description in entries:
-        texts = _wrapped(description, margin)
+        texts = _wrap_text(description, margin)
         if texts and len(word) <= MAX_WORD:
             texts[0] = f"{INDENT}{word}".ljust(len(margin)) + texts[0].lstrip()
             lines += texts
@@ -138,16 +138,16 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
             unit = f" [{setting.unit}]" if setting.unit != "1" else ""
             null = "null or " if setting.fallback is not None else ""
             axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
-            lines += _wrapped(f"{setting.key}={format_value(setting.default_input)}{unit}", "")
+            lines += _wrap_text(f"{setting.key}={format_value(setting.default_input)}{unit}", "")
             for paragraph in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
-                lines += _wrapped(paragraph, 2 * INDENT)
+                lines += _wrap_text(paragraph, 2 * INDENT)
     if not lines:
         problem = f"--settings has {' '.join(words)!r}"
         raise ConfigurationError(f"{problem}, but must have words of a key or a description")
     return "\n".join(lines)
 
 
-def _wrapped(text: str, margin: str) -> list[str]:
+def _wrap_text(text: str, margin: str) -> list[str]:
     """Return lines of at most 79 columns, behind a margin, without breaking words."""
     wrapper = textwrap.TextWrapper(WIDTH, break_long_words=False, break_on_hyphens=False)
     wrapper.initial_indent = wrapper.subsequent_indent = margin

@@ -53,13 +53,15 @@ class Kind:
         for value in listed:
             if not (value is None and self.null) and not self.holds(value):
                 raise ValueError(self._refusal(key, value))
-        return ascending(key, [None if value is None else self._read(value) for value in listed])
+        return sorted_values(
+            key, [None if value is None else self._read_value(value) for value in listed]
+        )
 
     def _as_list(self, key: str, value: Any) -> list[Any]:
         several = isinstance(value, Sequence) and not isinstance(value, str)
         return list(value) if several else [value]
 
-    def _read(self, value: Any) -> Value:
+    def _read_value(self, value: Any) -> Value:
         return value
 
     def _refusal(self, key: str, value: Any) -> str:
@@ -114,7 +116,7 @@ class Number(Kind):
             hint = ""
         return super()._refusal(key, value) + hint
 
-    def _read(self, value: Any) -> Value:
+    def _read_value(self, value: Any) -> Value:
         return float(value) + 0.0  # -0.0 becomes 0.0, which equals it
 
 
@@ -130,7 +132,7 @@ class Count(Number):
         """Return whether a value is of this kind."""
         return super().holds(value) and value == int(value)
 
-    def _read(self, value: Any) -> Value:
+    def _read_value(self, value: Any) -> Value:
         return int(value)  # not through a float, which cannot represent all of them
 
 
@@ -199,7 +201,7 @@ class Date(Kind):
     def holds(self, value: Any) -> bool:
         """Return whether a value is of this kind."""
         try:
-            time = self._read(value) if isinstance(value, str) else value
+            time = self._read_value(value) if isinstance(value, str) else value
             if not isinstance(time, np.datetime64 if self.unit else datetime):
                 return False
             zoned = isinstance(time, datetime) and time.tzinfo is not None
@@ -207,7 +209,7 @@ class Date(Kind):
         except (ValueError, OverflowError):
             return False
 
-    def _read(self, value: Any) -> Value:
+    def _read_value(self, value: Any) -> Value:
         if self.unit:
             read: Any = np.datetime64
             return read(value, self.unit)
@@ -234,7 +236,7 @@ class Vector(Kind):
         listed = self._as_list(key, given)
         if len(listed) != self.size or not all(map(self.element.holds, listed)):
             raise ValueError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
-        return (tuple(map(self.element._read, listed)),)
+        return (tuple(map(self.element._read_value, listed)),)
 
 
 @dataclass(frozen=True)
@@ -302,7 +304,7 @@ def format_value(value: Any) -> str:
     return json.dumps(value) if value is None or isinstance(value, bool) else str(value)
 
 
-def ascending(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
+def sorted_values(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
     """Return sorted values, None first; raise ValueError if there are none or one is repeated."""
     if not values:
         raise ValueError(f"{key} is empty, but must hold at least one value")

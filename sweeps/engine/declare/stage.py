@@ -422,12 +422,14 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
             parameters = [
                 parameter for parameter in declared.arguments if parameter not in (RNG, VALID)
             ]
-            arguments = {parameter: argument(declared, parameter) for parameter in parameters}
+            arguments = {
+                parameter: resolve_argument(declared, parameter) for parameter in parameters
+            }
             bound[name] = _bind_stage(declared, arguments, together)
             visiting.pop()
         return bound[name]
 
-    def argument(declared: Stage, name: str) -> Setting | BoundStage:
+    def resolve_argument(declared: Stage, name: str) -> Setting | BoundStage:
         """Return an argument's setting or stage: from `reads`, else the one of that name."""
         subject = f"stage {declared.name}: argument {name!r} is"
         source = declared.reads.get(name, name)
@@ -521,8 +523,8 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
     """
     settings, stages = experiment.declared, experiment.stages
     keys = [setting.key for setting in settings]
-    yield from _duplicates(keys, "settings")
-    yield from _duplicates((stage.name for stage in stages), "stages")
+    yield from _find_duplicates(keys, "settings")
+    yield from _find_duplicates((stage.name for stage in stages), "stages")
     outputs = [
         "/".join(stage.stored_as(output))
         for stage in stages
@@ -531,20 +533,20 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
     ]
     states = {stage.group.status or stage: None for stage in stages if _has_state(stage)}
     outputs += [f"{STATUS}/{state.name}" for state in states]
-    yield from _duplicates(outputs, "outputs of a group of the store")
+    yield from _find_duplicates(outputs, "outputs of a group of the store")
     for setting in settings:
-        yield from _bad_name(f"setting {setting.key}", setting.name)
+        yield from _check_name(f"setting {setting.key}", setting.name)
         if setting.single and setting.single not in (DIMENSION, COORDINATE):
             single = f"single={setting.single!r}, but must have one of"
             yield f"setting {setting.key} has {single} {DIMENSION!r}, {COORDINATE!r}"
     for stage in stages:
-        yield from _stage_mistakes(stage, keys)
+        yield from _find_stage_mistakes(stage, keys)
     groups = {name.rpartition("/")[0] for name in outputs}
     for table in experiment.tables:
-        yield from _bad_group(f"table {table.group}", table.group)
-        yield from _unknown(f"table {table.group}: group", table.of, groups)
+        yield from _check_group(f"table {table.group}", table.group)
+        yield from _find_unknown(f"table {table.group}: group", table.of, groups)
         groups.add(table.group)
-    yield from _name_clashes(settings, bind(experiment).values())
+    yield from _find_name_clashes(settings, bind(experiment).values())
 
 
 def _has_state(stage: Stage) -> bool:
@@ -554,7 +556,7 @@ def _has_state(stage: Stage) -> bool:
     return bool(stage.group.path) and stored and (status is None or bool(status.over))
 
 
-def _name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> Iterator[str]:
+def _find_name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> Iterator[str]:
     """Yield clashes of the names of outputs and dimensions in a group."""
     in_stores = {s.key: s for s in settings if s.single or not s.fixed}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
@@ -580,32 +582,32 @@ def _name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> 
                 yield f"{subject} {clash}, which the stage does not gather; rename one of them"
 
 
-def _stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
+def _find_stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
     subject, status = f"stage {stage.name}", stage.group.status
-    yield from _bad_name(subject, stage.name)
-    yield from _duplicates((output.name for output in stage.outputs), f"outputs of {subject}")
+    yield from _check_name(subject, stage.name)
+    yield from _find_duplicates((output.name for output in stage.outputs), f"outputs of {subject}")
     if stage.group.path:
-        yield from _bad_group(subject, stage.group.path)
+        yield from _check_group(subject, stage.group.path)
     if stage.group.path == STATUS and _has_state(stage):
         yield (
             f"{subject} is in the group {STATUS!r}, which has states of cells; give it another one"
         )
     for output in stage.outputs:
         for name in (output.name, *output.dims):
-            yield from _bad_name(subject, name)
-        yield from _bad_dtype(f"{subject}: {output.name}", output, stage.stored_as(output)[0])
+            yield from _check_name(subject, name)
+        yield from _check_dtype(f"{subject}: {output.name}", output, stage.stored_as(output)[0])
     stream = stage.stream or Stream(())
     settings = (*stage.along, *stage.gather, *chain.from_iterable(stage.substitutions.items()))
     settings += (*stage.group.names, *(status.over if status else ()))
     settings += (*stream.settings, *stream.optional)
-    yield from _unknown(f"{subject}: setting", [setting.key for setting in settings], keys)
+    yield from _find_unknown(f"{subject}: setting", [setting.key for setting in settings], keys)
     if stage.stream is not None and RNG not in stage.arguments:
         yield f"{subject} has a stream, but its function does not take {RNG}"
     if VALID in stage.arguments and not stage.gather:
         yield f"{subject} takes {VALID}, but gathers nothing"
 
 
-def _bad_dtype(subject: str, output: Output, stored: Any) -> Iterator[str]:
+def _check_dtype(subject: str, output: Output, stored: Any) -> Iterator[str]:
     dtype = output.dtype
     try:
         numpy_dtype = np.dtype(dtype)
@@ -622,20 +624,20 @@ def _bad_dtype(subject: str, output: Output, stored: Any) -> Iterator[str]:
         yield f"{subject} has the dtype {dtype!r}, but a share must have one of u1, u2, u4"
 
 
-def _bad_name(subject: str, name: str) -> Iterator[str]:
+def _check_name(subject: str, name: str) -> Iterator[str]:
     if not name or "/" in name or name.startswith((".", "__")):
         allowed = "a name must not be empty, have '/', or begin with '.' or '__'"
         yield f"{subject} has the name {name!r}, but {allowed}"
 
 
-def _bad_group(subject: str, path: str) -> Iterator[str]:
+def _check_group(subject: str, path: str) -> Iterator[str]:
     for name in path.split("/"):
-        yield from _bad_name(f"{subject} in group {path!r}", name)
+        yield from _check_name(f"{subject} in group {path!r}", name)
 
 
-def _unknown(subject: str, names: Iterable[str], known: Collection[str]) -> Iterator[str]:
+def _find_unknown(subject: str, names: Iterable[str], known: Collection[str]) -> Iterator[str]:
     return (f"{subject} {name} is not in the experiment" for name in names if name not in known)
 
 
-def _duplicates(names: Iterable[str], kind: str) -> Iterator[str]:
+def _find_duplicates(names: Iterable[str], kind: str) -> Iterator[str]:
     return (f"two {kind} have the name {name}" for name, n in Counter(names).items() if n > 1)

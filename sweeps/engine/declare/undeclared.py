@@ -33,7 +33,7 @@ Layout = Sequence[tuple[str, Any, tuple[int, ...]]]
 
 
 @dataclass(frozen=True)
-class Undeclared(Output):
+class UndeclaredOutput(Output):
     """Undeclared results of a function; a single variable has this name."""
 
     pad: complex | str | None = np.nan
@@ -71,7 +71,7 @@ class Variable(NamedTuple):
     coordinate: bool = False
 
 
-def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, Any]], str]:
+def split_variables(output: UndeclaredOutput, found: Any) -> tuple[list[tuple[Output, Any]], str]:
     """Return the variables of a result with their values, and the JSON of their attributes.
 
     Raises TypeError, in a sentence, for impossible names.
@@ -79,13 +79,13 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
     declared: list[tuple[Output, Any]] = []
     metadata: dict[str, Any] = {}
     single_name = output.names[0] if len(output.names) == 1 else output.name
-    for name, returned in _variables(single_name, output.names, found, output.name):
-        values = _array(f"{output.name} returned the variable {name!r}", returned.values)
+    for name, returned in _iter_variables(single_name, output.names, found, output.name):
+        values = _to_array(f"{output.name} returned the variable {name!r}", returned.values)
         if returned.coordinate and not values.ndim and name in output.reserved:
             continue  # an argument that the function returned
         key = (name, returned.dims, returned.coordinate, values.dtype, values.ndim)
         if (variable := output.variables.get(key)) is None:
-            variable = output.variables[key] = _declared(output, *key)
+            variable = output.variables[key] = _make_output(output, *key)
         # Only times and texts are converted: others may have a mask.
         declared.append((variable, values if values.dtype.kind in "MU" else returned.values))
         if variable.dims or returned.attrs or returned.coordinate:
@@ -97,8 +97,8 @@ def split_variables(output: Undeclared, found: Any) -> tuple[list[tuple[Output, 
     return declared, f"{META}{json.dumps(metadata)}" if metadata else ""
 
 
-def _declared(
-    output: Undeclared,
+def _make_output(
+    output: UndeclaredOutput,
     name: Any,
     dims: tuple[str, ...] | None,
     coordinate: bool,
@@ -124,7 +124,7 @@ def _declared(
     return Output(name, dims, stored)
 
 
-def _variables(
+def _iter_variables(
     name: Any, names: Sequence[str], result: Any, function_name: str
 ) -> Iterator[tuple[Any, Variable]]:
     """Yield the variables of a result by name; `names` name the elements of a tuple."""
@@ -137,7 +137,7 @@ def _variables(
             yield key, Variable(values.values, values.dims, values.attrs, key in result.coords)
     elif isinstance(result, Mapping):
         for key, values in result.items():
-            yield from _variables(key, (), values, function_name)
+            yield from _iter_variables(key, (), values, function_name)
     elif len(names) > 1:
         several = isinstance(result, tuple | list)
         if not several or len(result) != len(names):
@@ -146,12 +146,12 @@ def _variables(
                 f"{function_name} returned {returned}, but must return {', '.join(names)}"
             )
         for key, values in zip(names, result, strict=True):
-            yield from _variables(key, (), values, function_name)
+            yield from _iter_variables(key, (), values, function_name)
     else:
         yield name, Variable(result)
 
 
-def _array(subject: str, values: Any) -> NDArray[Any]:
+def _to_array(subject: str, values: Any) -> NDArray[Any]:
     """Return values as an array: times as `DATES`, texts of any type as texts of numpy."""
     try:
         array = np.asarray(values)
@@ -172,7 +172,7 @@ def _array(subject: str, values: Any) -> NDArray[Any]:
     return array
 
 
-def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]:
+def infer_outputs(output: UndeclaredOutput, layouts: Sequence[Layout]) -> list[Output]:
     """Infer outputs from the layouts of results, with the attributes of the first result.
 
     Raises DeclarationError if results of a variable do not fit together.
@@ -189,9 +189,11 @@ def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]
             dims, attrs, coordinate = metadata.get(name, ((), {}, False))
             earlier = declarations.setdefault(name, (tuple(dims), attrs, coordinate))
             shapes[name].append((np.dtype(dtype), shape))
-            if earlier[0] != tuple(dims) or _kind(shapes[name][0][0]) != _kind(shapes[name][-1][0]):
+            if earlier[0] != tuple(dims) or _dtype_kind(shapes[name][0][0]) != _dtype_kind(
+                shapes[name][-1][0]
+            ):
                 conflicting = (shapes[name][0], shapes[name][-1])
-                forms = [f"{_kind(dtype)} {list(shape)}" for dtype, shape in conflicting]
+                forms = [f"{_dtype_kind(dtype)} {list(shape)}" for dtype, shape in conflicting]
                 raise DeclarationError(
                     f"{output.name} returned {name} as {' and as '.join(forms)} for different "
                     "arguments, which one variable cannot be"
@@ -222,7 +224,7 @@ def infer_outputs(output: Undeclared, layouts: Sequence[Layout]) -> list[Output]
     return outputs
 
 
-def _kind(dtype: np.dtype[Any]) -> str:
+def _dtype_kind(dtype: np.dtype[Any]) -> str:
     return {"U": "texts", "M": "times"}.get(dtype.kind, "numbers")
 
 

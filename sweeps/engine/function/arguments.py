@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import Count, Date, Kind, Number, Switch, Text, Value, ascending
+from sweeps.engine.declare.kinds import (
+    Count,
+    Date,
+    Kind,
+    Number,
+    Switch,
+    Text,
+    Value,
+    sorted_values,
+)
 from sweeps.engine.declare.settings import COORDINATE, DIMENSION, Joint, Setting
 
 LOWEST, HIGHEST = -(2**63), 2**63 - 1  # whole numbers that a store holds
@@ -60,7 +69,7 @@ def read_values(
     for name, argument_values in values.items():
         listed = _as_list(name, argument_values)
         attributes = {**getattr(argument_values, "attrs", {}), **attrs.get(name, {})}
-        settings.append(_argument(function, name, listed, attributes))
+        settings.append(_make_argument(function, name, listed, attributes))
     return settings, ()
 
 
@@ -78,11 +87,11 @@ def _read_dataset(
         listed = _as_list(name, np.atleast_1d(variable.values))
         if variable.ndim:
             dim, distinct = str(variable.dims[0]), list(dict.fromkeys(listed))
-            settings[dim].append(_argument(function, name, distinct, attributes))
+            settings[dim].append(_make_argument(function, name, distinct, attributes))
             kind = settings[dim][-1].kind
             points[dim].append([kind.values(name, value)[0] for value in listed])
         else:
-            fixed.append(_argument(function, name, listed, attributes, single=COORDINATE))
+            fixed.append(_make_argument(function, name, listed, attributes, single=COORDINATE))
     joint = [
         Joint(
             dim,
@@ -126,7 +135,7 @@ def _as_python(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) and not times else value
 
 
-def _argument(
+def _make_argument(
     function: str,
     name: str,
     listed: list[Any],
@@ -134,14 +143,14 @@ def _argument(
     single: str = DIMENSION,
 ) -> Argument:
     """Return the setting of an argument, with its values as default."""
-    kind = _kind(listed)
+    kind = _kind_of_values(listed)
     subject = f"values[{name!r}]"
     try:
         for value in listed:
             if not kind.holds(value):
                 allowed = f"every value must be {kind.allowed}"
                 raise ValueError(f"{subject} has {_short_text(value)}, but {allowed}")
-        ascending(subject, listed)
+        sorted_values(subject, listed)
     except ValueError as error:
         raise ConfigurationError(str(error)) from None
     attrs = dict(attributes)
@@ -150,7 +159,7 @@ def _argument(
     return Argument(kind, listed, label, unit, single=single, key=key, about=attrs)
 
 
-def _kind(listed: list[Any]) -> Kind:
+def _kind_of_values(listed: list[Any]) -> Kind:
     """Return the kind of values that have one type; else numbers."""
     if listed and all(isinstance(value, np.datetime64) for value in listed):
         return Date(np.datetime_data(listed[0].dtype)[0])

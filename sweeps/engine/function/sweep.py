@@ -17,7 +17,7 @@ from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import path_or_url
 from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
 from sweeps.engine.declare.stage import RNG, STATUS, VALID, Experiment, Group, Stage
-from sweeps.engine.declare.undeclared import FLOAT, PADDING, Undeclared
+from sweeps.engine.declare.undeclared import FLOAT, PADDING, UndeclaredOutput
 from sweeps.engine.function.arguments import Argument, read_values
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.plan import Plan
@@ -25,10 +25,10 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.process import say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, progress_bar
 from sweeps.engine.run.schedule import Watch
-from sweeps.engine.store.tables import with_scalars
+from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.targets import check_targets
 from sweeps.engine.store.writing import zarr_store
-from sweeps.engine.sweeping import Finished, RunOptions, preview
+from sweeps.engine.sweeping import RunOptions, SweepOutcome, preview
 from sweeps.engine.sweeping import sweep as run
 
 if TYPE_CHECKING:
@@ -133,7 +133,9 @@ def sweep(
     a global, or change `version`. A global that the function itself changes, such as a list that it
     appends to, differs in the next sweep, which computes everything again.
     """
-    experiment, joint = _declare(function, values, outputs, dims, attrs or {}, dtype, version)
+    experiment, joint = _declare_experiment(
+        function, values, outputs, dims, attrs or {}, dtype, version
+    )
     if cluster not in CLUSTER_KINDS:
         raise ConfigurationError(f"cluster is {cluster!r}, but must be 'inline' or 'local'")
     if not isinstance(store, str | os.PathLike):
@@ -161,14 +163,14 @@ def sweep(
     if failed:
         warnings.warn(_failure_message(finished, failed), CallsFailed, stacklevel=2)
     results = xr.open_zarr(zarr_store(target), group=experiment.title, chunks=None)
-    results = with_scalars(results.load())
+    results = restore_scalars(results.load())
     for name, variable in results.variables.items():
         if PADDING in variable.attrs:
             say("sweeps", f"{name} is padded {variable.attrs[PADDING]}")
     return results
 
 
-def _declare(
+def _declare_experiment(
     function: Callable[..., Any],
     values: Any,
     outputs: Names,
@@ -193,7 +195,7 @@ def _declare(
                 f"attrs[{variable!r}] is {attributes!r}, but must be as in {example}"
             )
     settings, joint = read_values(name, values, attrs)
-    reads = _arguments(name, function, values, settings)
+    reads = _argument_settings(name, function, values, settings)
     read = {setting.key for setting in reads.values()}
     if unused := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
         message = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
@@ -212,7 +214,7 @@ def _declare(
         raise ConfigurationError(str(error)) from None
 
 
-def _arguments(
+def _argument_settings(
     name: str, function: Callable[..., Any], values: Any, settings: Iterable[Argument]
 ) -> dict[str, Any]:
     """Return the settings that are arguments of a function, by their names.
@@ -260,7 +262,7 @@ def _declare_result(
     dtype: str,
     reserved: frozenset[str],
     attrs: Mapping[str, Mapping[str, Any]],
-) -> Undeclared:
+) -> UndeclaredOutput:
     """Return the undeclared output of a function."""
     names = _as_names("outputs", outputs)
     if isinstance(dims, Mapping):
@@ -293,7 +295,7 @@ def _declare_result(
         "reserved": reserved,
         "about": attrs,
     }
-    return Undeclared(
+    return UndeclaredOutput(
         name, shared_dims, dtype or FLOAT, label=name, infer_dtype=not dtype, **options
     )
 
@@ -306,7 +308,7 @@ def _as_names(key: str, value: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _failure_message(finished: Finished, failed: Sequence[Failure]) -> str:
+def _failure_message(finished: SweepOutcome, failed: Sequence[Failure]) -> str:
     """Return the message on failed calls: their number, the first of them, and a traceback."""
     calls = sum(progress.total for progress in finished.progress.values())
     lines = [f"  {failure.name}: {failure.reason}" for failure in failed[:NAMED_FAILURES]]

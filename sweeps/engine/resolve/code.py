@@ -161,9 +161,9 @@ class _Walk:
         self._tokens: dict[int, str] = {}
         self._open: list[int] = []
         self._references: list[Any] = []  # objects whose ids are known
-        self.root = self._variable(name, root)
+        self.root = self._variable_token(name, root)
         for label, target in self._waiting:  # which grows
-            content = self._class if isinstance(target, type) else self._function
+            content = self._class_content if isinstance(target, type) else self._function_content
             part = content(label, target)
             self.parts[f"code of {label}"] = digest(repr(part))
 
@@ -177,7 +177,7 @@ class _Walk:
                 self._waiting.append((self._labels[id(target)], target))
         return self._labels[id(target)]
 
-    def _variable(self, name: str, value: Any) -> str:
+    def _variable_token(self, name: str, value: Any) -> str:
         """Return the token of a variable; if it holds a value, the name of its part."""
         self._name, self._value = name, value
         token = self.token(value)
@@ -185,19 +185,21 @@ class _Walk:
             self.parts[name], token = digest(token), name
         return token
 
-    def _function(self, label: str, function: FunctionType) -> Any:
+    def _function_content(self, label: str, function: FunctionType) -> Any:
         """Return the code of a function, and the tokens of its variables."""
         code, space = function.__code__, function.__globals__
         module = _module_of(function)
         if module == "functools" and hasattr(function, "registry"):  # one for each type
-            return self._variable(f"registry of {label}", function.registry)
+            return self._variable_token(f"registry of {label}", function.registry)
         defaults = function.__defaults__ or ()
         held = dict(zip(code.co_varnames[: code.co_argcount][::-1], defaults[::-1], strict=False))
         held |= {**(function.__kwdefaults__ or {}), **vars(function)}
         for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             with suppress(ValueError):  # an empty cell
                 held[name] = cell.cell_contents
-        variables = [(key, self._variable(f"{key} of {label}", held[key])) for key in sorted(held)]
+        variables = [
+            (key, self._variable_token(f"{key} of {label}", held[key])) for key in sorted(held)
+        ]
         if self._is_in_module(function, module):
             return variables
         scan, before = _scan(code), self._label(space, module)
@@ -217,10 +219,10 @@ class _Walk:
                         self._add_module(".".join((value.__name__, *attributes[:number])), name)
                     variables.append((path, f"module {value.__name__}"))
                 else:
-                    variables.append((path, self._variable(f"{before}.{path}", value)))
+                    variables.append((path, self._variable_token(f"{before}.{path}", value)))
         return scan.text, variables
 
-    def _class(self, label: str, cls: type) -> Any:
+    def _class_content(self, label: str, cls: type) -> Any:
         """Return bases, methods and values of a class."""
         self._name, self._value = label, cls
         functions = FunctionType | property | staticmethod | classmethod

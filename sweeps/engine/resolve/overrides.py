@@ -207,7 +207,7 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     inputs = flatten(experiment.declared, values)
     (groups,) = Together.zip.values(inputs.get(Together.zip.key))
     together = [[_find_setting(experiment, name) for name in names] for names in groups]
-    joint = [_zipped(settings, inputs) for settings in together]
+    joint = [_make_zip_axis(settings, inputs) for settings in together]
     zipped = [key for axis in joint for key in axis.keys]
     if repeated := [key for key in zipped if zipped.count(key) > 1]:
         raise ConfigurationError(
@@ -225,21 +225,21 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
 def _check_tree(experiment: Experiment, tree: Mapping[str, Any], node: Any, parent: str) -> None:
     """Refuse unknown keys of a configuration; Hydra itself accepts `+key=value`."""
     if not isinstance(node, Mapping):
-        raise not_a_group(tree, parent, node)
+        raise not_a_group_error(tree, parent, node)
     for name in map(str, node):
         key = f"{parent}.{name}".lstrip(".")
         if name not in tree:
-            raise unknown_key(experiment, tree, parent, key)
+            raise unknown_key_error(experiment, tree, parent, key)
         if isinstance(tree[name], Mapping):
             _check_tree(experiment, tree[name], node[name], key)
 
 
-def not_a_group(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
+def not_a_group_error(tree: Mapping[str, Any], key: str, value: Any) -> ConfigurationError:
     """Return the error of a group that was set to a value."""
     return ConfigurationError(f"{key} is {quote_value(value)}, but must hold {', '.join(tree)}")
 
 
-def unknown_key(
+def unknown_key_error(
     experiment: Experiment, tree: Mapping[str, Any], group: str, key: str
 ) -> ConfigurationError:
     """Return the error of a key that is not in its group, which has the keys of `tree`."""
@@ -260,11 +260,11 @@ def unknown_key(
 # settings that run together -----------------------------------------------------------------------
 
 
-def _zipped(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Joint:
+def _make_zip_axis(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Joint:
     """Return the joint axis of settings that run together."""
     keys = [setting.key for setting in settings]
     pairs = ((setting, inputs.get(setting.key, setting.default_input)) for setting in settings)
-    listed = [_in_given_order(*pair) for pair in pairs]
+    listed = [_values_in_given_order(*pair) for pair in pairs]
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
         raise ConfigurationError(
@@ -280,7 +280,7 @@ def _zipped(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Joint:
     return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
-def _in_given_order(setting: Setting, value: Any) -> list[Any]:
+def _values_in_given_order(setting: Setting, value: Any) -> list[Any]:
     """Return values in the order of the override."""
     if isinstance(value, list | tuple):
         return [setting.values(entry)[0] for entry in value]
@@ -367,11 +367,11 @@ def _parse_overrides(
         if swept and (isinstance(parsed, list) or not several):
             hints = []
             if isinstance(swept[0], RangeSweep):
-                hints = [f"give steps, {shell_quoted(f'{key}={_as_steps(swept[0])}')}"]
+                hints = [f"give steps, {quote_for_shell(f'{key}={_format_steps(swept[0])}')}"]
             elif isinstance(parsed, ChoiceSweep) and parsed.simple_form:
-                text = shell_quoted(f"{key}={_hydra_quoted(value)}")
-                hints = [f"quote it, {shell_quoted(f'{key}=[{value}]')}, or as a text, {text}"]
-            hints += [f"or sweep over it, -m {shell_quoted(argument)}"] * (swept == [parsed])
+                text = quote_for_shell(f"{key}={_quote_for_hydra(value)}")
+                hints = [f"quote it, {quote_for_shell(f'{key}=[{value}]')}, or as a text, {text}"]
+            hints += [f"or sweep over it, -m {quote_for_shell(argument)}"] * (swept == [parsed])
             hint = ": " * bool(hints) + "; ".join(hints)
             raise ConfigurationError(f"{key} is {value}, but must be one value or a list{hint}")
         _check_key(experiment, loader, override)
@@ -379,19 +379,19 @@ def _parse_overrides(
     return overrides
 
 
-def _as_steps(swept: RangeSweep) -> str:
+def _format_steps(swept: RangeSweep) -> str:
     """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
     values: list[Any] = [*islice(swept.range(), MAX_VALUES)] or [swept.start]
     return format_value({"start": min(values), "stop": max(values), "step": abs(swept.step)})
 
 
-def shell_quoted(text: str) -> str:
+def quote_for_shell(text: str) -> str:
     """Quote a word for a shell, if it needs quotes."""
     plain_inside = "'" in text and not set(text) & set('$`"!\\')
     return f'"{text}"' if plain_inside else shlex.quote(text)
 
 
-def _hydra_quoted(text: str) -> str:
+def _quote_for_hydra(text: str) -> str:
     """Quote a text for Hydra."""
     mark = '"' if "'" in text and '"' not in text else "'"
     # Hydra halves backslashes before such a mark, also before the closing one.
@@ -419,14 +419,14 @@ def _syntax_error(
     if not equals:
         return ConfigurationError(f"{argument} has no value, but must be KEY=VALUE")
     if _try_parse(parser, f"{key}=1") is None:
-        return unknown_key(experiment, nested(experiment.by_key), "", key)
+        return unknown_key_error(experiment, nested(experiment.by_key), "", key)
 
-    def quoted(word: re.Match[str]) -> str:
-        return word[0] if _try_parse(parser, f"x={word[0]}") else _hydra_quoted(word[0])
+    def quote_word(word: re.Match[str]) -> str:
+        return word[0] if _try_parse(parser, f"x={word[0]}") else _quote_for_hydra(word[0])
 
     if _try_parse(parser, argument) is None:
         listed = value.startswith(("[", "{"))
-        argument = f"{key}={re.sub(WORD, quoted, value) if listed else _hydra_quoted(value)}"
+        argument = f"{key}={re.sub(WORD, quote_word, value) if listed else _quote_for_hydra(value)}"
     override, setting = _try_parse(parser, argument), experiment.by_key.get(key.lstrip("+"))
     if override is None:
         return ConfigurationError(f"{arguments[0]} cannot be read, but must be KEY=VALUE")
@@ -435,7 +435,9 @@ def _syntax_error(
             setting.values(override.value())
     except ConfigurationError as error:
         return error
-    return ConfigurationError(f"{arguments[0]} cannot be read: quote it, {shell_quoted(argument)}")
+    return ConfigurationError(
+        f"{arguments[0]} cannot be read: quote it, {quote_for_shell(argument)}"
+    )
 
 
 def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override) -> None:
@@ -457,11 +459,11 @@ def _check_key(experiment: Experiment, loader: ConfigLoader, override: Override)
     words = key.split(".")
     for depth, word in enumerate(words):
         if word not in tree:
-            raise unknown_key(experiment, tree, ".".join(words[:depth]), key)
+            raise unknown_key_error(experiment, tree, ".".join(words[:depth]), key)
         is_last = depth == len(words) - 1
         tree = members(tree[word]) or ({} if is_last else dict.fromkeys(STEPS))
     if tree and not override.is_delete() and not isinstance(value, dict):
-        raise not_a_group(tree, key, value)
+        raise not_a_group_error(tree, key, value)
 
 
 # jobs ---------------------------------------------------------------------------------------------
@@ -535,10 +537,10 @@ def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices
         if isinstance(store, Path):
             store = Path(os.path.abspath(store))
         by_store.setdefault(store, []).append(job)
-    return [(_fuse(experiment, group), store) for store, group in by_store.items()]
+    return [(_fuse_group(experiment, group), store) for store, group in by_store.items()]
 
 
-def _fuse(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
+def _fuse_group(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     first = jobs[0].choices
     if any(job.choices.joint != first.joint for job in jobs):
         raise ConfigurationError(f"grid.zip differs between jobs of one store; {SEPARATE}")
@@ -575,7 +577,9 @@ def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
 def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
     """Return the joint axes of settings that are not crossed, or one axis of all settings."""
 
-    def joint(name: str, settings: Iterable[Setting], labels: Mapping[Point, str]) -> Joint:
+    def make_joint_axis(
+        name: str, settings: Iterable[Setting], labels: Mapping[Point, str]
+    ) -> Joint:
         keys = tuple(setting.key for setting in settings)
         return Joint(name, keys, tuple(labels), tuple(labels.values()))
 
@@ -592,7 +596,9 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
                 point: job.overrides[key] for point, job in zip(job_points, jobs, strict=True)
             }
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
-            groups.append(joint(name, following, dict(sorted(labels.items(), key=_label_sort_key))))
+            groups.append(
+                make_joint_axis(name, following, dict(sorted(labels.items(), key=_label_sort_key)))
+            )
     products = (product(*(job.choices[setting] for setting in union)) for job in jobs)
     points = {point for crossed in products for point in crossed}
     sizes = [len(union[setting]) for setting in single] + [len(group.points) for group in groups]
@@ -605,7 +611,7 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
         )
         for point in ordered
     }
-    return [joint("job", union, labels)]
+    return [make_joint_axis("job", union, labels)]
 
 
 def _is_decided_by(jobs: Sequence[Job], key: str, setting: Setting) -> bool:

@@ -161,7 +161,7 @@ class Plan:
         }
 
     @property
-    def asked(self) -> list[Setting]:
+    def varied_settings(self) -> list[Setting]:
         """Return the swept settings that stages read and whose values are not their defaults.
 
         Settings that the command line names come first; draws are left out.
@@ -170,11 +170,11 @@ class Plan:
         settings = [
             setting
             for setting in self.experiment.own_settings
-            if setting.key in read and self._is_asked(setting)
+            if setting.key in read and self._is_varied(setting)
         ]
         return sorted(settings, key=lambda setting: setting.key not in self.choices.given)
 
-    def _is_asked(self, setting: Setting) -> bool:
+    def _is_varied(self, setting: Setting) -> bool:
         values = self.choices[setting]
         if len(values) < 2 or isinstance(setting.kind, Draws):
             return False

@@ -67,23 +67,23 @@ class ClusterChoice:
         for name, value in list(asdict(self).items())[1:]:
             if value is None:
                 if name in required:
-                    raise _invalid(name, None, f"{required[name]} {condition}")
+                    raise _setting_error(name, None, f"{required[name]} {condition}")
             elif name not in SETTINGS_OF_KIND[self.kind]:
-                raise _invalid(name, value, f"null {condition}")
+                raise _setting_error(name, value, f"null {condition}")
             elif name in PATTERNS and not re.fullmatch(PATTERNS[name][0], value):
-                raise _invalid(name, value, PATTERNS[name][1])
+                raise _setting_error(name, value, PATTERNS[name][1])
         encrypted = str(self.address).startswith("tls://")
         for name in ("ca_file", "cert", "private_key"):
             path = getattr(self, name)
             if path is not None and not encrypted:
-                raise _invalid(name, path, "null unless cluster.address begins with tls://")
+                raise _setting_error(name, path, "null unless cluster.address begins with tls://")
             if path is None and encrypted and name != "private_key":
-                raise _invalid(name, None, "a PEM file if cluster.address begins with tls://")
+                raise _setting_error(name, None, "a PEM file if cluster.address begins with tls://")
             if path is not None and not Path(path).is_file():
-                raise _invalid(name, path, "an existing PEM file")
+                raise _setting_error(name, path, "an existing PEM file")
 
 
-def _invalid(name: str, value: Any, allowed: str) -> ConfigurationError:
+def _setting_error(name: str, value: Any, allowed: str) -> ConfigurationError:
     text = "null" if value is None else value
     return ConfigurationError(f"cluster.{name} is {text}, but must be {allowed}")
 
@@ -102,7 +102,7 @@ class Executor(Protocol):
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
         """Submit a task: call a function with some arguments."""
 
-    def finished(self) -> list[tuple[int, Any, Exception | None]]:
+    def wait(self) -> list[tuple[int, Any, Exception | None]]:
         """Wait for tasks to finish; return number, result and error of each; empty if none runs."""
 
 
@@ -118,7 +118,7 @@ class InlineExecutor:
         """Queue a task."""
         self._waiting.append((number, function, arguments))
 
-    def finished(self) -> list[tuple[int, Any, Exception | None]]:
+    def wait(self) -> list[tuple[int, Any, Exception | None]]:
         """Run the oldest task."""
         if not self._waiting:
             return []

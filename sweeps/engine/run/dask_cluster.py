@@ -30,7 +30,7 @@ from tornado.ioloop import PeriodicCallback
 
 from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
 from sweeps.engine.run.cluster import import_jobqueue
-from sweeps.engine.run.forking import ENVIRONMENT, interrupts_blocked
+from sweeps.engine.run.forking import ENVIRONMENT, block_interrupts
 from sweeps.engine.run.interpreter import relax_gc
 from sweeps.engine.run.process import environment, one_thread
 from sweeps.engine.run.shared import REQUIREMENT_ERRORS, Requirements
@@ -101,7 +101,7 @@ class DaskExecutor:
     def worker_count(self) -> int:
         """Number of started processes or, on a running cluster, of those present a moment ago."""
         if self._workers is None and time.monotonic() >= self._due:  # called with every task
-            with suppress(OSError):  # the scheduler may be gone, as `finished` finds out
+            with suppress(OSError):  # the scheduler may be gone, as `wait` finds out
                 self._counted = max(1, len(self._client.nthreads()))
             self._due = time.monotonic() + COUNT_INTERVAL
         return self._workers or self._counted
@@ -112,7 +112,7 @@ class DaskExecutor:
         self._running[future] = number
         self._completed.add(future)
 
-    def finished(self) -> list[TaskResult]:
+    def wait(self) -> list[TaskResult]:
         """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
         if not self._running:
             return []
@@ -126,7 +126,7 @@ class DaskExecutor:
         return [self._outcome(future, results) for future in batch]
 
     async def abandon(self, why: str) -> None:
-        """Cancel all tasks, for which `finished` then raises ConfigurationError."""
+        """Cancel all tasks, for which `wait` then raises ConfigurationError."""
         self._cancelled = ConfigurationError(why)
         await self._client.cancel([*self._running], asynchronous=True)
 
@@ -163,9 +163,9 @@ def local(
         # In dask's common scratch folder, all would wait for a lock that any user may hold.
         scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **CLEANUP))
         settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
-        stack.enter_context(_started_with(DASK_SETTINGS | settings, ENVIRONMENT | quiet))
+        stack.enter_context(_dask_environment(DASK_SETTINGS | settings, ENVIRONMENT | quiet))
         try:
-            with interrupts_blocked():
+            with block_interrupts():
                 cluster = stack.enter_context(
                     LocalCluster(
                         n_workers=count,
@@ -199,8 +199,8 @@ def address(
         say(f"the traffic with {address} is neither encrypted nor authenticated")
     with ExitStack() as stack:
         timeout = {"distributed.comm.timeouts.connect": f"{ANSWER_SECONDS}s"}
-        stack.enter_context(_started_with(timeout, {}))
-        security = Security() if files["ca_file"] is None else _security(**files)
+        stack.enter_context(_dask_environment(timeout, {}))
+        security = Security() if files["ca_file"] is None else _make_security(**files)
         try:
             _check_scheduler(address, security)
             client = stack.enter_context(Client(address, security=security, timeout=ANSWER_SECONDS))
@@ -239,17 +239,17 @@ def slurm(
     with ExitStack() as stack:
         private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **CLEANUP)
         folder = stack.enter_context(private)
-        stack.enter_context(_started_with(settings | {SCRATCH: folder}, ENVIRONMENT))
+        stack.enter_context(_dask_environment(settings | {SCRATCH: folder}, ENVIRONMENT))
         try:
-            with interrupts_blocked():
-                cluster = stack.enter_context(_slurm_cluster(Path(folder), options))
-            _submit(cluster, jobs)
+            with block_interrupts():
+                cluster = stack.enter_context(_make_slurm_cluster(Path(folder), options))
+            _submit_first_jobs(cluster, jobs)
         except RuntimeError as error:  # with Slurm's own message, if it refused
             reason = " ".join(str(error).rpartition("stderr:")[2].split())
             problem = f"cluster.kind is slurm, but no job starts: {reason}"
             raise ConfigurationError(problem) from error
         run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
-        look = _SlurmQueue(cluster, run, Path(folder), say).look
+        look = _SlurmQueue(cluster, run, Path(folder), say).check
         stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_INTERVAL, look=look))
         yield run
 
@@ -260,17 +260,17 @@ def _check_scheduler(url: str, security: Security) -> None:
     A client of dask waits for the first answer without limit.
     """
 
-    async def ask() -> str:
+    async def connect() -> str:
         async with rpc(url, connection_args=security.get_connection_args("client")) as peer:
             return (await asyncio.wait_for(peer.identity(), ANSWER_SECONDS))["type"]
 
     # in another thread: a notebook's has a running event loop
-    kind = _thread.submit(asyncio.run, ask()).result()
+    kind = _thread.submit(asyncio.run, connect()).result()
     if not kind.endswith("Scheduler"):
         raise ValueError(f"{url} is a {kind}")
 
 
-def _security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
+def _make_security(ca_file: str | None, cert: str | None, private_key: str | None) -> Security:
     """Return the certificates of client, scheduler and workers."""
     roles = ("client", "scheduler", "worker")
     certificates = {f"tls_{role}_cert": cert for role in roles}
@@ -286,7 +286,7 @@ def _security(ca_file: str | None, cert: str | None, private_key: str | None) ->
     return security
 
 
-def _slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
+def _make_slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
     """Return a cluster without jobs, whose certificate, logs and scratch files are in a folder."""
     tls, certificate, key = Security.temporary(), folder / "certificate.pem", folder / "key.pem"
     certificate.write_text(tls.tls_client_cert, encoding="ascii")
@@ -297,7 +297,7 @@ def _slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
         processes=1,
         local_directory=str(folder),
         protocol="tls://",
-        security=_security(str(certificate), str(certificate), str(key)),
+        security=_make_security(str(certificate), str(certificate), str(key)),
         log_directory=str(folder),
         scheduler_options=SCHEDULER,
         job_script_prologue=[f"export {name}={value}" for name, value in ENVIRONMENT.items()],
@@ -306,16 +306,16 @@ def _slurm_cluster(folder: Path, options: Mapping[str, Any]) -> Any:
     )
 
 
-def _submit(cluster: Any, jobs: int) -> None:
+def _submit_first_jobs(cluster: Any, jobs: int) -> None:
     """Submit the first jobs; raise RuntimeError with Slurm's message if it refuses."""
     for _ in range(jobs):
         cluster.worker_spec.update(cluster.new_worker_spec())
 
-    async def submitted() -> None:
+    async def submit_jobs() -> None:
         await cluster  # unlike `scale`, which only logs that a job was refused
 
     try:
-        cluster.sync(submitted)
+        cluster.sync(submit_jobs)
     except RuntimeError:
         for job in cluster.workers.values():
             if job.job_id is None:  # else the cluster does not close
@@ -331,7 +331,7 @@ class _SlurmQueue:
         self._reported: set[str] = set()
         self._vain = 0  # checks that found ended jobs, since there was a worker
 
-    async def look(self) -> None:
+    async def check(self) -> None:
         """Mark ended jobs; say why all others wait; give up if jobs end without a worker."""
         jobs = [job for job in self._cluster.workers.values() if job.job_id]
         command = ("squeue", "--me", "--noheader", "--format=%A %t %r")
@@ -370,7 +370,7 @@ def _replacing_workers(
     by a task that it gets at once. It does not replace a job that ended.
     """
 
-    async def restore() -> None:
+    async def replace_dead_workers() -> None:
         if look is not None:
             await look()
         for name, worker in list(cluster.workers.items()):
@@ -378,7 +378,7 @@ def _replacing_workers(
                 del cluster.workers[name], cluster.worker_spec[name]
         cluster.scale(count)  # starts the missing ones
 
-    callback = PeriodicCallback(restore, 1000 * every)
+    callback = PeriodicCallback(replace_dead_workers, 1000 * every)
     cluster.loop.add_callback(callback.start)
     try:
         yield
@@ -387,7 +387,7 @@ def _replacing_workers(
 
 
 @contextmanager
-def _started_with(settings: Mapping[str, Any], variables: Mapping[str, str]) -> Iterator[None]:
+def _dask_environment(settings: Mapping[str, Any], variables: Mapping[str, str]) -> Iterator[None]:
     """Configure dask and its workers' environment within this context; suppress its logs."""
     # Failures come back with their tasks; dask's other messages are not needed.
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]

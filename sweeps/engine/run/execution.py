@@ -11,7 +11,7 @@ from sweeps.engine.cache.packs import NO_PACK
 from sweeps.engine.declare.errors import SweepIncomplete
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.run.cluster import Executor
-from sweeps.engine.run.interrupts import interruptible
+from sweeps.engine.run.interrupts import allow_interrupts
 from sweeps.engine.run.schedule import Schedule, Task, Watch
 from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches, uneven_error
 
@@ -32,8 +32,8 @@ def call_each(
         executor.submit(number, function)
     remaining = len(functions)
     while remaining:
-        with interruptible():
-            finished = executor.finished()
+        with allow_interrupts():
+            finished = executor.wait()
         for _, _, error in finished:
             if error is not None:
                 raise SweepIncomplete(f"workers cannot be prepared: {one_line(error)}") from error
@@ -63,15 +63,15 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
         executor.submit(number, run_batches, batches, task.order, index.cells)
         under_way[number] = task
 
-    while schedule.ready or under_way or suspects:
-        if not under_way and (isolated := bool(suspects) and not schedule.ready):
+    while schedule.has_ready_calls or under_way or suspects:
+        if not under_way and (isolated := bool(suspects) and not schedule.has_ready_calls):
             submit(suspects.popleft())
         limit = 0 if isolated else QUEUED_TASKS * executor.worker_count
-        while schedule.ready and len(under_way) < limit:
+        while schedule.has_ready_calls and len(under_way) < limit:
             if (task := schedule.next_task(executor.worker_count)).batches:
                 submit(task)
-        with interruptible():
-            finished = executor.finished()
+        with allow_interrupts():
+            finished = executor.wait()
         for number, report, error in finished:
             task = under_way.pop(number)
             if error is not None and not isolated:
@@ -86,7 +86,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):
                 damaged.update(*outcome.lost_inputs.values())
                 pack = NO_PACK if outcome.pack is None else index.add(outcome.pack)
-                for failure in schedule.record(planned, outcome, pack, split=error is None):
+                for failure in schedule.record_outcome(planned, outcome, pack, split=error is None):
                     failures.append(failure[:2])
                     watch.failed(failure)
             for stage, output, shape in report.shapes:

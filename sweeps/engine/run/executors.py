@@ -63,7 +63,7 @@ def open_executor(
         import_jobqueue(choice.kind)
 
     @contextmanager
-    def opened() -> Iterator[Executor]:
+    def start_executor() -> Iterator[Executor]:
         if choice.kind == "inline":
             yield InlineExecutor()
             return
@@ -84,4 +84,4 @@ def open_executor(
             start = getattr(dask_cluster, choice.kind)
             yield stack.enter_context(start(**settings, tasks=tasks, shared=shared, say=say))
 
-    return opened()
+    return start_executor()

@@ -79,7 +79,7 @@ def start_fork_server(modules: Iterable[str]) -> str:
     imported = [] if hasattr(sys, "ps1") else modules
     multiprocessing.set_forkserver_preload([SERVER, "distributed", *imported])
     try:
-        with environment(ENVIRONMENT), interrupts_blocked():
+        with environment(ENVIRONMENT), block_interrupts():
             forkserver.ensure_running()
     except OSError:
         return "spawn"
@@ -87,7 +87,7 @@ def start_fork_server(modules: Iterable[str]) -> str:
 
 
 @contextmanager
-def interrupts_blocked() -> Iterator[None]:
+def block_interrupts() -> Iterator[None]:
     """Let processes that start within this context ignore Ctrl-C and the end of the terminal.
 
     This process receives the signals, and stops its workers without tracebacks.

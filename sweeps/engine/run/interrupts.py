@@ -3,7 +3,7 @@
 No signal is lost, and none interrupts a cleanup: an exception raised at any moment could be
 swallowed by a library, or cut the stopping of workers short. So the handler only notes the signal.
 `Stopped` is raised where the program asks (`raise_if_stopped`), or at any moment of long work that
-needs no cleanup (`interruptible`). This module imports little, because the command imports it
+needs no cleanup (`allow_interrupts`). This module imports little, because the command imports it
 first.
 """
 
@@ -30,7 +30,7 @@ class Stopped(BaseException):
         self.number = number
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """Message for the user."""
         if self.number == signal.SIGINT:
             return "interrupted"
@@ -47,7 +47,7 @@ _state = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
 
 
 @contextmanager
-def signals_deferred() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Defer signals within this context, unless another such context does.
 
     Ignored signals, as under `nohup` or in the background, stay ignored.
@@ -66,7 +66,7 @@ def signals_deferred() -> Iterator[None]:
     # Print no `Stopped` that the interpreter cannot raise.
     sys.unraisablehook = lambda error: issubclass(error.exc_type, Stopped) or hook(error)
     for number in previous:
-        signal.signal(number, _handle)
+        signal.signal(number, _handle_signal)
     try:
         yield
     finally:
@@ -81,7 +81,7 @@ def raise_if_stopped() -> None:
         raise Stopped(_state.number)
 
 
-def unless_stopped(say: Callable[[str], None]) -> Callable[[str], None]:
+def with_signal_check(say: Callable[[str], None]) -> Callable[[str], None]:
     """Return `say` with a check for signals before it."""
 
     def checked_say(sentence: str) -> None:
@@ -92,7 +92,7 @@ def unless_stopped(say: Callable[[str], None]) -> Callable[[str], None]:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
+def allow_interrupts() -> Iterator[None]:
     """Let a signal raise `Stopped` at any moment of this context, including the first."""
     if not _handles_signals():
         yield
@@ -110,7 +110,7 @@ def _handles_signals() -> bool:
     return _state.handled and threading.current_thread() is threading.main_thread()
 
 
-def _handle(number: int, frame: FrameType | None) -> None:
+def _handle_signal(number: int, frame: FrameType | None) -> None:
     if _state.number is None:
         _state.number, _state.at = number, time.monotonic()
         if _state.interruptible:

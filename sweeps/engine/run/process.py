@@ -31,7 +31,7 @@ _unwritten: list[str] = []  # errors of writing to stdout
 
 
 @contextmanager
-def printing() -> Iterator[None]:
+def guarded_stdout() -> Iterator[None]:
     """Print to stdout within this context: ignore a closed pipe, and keep other errors.
 
     `flush_output` returns the first one.
@@ -45,15 +45,15 @@ def printing() -> Iterator[None]:
 
 
 def show(what: Any) -> None:
-    """Print a text or a table of rich to stdout; see `printing`."""
-    with printing():
+    """Print a text or a table of rich to stdout; see `guarded_stdout`."""
+    with guarded_stdout():
         Console(highlight=False, markup=False, soft_wrap=True).print(what)
 
 
 def flush_output() -> str:
     """Flush stdout; return the first error of writing to it, unless its reader has ended."""
     flushed = sys.stdout is None
-    with printing():
+    with guarded_stdout():
         if sys.stdout is not None:
             sys.stdout.flush()
         flushed = True

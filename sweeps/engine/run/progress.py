@@ -32,7 +32,7 @@ MAX_STAGES, MIN_SECONDS = 3, 0.05  # stages whose time the summary lists, and th
 
 
 @contextmanager
-def watching(
+def show_progress(
     name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, *, record: bool = True
 ) -> Iterator[Watch]:
     """Show the progress of a sweep on stderr, in lines that begin with the `name`.
@@ -43,7 +43,7 @@ def watching(
     view = _ProgressView(name, log, store, cache, record)
     with view.live:
         try:
-            yield Watch(view.say, view.step, view.failed)
+            yield Watch(view.say, view.update, view.report_failure)
             view.state["ended"] = "finished"
         finally:
             view.write()
@@ -71,7 +71,7 @@ class _ProgressView:
         else:
             say(self.name, sentence)
 
-    def failed(self, failure: Failure) -> None:
+    def report_failure(self, failure: Failure) -> None:
         self.log.add(failure)
         self.failures += 1
         if self.failures <= NAMED_FAILURES:
@@ -79,7 +79,7 @@ class _ProgressView:
         elif self.failures == NAMED_FAILURES + 1:
             self.say("more failures are counted at the end", "red")
 
-    def step(self, schedule: Schedule) -> None:
+    def update(self, schedule: Schedule) -> None:
         now, self.schedule = time.monotonic(), schedule
         stages = [*schedule.progress.items()]
         work, done = schedule.remaining_seconds(), (progress.seconds for _, progress in stages)
@@ -91,16 +91,16 @@ class _ProgressView:
         started = [
             (name, progress)
             for name, progress in stages
-            if progress.left and progress.done + progress.failed
+            if progress.remaining and progress.done + progress.failed
         ]
         if self.terminal:
             computed = [progress for _, progress in stages if progress.reused < progress.total]
             rows = [*started[:MAX_BARS], ("all", Progress.sum(computed))] if computed else []
-            self.live.update(_bars(rows, remaining))
+            self.live.update(_make_bars(rows, remaining))
         elif now - self.at >= LINE_INTERVAL:
             self.at = now
             parts = [
-                f"{name} {progress.total - progress.left}/{progress.total}"
+                f"{name} {progress.total - progress.remaining}/{progress.total}"
                 for name, progress in started[::-1]
             ]
             self.say(", ".join([*parts, remaining] if remaining else parts) or "finishing")
@@ -128,7 +128,7 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
         stages = [item for item in schedule.progress.items() if item[1].reused < item[1].total]
         work, done = schedule.remaining_seconds(), sum(progress.seconds for _, progress in stages)
         rest = time_left(sum(work.values()), done, time.monotonic() - begun)
-        return _bars(stages, f"about {rest} left" if rest else "")
+        return _make_bars(stages, f"about {rest} left" if rest else "")
 
     if console.is_jupyter:
         from IPython.display import display  # there, if this is a notebook
@@ -150,11 +150,11 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
         yield lambda schedule: None
 
 
-def _bars(rows: Sequence[tuple[str, Progress]], remaining: str) -> Table:
+def _make_bars(rows: Sequence[tuple[str, Progress]], remaining: str) -> Table:
     """Return a bar for each stage, the last one followed by the remaining time."""
     table = Table.grid(padding=(0, 1))
     for number, (name, progress) in enumerate(rows, 1):
-        count = progress.total - progress.left
+        count = progress.total - progress.remaining
         bar = ProgressBar(progress.total, count, width=20)
         table.add_row(
             f"{name:<20}", bar, f"{count}/{progress.total}", remaining * (number == len(rows))

@@ -82,7 +82,7 @@ class CallQueue:
 
     def add(self, ready: Mapping[BoundStage, Cells]) -> None:
         """Add calls for cells of stages, sorted by the in-memory objects that they share."""
-        tables = [self._calls(number, *item) for number, item in enumerate(ready.items())]
+        tables = [self._group_calls(number, *item) for number, item in enumerate(ready.items())]
         width = max(numbers.shape[1] for _, _, numbers, _ in tables)
         stage, lengths, cells = (np.concatenate([table[k] for table in tables]) for k in (0, 1, 3))
         objects = np.full((len(stage), width), -1, np.int32)
@@ -106,7 +106,7 @@ class CallQueue:
         self._split.append((bound, cells))
         self.load[bound] += len(cells)
 
-    def _calls(
+    def _group_calls(
         self, number: int, bound: BoundStage, cells: Cells
     ) -> tuple[Cells, Cells, Cells, Cells]:
         """Return stage, number of cells and in-memory objects of each call, and the cells of all.
@@ -136,7 +136,9 @@ class CallQueue:
                 objects += [*self._object_numbers(source, first[cells]), number[count:][codes]]
         return objects
 
-    def next(self, costs: Mapping[str, float], size: float, together: float) -> Iterator[Call]:
+    def take_task_calls(
+        self, costs: Mapping[str, float], size: float, together: float
+    ) -> Iterator[Call]:
         """Remove and yield calls that take about `size` seconds, by the stages' costs of a cell.
 
         Yields at least one, and up to `together` seconds of calls that share two in-memory objects
@@ -157,7 +159,7 @@ class CallQueue:
             if block:
                 bound, (begin, end) = block.next_calls(1)
                 cells = block.cells[begin:end]
-                self._advance(1)
+                self._drop_calls(1)
             else:
                 bound, cells = self._split.popleft()
             previous = objects[:2]
@@ -174,12 +176,12 @@ class CallQueue:
         offsets = (ends - ends[0])[:-1]
         count = int(np.count_nonzero((offsets * costs[bound.name] < size) & (offsets < most)))
         count = max(count, int(is_first))  # at least one, even if a damaged index has wrong costs
-        self._advance(count)
+        self._drop_calls(count)
         self.load[bound] -= int(ends[count] - ends[0])
         for begin, end in pairwise(ends[: count + 1].tolist()):
             yield bound, block.cells[begin:end]
 
-    def _advance(self, calls: int) -> None:
+    def _drop_calls(self, calls: int) -> None:
         self._ready[0].position += calls
         if not self._ready[0]:
             self._ready.popleft()
@@ -201,7 +203,7 @@ class Progress:
     seconds: float = 0.0
 
     @property
-    def left(self) -> int:
+    def remaining(self) -> int:
         """Number of cells still to be computed."""
         return self.total - self.reused - self.done - self.failed
 
@@ -272,7 +274,7 @@ class Schedule:
         for number, (bound, cells) in enumerate(self._missing.items()):
             maker[self.results[bound][cells]] = number
         stages = [*self._missing]
-        made_by = {bound: self._makers(bound, maker) for bound in stages}
+        made_by = {bound: self._producer_stages(bound, maker) for bound in stages}
         self._needs = {
             bound: [stages[n] for n in numbers if n >= 0] for bound, numbers in made_by.items()
         }
@@ -289,7 +291,7 @@ class Schedule:
         self._calls = CallQueue(plan)
         self._queue_ready()
 
-    def _makers(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
+    def _producer_stages(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
         """Return the numbers of the stages that make the inputs of a stage and of its objects."""
         makers: set[int] = set()
         for source, *_ in self.plan.computed_inputs(bound):
@@ -298,7 +300,7 @@ class Schedule:
                 counts = np.bincount(maker[results[results >= 0]] + 1)
                 makers |= {*(np.flatnonzero(counts) - 1).tolist()}
             else:
-                makers |= self._makers(source, maker)
+                makers |= self._producer_stages(source, maker)
         return makers
 
     def _number_results(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
@@ -336,7 +338,7 @@ class Schedule:
     # stages that become ready ---------------------------------------------------------------
 
     @property
-    def ready(self) -> bool:
+    def has_ready_calls(self) -> bool:
         """Whether there are calls whose inputs are all finished."""
         return bool(self._calls)
 
@@ -349,11 +351,13 @@ class Schedule:
         }:
             for bound in ready:
                 del self._missing[bound]
-            computable = {bound: self._computable(bound, cells) for bound, cells in ready.items()}
+            computable = {
+                bound: self._computable_cells(bound, cells) for bound, cells in ready.items()
+            }
             if calls := {bound: cells for bound, cells in computable.items() if len(cells)}:
                 self._calls.add(calls)
 
-    def _computable(self, bound: BoundStage, cells: Cells) -> Cells:
+    def _computable_cells(self, bound: BoundStage, cells: Cells) -> Cells:
         """Return the cells of a stage whose inputs have not failed.
 
         A result that gathers failed inputs has another key, and may be in the cache.
@@ -361,8 +365,8 @@ class Schedule:
         if not self.failed:
             return cells
         inputs = self.plan.computed_inputs(bound)
-        lost_inputs = {source: self._is_lost(source) for source, *_ in inputs}
-        lost = self._lacks_input(inputs, lost_inputs, cells)
+        lost_inputs = {source: self._lost_cells(source) for source, *_ in inputs}
+        lost = self._cells_lacking_input(inputs, lost_inputs, cells)
         for cell in cells[lost].tolist():
             source, input_cells = next(
                 (source, input_cells)
@@ -383,7 +387,7 @@ class Schedule:
         )
         return np.delete(cells, reused)
 
-    def _lacks_input(
+    def _cells_lacking_input(
         self, inputs: list[InputCells], lost_inputs: Mapping[BoundStage, Flags], cells: Cells
     ) -> Flags:
         """Return flags of the cells that lack an input, or all cells of a gathered input."""
@@ -393,13 +397,13 @@ class Schedule:
             lost |= lost_inputs[source][starts[:, None] + offsets.ravel()].all(axis=1)[codes]
         return lost
 
-    def _is_lost(self, bound: BoundStage) -> Flags:
+    def _lost_cells(self, bound: BoundStage) -> Flags:
         """Return flags of the cells of a stage that failed, or whose objects cannot be made."""
         if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
         inputs = self.plan.computed_inputs(bound)
-        lost_inputs = {source: self._is_lost(source) for source, *_ in inputs}
-        return self._lacks_input(inputs, lost_inputs, self.plan.cells(bound))
+        lost_inputs = {source: self._lost_cells(source) for source, *_ in inputs}
+        return self._cells_lacking_input(inputs, lost_inputs, self.plan.cells(bound))
 
     def _current_keys(self, bound: BoundStage) -> Keys:
         """Return the keys of a stage's cells, given the failed inputs."""
@@ -410,7 +414,7 @@ class Schedule:
         else:
             keys = self.plan.hash_cells(bound, self.plan.cells(bound), self._current_keys)
             self._object_keys[bound] = keys  # its inputs are done
-        keys[self._is_lost(bound)] = FAILED_KEY
+        keys[self._lost_cells(bound)] = FAILED_KEY
         return keys
 
     # batches --------------------------------------------------------------------------------
@@ -424,14 +428,14 @@ class Schedule:
         remaining = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
         size = min(max(remaining / (3 * workers), MIN_SECONDS), MAX_SECONDS)
         together = min(MAX_SHARED_SECONDS, max(remaining / workers / 2, size))
-        task = self._task(self._calls.next(costs, size, together))
+        task = self._make_task(self._calls.take_task_calls(costs, size, together))
         message = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
         LOG.debug(
             message, [planned.bound.name for planned in task.batches], size, remaining, workers
         )
         return task
 
-    def _task(self, calls: Iterable[Call]) -> Task:
+    def _make_task(self, calls: Iterable[Call]) -> Task:
         """Return a task of calls, each with its stage and the cells that it computes."""
         groups: dict[tuple[BoundStage, bytes], list[Cells]] = defaultdict(list)
         order: list[int] = []
@@ -538,7 +542,7 @@ class Schedule:
 
     # outcomes -------------------------------------------------------------------------------
 
-    def record(
+    def record_outcome(
         self, planned: PlannedBatch, outcome: Outcome, pack: int, *, split: bool = True
     ) -> list[Failure]:
         """Record the outcome of calls, and queue the stages that become ready; return failures.
@@ -572,7 +576,7 @@ class Schedule:
     def split_task(self, task: Task) -> list[Task]:
         """Return a task for every call of a task."""
         return [
-            self._task([(planned.bound, planned.cells[begin:end])])
+            self._make_task([(planned.bound, planned.cells[begin:end])])
             for planned in task.batches
             for begin, end in pairwise(planned.batch.begins.tolist())
         ]
@@ -594,7 +598,7 @@ class Schedule:
         totals = {name: self.costs[name] * needed[name].total for name in timed}
         typical = median(totals.values()) if totals else 0.0
         return {
-            name: totals.get(name, typical) * progress.left / progress.total
+            name: totals.get(name, typical) * progress.remaining / progress.total
             for name, progress in needed.items()
         }
 

@@ -33,7 +33,7 @@ from sweeps.engine.declare.failures import (
     one_line,
 )
 from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
-from sweeps.engine.declare.undeclared import FLOAT, Undeclared, split_variables
+from sweeps.engine.declare.undeclared import FLOAT, UndeclaredOutput, split_variables
 from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
 from sweeps.engine.resolve.keys import Keys, cell_rng
 
@@ -54,7 +54,7 @@ class StageSpec:
     keep: float  # number of results in memory, of a stage not kept on disk
 
     @property
-    def call(self) -> Callable[..., Any]:
+    def resolved_function(self) -> Callable[..., Any]:
         """The function."""
         function: Any = self.function or resolve_name(self.import_path)
         return function.function if isinstance(function, Stage) else function
@@ -198,7 +198,7 @@ class _RunningBatch:
 
     def __init__(self, batch: Batch, packs: Objects) -> None:
         self.batch, self.packs = batch, packs
-        self.function, self.working_folder = batch.stage.call, os.getcwd()
+        self.function, self.working_folder = batch.stage.resolved_function, os.getcwd()
         self.begins: list[int] = batch.begins.tolist()
         self.packing = PackWriter()
         self.next = 0
@@ -218,8 +218,8 @@ class _RunningBatch:
         start = time.perf_counter()
         arguments: dict[str, Any] = {}
         try:
-            arguments = _arguments(batch, number, inputs, self.packs)
-            cells = self._computed(number, arguments)
+            arguments = _read_arguments(batch, number, inputs, self.packs)
+            cells = self._call_and_check(number, arguments)
         except DamagedResults as error:
             self.lost_inputs[number] = error.args
             return
@@ -239,13 +239,13 @@ class _RunningBatch:
         for output in stage.fixed_shape:  # a call's cells are of one array
             self.shapes.add((stage.name, output, cells[0][output].shape))
 
-    def _computed(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
+    def _call_and_check(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
         """Return each wanted cell of a call's result."""
         batch, stage = self.batch, self.batch.stage
         try:
             result = self.function(**arguments)
         finally:
-            _return_to(self.working_folder)
+            _restore_folder(self.working_folder)
         arrays = check_result(stage.name, stage.outputs, result, batch.shape)
         if not batch.shape:
             return [arrays]
@@ -265,7 +265,7 @@ class _RunningBatch:
         return Outcome(self.seconds, self.failed, self.lost_inputs, pack)
 
 
-def _return_to(folder: str) -> None:
+def _restore_folder(folder: str) -> None:
     """Change back to the working folder, if a call has left it."""
     with suppress(FileNotFoundError):  # the current folder was deleted
         if os.getcwd() == folder:
@@ -314,7 +314,7 @@ def _prefetch_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[I
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
 
 
-def _arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
+def _read_arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
     """Return the arguments of a call by name; raise `DamagedResults` if one is unreadable."""
     arguments: dict[str, Any] = {}
     for name, source in batch.arguments.items():
@@ -356,7 +356,9 @@ def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
     if latest is not batch or due != number:
         inputs = _prefetch_inputs(batch, packs, number)
     ahead[batch.stage.import_path] = batch, number + 1, inputs
-    objects[key] = new_object = batch.stage.call(**_arguments(batch, number, next(inputs), packs))
+    objects[key] = new_object = batch.stage.resolved_function(
+        **_read_arguments(batch, number, next(inputs), packs)
+    )
     return new_object
 
 
@@ -453,7 +455,7 @@ def check_result(
         with stage, output, returned and allowed values.
     """
     first = outputs[0]
-    if isinstance(first, Undeclared):
+    if isinstance(first, UndeclaredOutput):
         if first.is_number and _is_number(found):  # at once: many functions are quick
             return {first.name: np.array(found, FLOAT)}
         declared, meta = split_variables(first, found)
@@ -486,7 +488,7 @@ def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...
         raise _output_error(stage, output, "None")
     else:
         try:
-            array, masked = _unmasked(values)
+            array, masked = _split_mask(values)
         except ValueError:
             raise _output_error(stage, output, "rows of different lengths", "an array") from None
         if array.dtype != dtype:
@@ -502,7 +504,7 @@ def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...
     return array
 
 
-def _unmasked(values: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def _split_mask(values: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Return an array, or a stack of a list of arrays, with 0 for masked values, and its mask."""
     is_list = isinstance(values, list | tuple)
     if isinstance(values, np.ma.MaskedArray) or (

@@ -109,7 +109,7 @@ class Array:
         return encode_attrs(self.attrs) | extra.get(np.dtype(self.dtype).kind, {})
 
     @property
-    def empty(self) -> Any:
+    def fill_scalar(self) -> Any:
         """Stored value of elements that are not written."""
         if np.dtype(self.dtype).kind == "M":
             return np.int64(NAT)
@@ -120,7 +120,13 @@ class Array:
     def digest(self, region: Region) -> str:
         """Return the hash of all that determines the chunk of a region."""
         sizes = [span.stop - span.start for span in region]
-        layout = (self.stored_dtype.str, self.chunks, self.empty.tobytes().hex(), sizes, ZSTD_LEVEL)
+        layout = (
+            self.stored_dtype.str,
+            self.chunks,
+            self.fill_scalar.tobytes().hex(),
+            sizes,
+            ZSTD_LEVEL,
+        )
         if self.source_bytes is not None:
             content = self.source_bytes(region)
         else:
@@ -139,7 +145,7 @@ class Array:
             return self
         return replace(self, fill=first, remote_read=None)  # no worker has anything to write
 
-    def for_worker(self, region: Region) -> Array:
+    def worker_part(self, region: Region) -> Array:
         """Return the part that another process needs to write the chunk of a region."""
         assert self.remote_read is not None
         read = self.remote_read(region)
@@ -172,7 +178,7 @@ class Group:
     def fold_scalars(self, taken: Collection[str] = ()) -> Group:
         """Return the group with scalar coordinates as attributes, as it is stored.
 
-        The attribute `SCALARS` has the attributes of each one, for `tables.with_scalars`. A
+        The attribute `SCALARS` has the attributes of each one, for `tables.restore_scalars`. A
         coordinate stays an array if its name is `taken`, or an attribute of another value.
         Coordinates that are attributes already come first.
         """
@@ -258,7 +264,7 @@ def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
             "name": "default" if space else "v2",
             "configuration": {"separator": "."},
         },
-        "fill_value": _fill(array.empty),
+        "fill_value": _encode_fill(array.fill_scalar),
         "codecs": [
             serializer,
             {"name": "zstd", "configuration": {"level": ZSTD_LEVEL, "checksum": True}},
@@ -271,10 +277,10 @@ def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
     }
 
 
-def _fill(value: Any) -> Any:
+def _encode_fill(value: Any) -> Any:
     """Return a fill value in the form of zarr's metadata."""
     if value.dtype.kind == "c":
-        return [_fill(value.real), _fill(value.imag)]
+        return [_encode_fill(value.real), _encode_fill(value.imag)]
     if value.dtype.kind != "f":
         return value.item()
     words = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
@@ -284,7 +290,7 @@ def _fill(value: Any) -> Any:
 def encode(array: Array, region: Region) -> bytes | None:
     """Return the bytes of the chunk that covers a region; None if it holds only the fill value."""
     values = np.asarray(array.read(region))
-    chunk = np.full(array.chunks, array.empty, array.stored_dtype)
+    chunk = np.full(array.chunks, array.fill_scalar, array.stored_dtype)
     empty = chunk.tobytes()
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0

@@ -29,7 +29,7 @@ from sweeps.engine.declare.stage import (
     Output,
 )
 from sweeps.engine.declare.storable import DATES
-from sweeps.engine.declare.undeclared import Undeclared, infer_outputs, longest_arrays
+from sweeps.engine.declare.undeclared import UndeclaredOutput, infer_outputs, longest_arrays
 from sweeps.engine.resolve.plan import Axis, Cells, Plan
 from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.run.tasks import iter_results, uneven_error
@@ -96,7 +96,7 @@ class RegionReader:
                 raise uneven_error(self.stage, output.name, array.shape, lengths)
             if output.pad is not None:
                 flat[number] = output.pad
-            corner = map(int.__sub__, _begins(output, arrays), self.own_starts)
+            corner = map(int.__sub__, _start_indices(output, arrays), self.own_starts)
             ends = zip(corner, array.shape, strict=True)
             corner_region: Any = [slice(begin, begin + size) for begin, size in ends]
             flat[(number, *corner_region)] = array
@@ -104,7 +104,7 @@ class RegionReader:
         return flat.reshape((*self.shape, *lengths))[own_index].transpose(self.order)
 
 
-def _begins(output: Output, arrays: Arrays) -> list[int]:
+def _start_indices(output: Output, arrays: Arrays) -> list[int]:
     """Return the index at which a cell begins on each own dimension."""
     return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
 
@@ -183,7 +183,7 @@ class Cube:
         Outputs that are not declared are inferred; only these have such coordinates.
         """
         output = bound.stage.outputs[0] if bound.stage.outputs else None
-        if not isinstance(output, Undeclared):
+        if not isinstance(output, UndeclaredOutput):
             return bound.stage.outputs, {}
         results = np.unique(self.schedule.results[bound])
         locations = self.schedule.locations[results[self.schedule.locations.present[results]]]
@@ -308,7 +308,7 @@ class Cube:
                 if output.name not in arrays:
                     continue
                 shape = arrays[output.name].shape
-                begins = _begins(output, arrays)
+                begins = _start_indices(output, arrays)
                 for dim, begin, size in zip(output.dims, begins, shape, strict=True):
                     low, high = ends.get((dim, dim in origin), (begin, begin))
                     ends[dim, dim in origin] = min(low, begin), max(high, begin + size)
@@ -407,10 +407,12 @@ class Cube:
                 arrays |= axis_coordinates(self.plan.axes[number], names[number])
             attrs = {"units": "1", "long_name": label, **FLAGS}
             dims = tuple(names[number] for number in over)
-            arrays[name] = Array.from_values(dims, self._worst(bounds, over), attrs, MISSING)
+            arrays[name] = Array.from_values(dims, self._worst_state(bounds, over), attrs, MISSING)
         return arrays
 
-    def _worst(self, bounds: Sequence[BoundStage], numbers: Sequence[int]) -> NDArray[np.int8]:
+    def _worst_state(
+        self, bounds: Sequence[BoundStage], numbers: Sequence[int]
+    ) -> NDArray[np.int8]:
         """Return the worst state of some stages along axes."""
         plan = self.plan
         worst = np.full([len(plan.axes[number].points) for number in numbers], DONE, dtype=np.int8)

@@ -54,7 +54,7 @@ def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
             f"store is {str(path)!r}, but nothing can be locked in {str(parent)!r}: "
             f"{error.strerror}"
         ) from error
-    except _HeldError as holder:
+    except _LockHeldError as holder:
         raise ConfigurationError(
             f"store is {str(path)!r}, which is being written by {holder}; "
             "wait until it ends or give another path"
@@ -76,7 +76,7 @@ def is_locked(path: PathOrUrl) -> bool:
         return False
     try:
         _, release = _lock_file(parent, name)
-    except (OSError, _HeldError):
+    except (OSError, _LockHeldError):
         return True
     release()
     return False
@@ -88,7 +88,7 @@ def _lock_path(path: PathOrUrl) -> tuple[PathOrUrl, str]:
     return parent, f".{name}.lock"
 
 
-class _HeldError(Exception):
+class _LockHeldError(Exception):
     """Another process or thread holds a lock; the message names it."""
 
     def __init__(self, owner: bytes) -> None:
@@ -96,7 +96,7 @@ class _HeldError(Exception):
         super().__init__(text if OWNER.fullmatch(text) else "another process")
 
 
-def _owner() -> str:
+def _owner_text() -> str:
     now = datetime.now(UTC).isoformat(timespec="seconds")
     return f"process {os.getpid()} on {socket.gethostname()} since {now}"
 
@@ -116,8 +116,8 @@ def _lock_file(folder: Path, name: str) -> Lock:
         owner = b""
         with suppress(FileNotFoundError):  # it has just been released
             owner = path.read_bytes()
-        raise _HeldError(owner) from None
-    path.write_text(_owner())
+        raise _LockHeldError(owner) from None
+    path.write_text(_owner_text())
 
     def release() -> None:
         path.unlink(missing_ok=True)  # a process that has just opened it makes another
@@ -129,7 +129,7 @@ def _lock_file(folder: Path, name: str) -> Lock:
 def _lock_object(parent: PathOrUrl, name: str) -> Lock:
     """Make a lock object that `check` renews, or take over one whose lease has ended."""
     objects, token, mutex = Objects(parent), uuid.uuid4().hex, threading.Lock()
-    owner, turns, current, since = _owner(), count(), None, 0.0
+    owner, turns, current, since = _owner_text(), count(), None, 0.0
 
     def content() -> bytes:
         return f"{owner}\n{token} {next(turns)}".encode()  # differs each time
@@ -137,14 +137,14 @@ def _lock_object(parent: PathOrUrl, name: str) -> Lock:
     while True:
         previous, current = current, objects.get_versioned(name)
         if current and previous and current != previous:
-            raise _HeldError(current[0])
+            raise _LockHeldError(current[0])
         if previous is None:
             since = time.monotonic()  # not before the answer, which may have taken longer
         if current is None or time.monotonic() - since > LEASE:
             version = objects.put_if(name, content(), current and current[1])
             if version:
                 break
-            raise _HeldError(current[0] if current else b"")
+            raise _LockHeldError(current[0] if current else b"")
         time.sleep(POLL_INTERVAL)
 
     def check() -> None:

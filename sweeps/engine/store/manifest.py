@@ -42,7 +42,7 @@ class Manifest:
         objects.put(MANIFEST, seal(document))
 
     @property
-    def known(self) -> set[str]:
+    def object_names(self) -> set[str]:
         """Names of all objects that sweeps wrote."""
         return {MANIFEST, *self.files, *self.coming, *self.before}
 
@@ -64,12 +64,12 @@ def read_manifest(path: PathOrUrl) -> Manifest | None:
     try:
         return Manifest(**unseal(content))
     except (ValueError, TypeError) as error:
-        raise _unreadable(path) from error
+        raise _unreadable_error(path) from error
 
 
 def refuse_foreign(path: PathOrUrl, found: Iterable[str], manifest: Manifest | None) -> None:
     """Refuse a folder with objects that no sweep wrote, or without a manifest."""
-    if not (foreign := sorted({*found} - (manifest or Manifest()).known)):
+    if not (foreign := sorted({*found} - (manifest or Manifest()).object_names)):
         return
     more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
     reason = f"which contains {foreign[0]!r}{more}, not part of the store; move it"
@@ -82,11 +82,11 @@ def require_manifest(path: PathOrUrl) -> Manifest:
     """Return the manifest of a store; ConfigurationError if it is missing or damaged."""
     manifest = read_manifest(path)
     if manifest is None:
-        raise _unreadable(path)
+        raise _unreadable_error(path)
     return manifest
 
 
-def _unreadable(path: PathOrUrl) -> ConfigurationError:
+def _unreadable_error(path: PathOrUrl) -> ConfigurationError:
     return ConfigurationError(
         f"store is {str(path)!r}, whose {MANIFEST} cannot be read; "
         "give another path, or remove it if it is a damaged store"
@@ -101,7 +101,7 @@ def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
     OSError where the path fails, and ConfigurationError without a manifest.
     """
     manifest, sizes = require_manifest(path), Objects(path).sizes()
-    inside, known = tuple(f"{group}/" for group in groups or ()), manifest.known
+    inside, known = tuple(f"{group}/" for group in groups or ()), manifest.object_names
     return sorted(
         name
         for name in {*manifest.files, *manifest.before, *sizes}

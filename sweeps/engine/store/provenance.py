@@ -53,7 +53,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "configuration": nested(
             {s.key: as_input(s, choices[s]) for s in _result_settings(experiment)}
         ),
-        "version": " ".join([experiment.name, *_version(experiment.name)]),
+        "version": " ".join([experiment.name, *_installed_version(experiment.name)]),
         "seed": as_input(Run.seed, choices[Run.seed]),
         "versions": versions(plan),
         "code": dict(sorted(plan.code.items())),
@@ -61,7 +61,7 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "shown": _display_digest(plan),
         "cells": {bound.name: plan.fingerprint(bound) for bound in plan.targets},
         "axes": [key for keys in plan.axis_lengths for key in keys.split("+")],
-        "swept": [setting.name for setting in plan.asked],
+        "swept": [setting.name for setting in plan.varied_settings],
         **experiment.attributes(choices),
     }
     if choices.joint:
@@ -136,13 +136,13 @@ def _display_digest(plan: Plan) -> str:
     ]
     stages = [(bound.stage.outputs, bound.stage.group.status) for bound in plan.targets]
     tables = [
-        (table.group, table.of, _code_of(table.make, plan), *map(repr, table.displays))
+        (table.group, table.of, _code_digest(table.make, plan), *map(repr, table.displays))
         for table in experiment.tables
     ]
     return digest(repr([settings, stages, tables]))
 
 
-def _code_of(function: Callable[..., Any], plan: Plan) -> str:
+def _code_digest(function: Callable[..., Any], plan: Plan) -> str:
     """Return the digest of a table's function; empty if it cannot be hashed."""
     try:
         return plan.source_code.digest(function).digest
@@ -157,7 +157,7 @@ def _result_settings(experiment: Experiment) -> tuple[Setting, ...]:
 
 def versions(plan: Plan) -> dict[str, str]:
     """Return versions of the distributions that results depend on, and of Python."""
-    libraries = {name: release for name in ENGINE_LIBRARIES for release in _version(name)}
+    libraries = {name: release for name in ENGINE_LIBRARIES for release in _installed_version(name)}
     for code in plan.digests.values():
         libraries |= code.libraries
     return {
@@ -166,7 +166,7 @@ def versions(plan: Plan) -> dict[str, str]:
     }
 
 
-def _version(name: str) -> list[str]:
+def _installed_version(name: str) -> list[str]:
     """Return the version of a distribution; nothing if it is not installed."""
     try:
         return [version(name)]

@@ -55,7 +55,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
                     kind = type(dataset).__name__
                     problem = f"its function returned a {kind}"
                     raise TypeError(f"{problem}, but must return a data set or None")
-                if dataset is None and not _returns(table.make):
+                if dataset is None and not _returns_value(table.make):
                     sentence = "its function has no return, but must return a data set or None"
                     raise TypeError(locate(table.make, sentence))
                 if dataset is not None:
@@ -73,7 +73,7 @@ def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
     return list(failed.values())
 
 
-def _returns(function: Callable[..., Any]) -> bool:
+def _returns_value(function: Callable[..., Any]) -> bool:
     """Return whether a function returns a value anywhere; True if its source is unknown."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
@@ -128,7 +128,7 @@ def to_dataset(group: Group) -> xr.Dataset:
     return xr.decode_cf(xr.Dataset(variables, attrs=group.attributes))
 
 
-def with_scalars(dataset: xr.Dataset) -> xr.Dataset:
+def restore_scalars(dataset: xr.Dataset) -> xr.Dataset:
     """Return a group of a store, with scalar coordinates restored from its attributes."""
     attrs = dict(dataset.attrs)
     attrs_by_name = decode_attrs({SCALARS: attrs.pop(SCALARS, "{}")})[SCALARS]

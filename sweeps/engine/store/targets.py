@@ -36,7 +36,7 @@ def check_store_path(path: PathOrUrl) -> None:
     try:
         sizes = Objects(resolved).sizes()
     except OSError as error:
-        raise _invalid("store", resolved, f"which cannot be read: {error.strerror}") from error
+        raise _path_error("store", resolved, f"which cannot be read: {error.strerror}") from error
     if sizes:
         refuse_foreign(path, sizes, read_manifest(resolved))
 
@@ -50,7 +50,7 @@ def check_cache_path(path: PathOrUrl) -> None:
     for folder in (resolved, join(resolved, CELLS_FOLDER)):
         if isinstance(folder, Path) and not is_private(folder):
             reason = f"but others own {str(folder)!r} or may write there; a cache must be private"
-            raise _invalid("cache", path, f"{reason}: chmod go-w, or give another folder")
+            raise _path_error("cache", path, f"{reason}: chmod go-w, or give another folder")
 
 
 def check_targets(
@@ -72,17 +72,17 @@ def check_targets(
         for report in beside(path_beside(path)):
             if resolve_path(report) in stores_by_path or is_store(report):
                 reason = f"whose report would be written into the store {str(report)!r}"
-                raise _invalid("store", path, f"{reason}; give another path")
+                raise _path_error("store", path, f"{reason}; give another path")
             if (other := reports.setdefault(report, path)) != path:
                 reason = f"whose report would replace that of {str(other)!r}"
-                raise _invalid("store", path, f"{reason}; give another name")
+                raise _path_error("store", path, f"{reason}; give another name")
     for key, path in (("cache", cache), *(("store", path) for path in stores_by_path.values())):
         resolved = resolve_path(path)
         outside = [resolved, *ancestors(resolved)][key == "store" :]
         if store := next(
             (stores_by_path[ancestor] for ancestor in outside if ancestor in stores_by_path), None
         ):
-            raise _invalid(key, path, f"but must not be in the store {str(store)!r}")
+            raise _path_error(key, path, f"but must not be in the store {str(store)!r}")
 
 
 def is_store(path: PathOrUrl) -> bool:
@@ -92,7 +92,7 @@ def is_store(path: PathOrUrl) -> bool:
     return False
 
 
-def _invalid(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
+def _path_error(key: str, path: PathOrUrl, reason: str) -> ConfigurationError:
     return ConfigurationError(f"{key} is {str(path)!r}, {reason}")
 
 
@@ -104,7 +104,7 @@ def _resolve_checked(key: str, value: PathOrUrl, *, inside: bool) -> PathOrUrl:
     path = path_or_url(key, value)
     resolved = _resolve_folder(key, value, path, inside=inside) if isinstance(path, Path) else path
     if store := next(filter(is_store, [resolved, *ancestors(resolved)][inside:]), None):
-        raise _invalid(key, value, f"but must not be in the store {str(store)!r}")
+        raise _path_error(key, value, f"but must not be in the store {str(store)!r}")
     return resolved
 
 
@@ -120,20 +120,20 @@ def _resolve_folder(key: str, value: PathOrUrl, path: Path, *, inside: bool) -> 
             )
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise _invalid(key, value, f"which cannot be used: {reason}") from error
+        raise _path_error(key, value, f"which cannot be used: {reason}") from error
     for link in (path, *path.parents):
         if link.is_symlink() and not link.exists():
-            raise _invalid(key, value, f"but {str(link)!r} is a dangling symlink")
+            raise _path_error(key, value, f"but {str(link)!r} is a dangling symlink")
     if not str(value) or not resolved.name:
-        raise _invalid(key, value, "but must be the name of a folder")
+        raise _path_error(key, value, "but must be the name of a folder")
     nearest = next(folder for folder in (resolved, *resolved.parents) if folder.exists())
     if not nearest.is_dir():
-        raise _invalid(key, value, f"but {str(nearest)!r} is not a folder")
+        raise _path_error(key, value, f"but {str(nearest)!r} is not a folder")
     if inside and nearest == resolved:
         nearest = resolved.parent
     try:
         tempfile.TemporaryFile(dir=nearest).close()
     except OSError as error:
         reason = f"but nothing can be written in {str(nearest)!r}: {error.strerror}"
-        raise _invalid(key, value, reason) from error
+        raise _path_error(key, value, reason) from error
     return resolved

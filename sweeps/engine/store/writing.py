@@ -25,7 +25,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.run.cluster import Executor
-from sweeps.engine.run.interrupts import Stopped, interruptible, raise_if_stopped
+from sweeps.engine.run.interrupts import Stopped, allow_interrupts, raise_if_stopped
 from sweeps.engine.store.arrays import (
     KEY_PREFIXES,
     METADATA,
@@ -95,7 +95,7 @@ def write_store(
             chunk_sizes = dict(unchanged)
             if writers is not None:
                 chunk_sizes |= _write_remotely(objects, new_chunks, writers)
-            with interruptible():
+            with allow_interrupts():
                 chunk_sizes |= _write_chunks(
                     objects, [chunk for chunk in new_chunks if chunk.name not in chunk_sizes]
                 )
@@ -255,19 +255,19 @@ def _write_remotely(
             raise_if_stopped()
             for number, batch in islice(batches, 2 * writers.worker_count - under_way):
                 sent = [
-                    (chunk.name, chunk.array.for_worker(chunk.region), chunk.region)
+                    (chunk.name, chunk.array.worker_part(chunk.region), chunk.region)
                     for chunk in batch
                 ]
                 writers.submit(number, write_chunks, objects, sent)
                 under_way += 1
             if not under_way:
                 return files
-            for _, chunk_sizes, _ in writers.finished():
+            for _, chunk_sizes, _ in writers.wait():
                 under_way -= 1
                 files |= chunk_sizes or {}
     except Stopped:
         while under_way:  # so that nothing is written after the roll-back
-            under_way -= len(writers.finished())
+            under_way -= len(writers.wait())
         raise
 
 

@@ -8,20 +8,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.changes import sentences as changes
+from sweeps.report.changes import change_sentences as changes
 from sweeps.report.changes import settings_sentence, settings_that_differ
 from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
-from sweeps.report.confusion import confusion_of, read_predictions
+from sweeps.report.confusion import confusion_frame, read_predictions
 from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.headline import accuracy, headline, headline_for_script
-from sweeps.report.page.provenance import flat, status_of, swept, written
+from sweeps.report.headline import accuracy_sentences, headline, headline_for_script
+from sweeps.report.page.provenance import iter_settings, status_of, swept_settings, yaml_text
 from sweeps.report.pictures import CONFUSED, pictures_of, ships_of
-from sweeps.report.pivot import at_main, laid_out
+from sweeps.report.pivot import lay_out, select_main
 from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, opened
-from sweeps.report.words import missing, preferred, printable
+from sweeps.report.words import is_missing, preferred_value, printable_text
 from sweeps.report.work import NAME as WORK
 
 MOST = 4_000  # rows of a table; the CSV file has all
@@ -29,38 +29,38 @@ CHARTED = 32_000  # rows of a table that its charts have
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
-def content_of(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any]:
+def store_content(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any]:
     """Return the content of a store's page from its tables; OSError if it cannot be read."""
     store = opened(path)
     attrs = attributes(store)
     predictions = read_predictions(store)
-    work, matrix = frames.get(WORK), confusion_of(predictions, frames)
+    work, matrix = frames.get(WORK), confusion_frame(predictions, frames)
     tables = {name: frame for name, frame in frames.items() if name != WORK}
     sentences = headline(tables, attrs)
     axes, main_table = list(attrs.get("swept", ())), next(iter(tables.values()))
     if matrix is not None:
         tables = {main_table.name: main_table, CONFUSION: matrix, **tables}
-    settings = list(flat(attrs.get("configuration", {})))
+    settings = list(iter_settings(attrs.get("configuration", {})))
     drawn = pictures_of(path, store, predictions)
-    charts = charted(tables, axes, path_beside(path).name)
+    charts = chart_content(tables, axes, path_beside(path).name)
     charts["data"]["headline"] = headline_for_script(tables, attrs, CHARTED)
     return {
         "store": path_beside(path).name,
         "about": attrs,
         "headline": sentences,
-        "accuracy": accuracy(store),
+        "accuracy": accuracy_sentences(store),
         "status": status_of(store, work),
-        "settings": [(key, written(value)) for key, value in settings],
-        "swept": swept(store, settings),
+        "settings": [(key, yaml_text(value)) for key, value in settings],
+        "swept": swept_settings(store, settings),
         "confused": drawn.pop(CONFUSED, None),
         "pictures": drawn,
         "ships": ships_of(store),
-        "work": None if work is None else laid_out(work),
+        "work": None if work is None else lay_out(work),
         **charts,
     }
 
 
-def content_of_comparison(compared: Comparison) -> dict[str, Any]:
+def comparison_content(compared: Comparison) -> dict[str, Any]:
     """Return the content of the page of a comparison; OSError if a store cannot be read."""
     stores = [opened(path) for path in compared.paths]
     states = zip(compared.names, map(status_of, stores), strict=True)
@@ -77,11 +77,11 @@ def content_of_comparison(compared: Comparison) -> dict[str, Any]:
         "settings": settings_that_differ(compared),
         "pictures": {},
         "ships": [],
-        **charted(compared.frames, axes, title),
+        **chart_content(compared.frames, axes, title),
     }
 
 
-def charted(
+def chart_content(
     frames: Mapping[str, Frame],
     swept: Sequence[str],
     store: str,
@@ -153,17 +153,17 @@ def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
     for name, column in columns.items():
         if all(isinstance(value, int | float) for value in values[name]):
             values[name].sort()
-        first = preferred(column.axis, values[name])
-        options = [(json.dumps(_for_json(v)), column.text(v), v == first) for v in values[name]]
+        first = preferred_value(column.axis, values[name])
+        options = [(json.dumps(_json_value(v)), column.text(v), v == first) for v in values[name]]
         selectors.append({"name": name, "column": column, "options": options})
     return selectors
 
 
 def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]:
     """Return a table of the page: all rows, with those of the first selection visible."""
-    chosen = set(at_main(frame, [*curves_of(frame), against]).rows.index)
+    chosen = set(select_main(frame, [*curves_of(frame), against]).rows.index)
     order = [frame.columns[name].axis for name in (against,) if name in frame.columns]
-    table = laid_out(frame, [*order, *swept])
+    table = lay_out(frame, [*order, *swept])
     lines = []
     for line in table.lines[:MOST]:
         labels = [cell.row for cell in line.cells if cell.row is not None]
@@ -187,10 +187,10 @@ def data_of(frame: Frame) -> dict[str, Any]:
     along.sort(key=lambda name: (name == frame.across, -frame.rows[name].nunique()))
     return {
         "rows": {
-            name: [_for_json(value) for value in rows[name].tolist()] for name in (*columns, PART)
+            name: [_json_value(value) for value in rows[name].tolist()] for name in (*columns, PART)
         },
         "labels": rows.index.tolist(),
-        "axes": frame.of_role("axis"),
+        "axes": frame.columns_of_role("axis"),
         "series": curves,
         "colour": next(iter(frame.down), ""),
         "words": {
@@ -218,14 +218,14 @@ def data_of(frame: Frame) -> dict[str, Any]:
     }
 
 
-def _for_json(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """Return a value of a frame for JSON, with control characters escaped."""
-    if missing(value) or (isinstance(value, float) and not math.isfinite(value)):
+    if is_missing(value) or (isinstance(value, float) and not math.isfinite(value)):
         return None
-    return printable(value) if isinstance(value, str) else value
+    return printable_text(value) if isinstance(value, str) else value
 
 
 def _words_of(frame: Frame, name: str) -> dict[str, str]:
     """Return the words of the values of an axis, by value."""
     words = frame.columns[name].text
-    return {printable(str(value)): words(value) for value in values_of(frame.rows, name)}
+    return {printable_text(str(value)): words(value) for value in values_of(frame.rows, name)}

@@ -12,8 +12,8 @@ import zarr
 
 from sweeps.engine.declare.stage import STATUS
 from sweeps.report.frames import Frame
-from sweeps.report.stores import attributes, failed_cells, groups, read
-from sweeps.report.words import printable, shown, unit_of
+from sweeps.report.stores import attributes, failed_cells, list_groups, read_group
+from sweeps.report.words import printable_text, unit_of, value_text
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
 STATES = (1, 0, -1)  # of a cell: done, failed, missing
@@ -60,24 +60,26 @@ class Status:
 def status_of(store: Any, work: Frame | None = None) -> Status:
     """Return the states of a store's cells, counted by its last sweep's `work` if known."""
     parts = {}
-    for name, array in read(store, STATUS).data_vars.items() if STATUS in groups(store) else ():
+    for name, array in (
+        read_group(store, STATUS).data_vars.items() if STATUS in list_groups(store) else ()
+    ):
         counts = tuple(int((array.values == state).sum()) for state in STATES)
-        parts[printable(str(name).replace("_", " "))] = counts
+        parts[printable_text(str(name).replace("_", " "))] = counts
     rows = work.rows if work is not None else pd.DataFrame(columns=["done", "reused", "failed"])
     done, reused, failed = (int(rows[name].sum()) for name in ("done", "reused", "failed"))
     return Status(parts, failed_cells(store), (done + reused, failed))
 
 
-def flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+def iter_settings(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     """Yield every setting of a configuration by its key."""
     for key, value in tree.items():
         if isinstance(value, Mapping) and value:
-            yield from flat(value, f"{above}{key}.")
+            yield from iter_settings(value, f"{above}{key}.")
         else:
             yield f"{above}{key}", value
 
 
-def swept(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, str]]:
+def swept_settings(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, str]]:
     """Return key and values of the settings that are axes or that choose between stages."""
     axes = attributes(store).get("axes", ())
     units = {
@@ -86,22 +88,22 @@ def swept(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tuple[str, st
         if isinstance(array, zarr.Array)
     }
     return [
-        (key, in_words(value, units.get(key.rpartition(".")[2], "")))
+        (key, values_in_words(value, units.get(key.rpartition(".")[2], "")))
         for key, value in settings
         if isinstance(value, list) and len(value) > 1
         if key in axes or key.rpartition(".")[2] in CHOICES
     ]
 
 
-def in_words(values: list[Any], unit: str) -> str:
+def values_in_words(values: list[Any], unit: str) -> str:
     """Return values in words; of many numbers, the ends."""
     numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
     if len(values) > VALUES and len(numbers) == len(values):
-        ends = f"{shown(min(numbers))} to {shown(max(numbers))} {unit}".strip()
+        ends = f"{value_text(min(numbers))} to {value_text(max(numbers))} {unit}".strip()
         return f"{ends}, {len(values)} values"
-    return f"{', '.join(map(shown, values))} {unit}".strip()
+    return f"{', '.join(map(value_text, values))} {unit}".strip()
 
 
-def written(value: Any) -> str:
+def yaml_text(value: Any) -> str:
     """Return a value of the configuration as YAML, on one line."""
-    return printable(json.dumps(value, ensure_ascii=False))
+    return printable_text(json.dumps(value, ensure_ascii=False))

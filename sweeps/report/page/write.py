@@ -16,9 +16,9 @@ from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 from sweeps.report import explain
 from sweeps.report.frames import Frame
-from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, sealed, write_whole
+from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, seal_page, write_atomically
 from sweeps.report.places import page_file
-from sweeps.report.words import printable
+from sweeps.report.words import printable_text
 
 if TYPE_CHECKING:
     from sweeps.report.compare import Comparison
@@ -37,10 +37,10 @@ def write_page(path: Path, make: Callable[[], str]) -> list[Path]:
     """
     if not is_free(path):  # found before drawing
         return [path]
-    content = sealed(make())
+    content = seal_page(make())
     if not is_free(path):
         return [path]
-    write_whole(path, content)
+    write_atomically(path, content)
     return []
 
 
@@ -56,10 +56,10 @@ def is_current(store: PathOrUrl) -> bool:
 def _stamp(*stores: PathOrUrl) -> str:
     """Return a digest of stores' attributes, of the version and of the report's sources."""
     attributes = b"".join(Objects(store).get(METADATA) or b"" for store in stores)
-    return hashlib.sha256(_code().encode() + attributes).hexdigest()[:32]
+    return hashlib.sha256(_code_digest().encode() + attributes).hexdigest()[:32]
 
 
-def _code() -> str:
+def _code_digest() -> str:
     """Return a digest of the code that writes a page."""
     digest = hashlib.sha256()
     with suppress(PackageNotFoundError):
@@ -70,33 +70,33 @@ def _code() -> str:
     return digest.hexdigest()
 
 
-def page_of(path: PathOrUrl, frames: Mapping[str, Frame]) -> str:
+def store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> str:
     """Return the page of a store with its tables, not yet sealed."""
     # Imported here, since a page that is current needs none of it.
-    from sweeps.report.page.content import content_of
+    from sweeps.report.page.content import store_content
 
-    return rendered("page.html", content_of(path, frames), _stamp(path))
+    return render_template("page.html", store_content(path, frames), _stamp(path))
 
 
 def comparison_page(compared: Comparison) -> str:
     """Return the page of a comparison, not yet sealed."""
-    from sweeps.report.page.content import content_of_comparison
+    from sweeps.report.page.content import comparison_content
 
-    return rendered("page.html", content_of_comparison(compared), _stamp(*compared.paths))
+    return render_template("page.html", comparison_content(compared), _stamp(*compared.paths))
 
 
-def rendered(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
+def render_template(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
     """Return the HTML of some content, which is escaped; templates are not."""
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
-    def visible(value: Any) -> Any:
+    def escape_value(value: Any) -> Any:
         """Return the value of an expression, with control characters of texts escaped."""
         if isinstance(value, str) and not isinstance(value, Markup):
-            return printable(value)
+            return printable_text(value)
         return value
 
-    def explained(heading: str) -> str:
+    def heading_meanings(heading: str) -> str:
         """Return the glossary's meanings of the words of a heading."""
         words = heading.partition(" [")[0].split(", ")
         return "\n".join(filter(None, (explain.meaning(word) for word in words)))
@@ -104,11 +104,11 @@ def rendered(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
-        finalize=visible,
+        finalize=escape_value,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["explained"] = explained
+    environment.filters["explained"] = heading_meanings
     style, *scripts = (
         (TEMPLATES / name).read_text(encoding="utf-8")
         for name in ("page.css", "vega.js", "charts.js", "headline.js", "page.js")
@@ -120,11 +120,11 @@ def rendered(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
         digest=UNKNOWN,
         style=Markup(style),
         scripts=list(map(Markup, scripts)),
-        policy=_policy([style], scripts),
+        policy=_security_policy([style], scripts),
     )
 
 
-def _policy(styles: list[str], scripts: list[str]) -> str:
+def _security_policy(styles: list[str], scripts: list[str]) -> str:
     """Return a content security policy that allows these styles, scripts and embedded pictures."""
 
     def digests(texts: list[str]) -> str:
