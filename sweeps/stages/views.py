@@ -405,7 +405,7 @@ def check(choices: Choices) -> Choices:
 
 def _build_many(ships: Sequence[str]) -> None:
     """Build ships on all processors if there are many; a few are built while workers import."""
-    folder = _built()
+    folder = _built_folder()
     missing = [ship for ship in ships if not is_built(ship, cache=folder)]
     if len(missing) > FEW_SHIPS:
         LOG.warning("building %d ships (once)", len(missing))
