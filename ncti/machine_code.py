@@ -5,12 +5,17 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from platformdirs import user_cache_path
+
+from ncti.processors import processor_count
 
 
 @cache
@@ -72,6 +77,31 @@ class Loops:
         of numba, the loops are compiled when they are first called.
         """
         return bool(folder()) and not all(_is_compiled(*name.rsplit(".", 2)) for name in self.names)
+
+
+@contextmanager
+def compiling_ahead(*loops: Loops) -> Iterator[None]:
+    """Compile missing loops in another process while this context computes, which then waits.
+
+    A loop that the context calls before its machine code is there is compiled here, too. On one
+    processor, nothing is compiled ahead.
+    """
+    calls = [part.call for part in loops if processor_count() > 1 and part.are_missing()]
+    lines = [f"from {call.__module__} import {call.__qualname__} as call; call()" for call in calls]
+    process = None
+    if lines:
+        with suppress(OSError):  # the loops are compiled when they are called
+            quiet = subprocess.DEVNULL
+            command = [sys.executable, "-c", "\n".join(lines)]
+            process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)
+    try:
+        yield
+        if process:
+            process.wait()
+    finally:
+        if process:
+            process.kill()
+            process.wait()
 
 
 def _is_compiled(*names: str) -> bool:

@@ -40,6 +40,17 @@ def _draw_lines() -> None:
     refined(_BOX, line_image(_BOX, **_VIEW)).bin(side=1.0)
 
 
+def _bin_pieces() -> None:
+    from ncti.render.lines import LineImage
+
+    number, piece = np.zeros(1, np.int32), np.array([[0.0, 1.0, 0.0, 0.0]])
+    normal = np.array([[1.0, 0.0, 0.0]])
+    LineImage(number, piece, number, normal, 1.0, 0.5, **_VIEW, roll=0.0).bin(side=1.0)
+
+
+PIECES = Loops("range extents of lines", ("render.pieces.bin_pieces",), _bin_pieces)
+
+
 def _draw_mask() -> None:
     from ncti.render.mask import ship_mask
 

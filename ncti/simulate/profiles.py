@@ -17,11 +17,14 @@ from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import RangeExtent, bins_of
 from ncti.ladar.frames import averaged_frames
+from ncti.ladar.loops import FRAMES
 from ncti.ladar.pulse import noise_floor, shortest_pulse
 from ncti.ladar.tolerance import extent_within
 from ncti.ladar.window import check_window
+from ncti.machine_code import compiling_ahead
 from ncti.render.far_field import reach_of
 from ncti.render.flight import DEPRESSION
+from ncti.render.loops import PIECES
 from ncti.render.surfaces import Surfaces
 from ncti.render.view import View
 from ncti.simulate.subject import (
@@ -160,20 +163,17 @@ def range_profile(
     signal = Signal(pulse_width, ratio, target_free_ifovs)
     _check_binning(beam, pulse_width)
     generator(rng, aspect=0.0)
-    mesh = mesh_of(ship)
-    views = [
-        View.checked(
-            aspect=bearing, depression=depression, roll=roll_at(bearing), slant_range=slant_range
-        )
-        for bearing in aspects
-    ]
-    _check_fits(mesh, views, beam, pulse_width)
-    options: dict[str, Any] = {
-        "tolerance": accuracy,
-        "pulse_width": pulse_width,
-        "spacing": SPACING,
-    }
-    extents = [extent_within(mesh, view, beam=beam, **options) for view in views]
+    with compiling_ahead(PIECES, FRAMES):
+        mesh = mesh_of(ship)
+        sight: dict[str, Any] = {"depression": depression, "slant_range": slant_range}
+        views = [View.checked(aspect=a, roll=roll_at(a), **sight) for a in aspects]
+        _check_fits(mesh, views, beam, pulse_width)
+        options: dict[str, Any] = {
+            "tolerance": accuracy,
+            "pulse_width": pulse_width,
+            "spacing": SPACING,
+        }
+        extents = [extent_within(mesh, view, beam=beam, **options) for view in views]
     averaged, expected = zip(
         *(
             _above_floor(extent, frames, generator(rng, aspect=bearing), signal)
