@@ -28,7 +28,7 @@ from ncti.data.splits import (
     TRAINING_ROWS,
     UNKNOWN,
     rows_of,
-    trained_as,
+    same_training_split,
 )
 from ncti.data.vectors import to_numpy
 from ncti.features import profile_vector
@@ -116,7 +116,7 @@ TESTS = Group(f"{SENSOR}/tests", looks(SENSOR), USED, DIMS)
 @plain(uses=(Benchmark,))
 def learned_split(split: str) -> str:
     """Return the first split with the same training, so that equal ones are learned once."""
-    return trained_as(split)
+    return same_training_split(split)
 
 
 @plain()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ncti import features
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
-from ncti.evaluate.answers import with_bins
+from ncti.evaluate.answers import add_bin_attribute
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.map_vector import INNER_RADIUS, INTERPOLATION
 from ncti.features.map_vector import map_cells as cells
@@ -423,7 +423,7 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
         "probability": (mean, "mean probability that some pixel of the ship passes the threshold"),
         "lowest": (least, "least probability of a view"),
     }
-    return with_bins(data_set(columns), images.aspect)
+    return add_bin_attribute(data_set(columns), images.aspect)
 
 
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
