@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.data.views import draw_view_lines, drawing_range
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import power_ratio
 from ncti.ladar.expected import expected_profile
@@ -77,10 +77,10 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
     coords["down_range"] = rows.down_range
     return xr.Dataset(
         {
-            "mean": labelled(
+            "mean": labelled_array(
                 ("view", "place", "down_range"), np.array(means), "1", "mean of a frame"
             ),
-            "covariance": labelled(
+            "covariance": labelled_array(
                 ("view", "lag", "down_range"), covariance, "1", "covariance of bins a lag apart"
             ),
         },

@@ -30,7 +30,7 @@ from ncti.data.views import (
 from ncti.features.map_vector import map_cells
 from ncti.infrared import IFOV, Imager
 from ncti.infrared.imager import IMAGER
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
 from ncti.ladar.extent import bin_centres
@@ -420,23 +420,23 @@ def _labelled_rows(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dat
     if "range" in SENSORS[recipe.sensor]:
         attributes["target_free_ifovs"] = recipe.target_free_ifovs
         bins = bin_centres(beam.window, beam.bin_width)
-        coords["down_range"] = labelled("down_range", bins, "m", "down-range")
+        coords["down_range"] = labelled_array("down_range", bins, "m", "down-range")
     else:
         rows = {name: meaning for name, meaning in ROWS.items() if name not in ONLY_RADAR}
     if "infrared" in SENSORS[recipe.sensor]:
         attributes |= {**vars(recipe.imager), "super_resolution": recipe.super_resolution}
         angle, radius = map_cells()
-        coords["angle"] = labelled("angle", angle, "degree", "angle about the centroid")
-        coords["radius"] = labelled(
+        coords["angle"] = labelled_array("angle", angle, "degree", "angle about the centroid")
+        coords["radius"] = labelled_array(
             "radius", radius, "1", "place between inner and outer log radius"
         )
     for name, meaning in rows.items():
         if isinstance(meaning, str):
             coords[name] = "row", arrays[name], {"long_name": meaning}
         else:
-            coords[name] = labelled("row", arrays[name], *meaning)
+            coords[name] = labelled_array("row", arrays[name], *meaning)
     variables = {
-        name: labelled(dims, arrays[name], "1", label)
+        name: labelled_array(dims, arrays[name], "1", label)
         for name, (dims, label) in VARIABLES.items()
         if name in arrays
     }

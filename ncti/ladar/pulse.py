@@ -77,7 +77,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
             stacklevel=2,
         )
     n_z = target_width(pulse_width, bin_width)
-    kernel = _by_bins(np.exp(-4 * np.arange(bin_count) ** 2 / n_z**2) / math.sqrt(n_z))
+    kernel = _lag_matrix(np.exp(-4 * np.arange(bin_count) ** 2 / n_z**2) / math.sqrt(n_z))
     kernel.setflags(write=False)  # the cache returns the same array to every caller
     return kernel
 
@@ -96,10 +96,10 @@ def noise_covariance(
     use the integral, so that samples agree with the printed B at any bin width.
     """
     by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    return _by_bins(by_lag)
+    return _lag_matrix(by_lag)
 
 
-def _by_bins(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lag_matrix(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (bin, bin) matrix of values that depend only on the distance of two bins."""
     bins = np.arange(by_lag.size)
     return by_lag[np.abs(np.subtract.outer(bins, bins))]
@@ -162,7 +162,7 @@ def mirrored_factors(
     """
     bins = by_lag.size
     half = np.arange((bins + 1) // 2)
-    direct = _by_bins(by_lag[: half.size])
+    direct = _lag_matrix(by_lag[: half.size])
     across = by_lag[bins - 1 - np.add.outer(half, half)]
     return (
         low_rank_factor((direct + across) / 2, tolerance=tolerance),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
@@ -228,7 +228,7 @@ def _labelled(
     averaged, expected = (rows[0] if single else np.stack(rows) for rows in curves)
     dims = ("aspect", "down_range")[-averaged.ndim :]
     label = {"units": "1", "long_name": "amplitude above the noise floor"}
-    coords["down_range"] = labelled("down_range", down_range, "m", "down-range")
+    coords["down_range"] = labelled_array("down_range", down_range, "m", "down-range")
     coords["expected"] = (dims, expected, label)
     return xr.DataArray(averaged, coords, dims, name="averaged", attrs={**label, **attributes})
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.checks import require
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.render.view import ROLL
 from ncti.ships import digest
 from ncti.ships.loading import ship_mesh
@@ -111,11 +111,11 @@ def coordinates(mesh: Mesh, *, aspect: Any, **single: float) -> dict[str, Any]:
     dims = ("aspect",) if np.ndim(aspect) else ()
     coords = {
         "ship": ((), mesh.metadata.get("name", "mesh"), {"long_name": "ship"}),
-        "aspect": labelled(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
+        "aspect": labelled_array(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
     }
     for name, value in single.items():
         factor, unit, label = SINGLE[name]
-        coords[name] = labelled((), round(value * factor, 9), unit, label)
+        coords[name] = labelled_array((), round(value * factor, 9), unit, label)
     return coords
 
 
