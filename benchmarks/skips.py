@@ -22,7 +22,7 @@ from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster
 from ncti.infrared import contrast, silhouette, thermal_images
 from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
 from ncti.render import LineImage, draw_lines, line_image, range_image, surfaces, threads
-from ncti.render.line_sweep import cross, project
+from ncti.render.line_sweep import find_crossings, project
 from ncti.render.mask import ship_mask
 from ncti.render.solid import Solid
 from ncti.render.surfaces import Surfaces
@@ -198,8 +198,10 @@ def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     indices[:-1][used] = np.flatnonzero(used)
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
-    crossings = cross(point, bounds, hull.edge, indices, 0.25, draw_lines.PHASE, *EVERY_LINE)
-    line, piece, _ = threads.swept(crossings, surfaces=len(used))
+    crossings = find_crossings(
+        point, bounds, hull.edge, indices, 0.25, draw_lines.PHASE, *EVERY_LINE
+    )
+    line, piece, _ = threads.sweep_lines(crossings, surfaces=len(used))
     line -= crossings[0]
     length = piece[:, 1] - piece[:, 0]
     sums = [

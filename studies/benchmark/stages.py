@@ -34,7 +34,7 @@ from ncti.data.vectors import to_numpy
 from ncti.features import profile_vector
 from ncti.ladar.loops import FRAMES
 from ncti.machine_code import Loops
-from ncti.render.loops import LINES, of_engine
+from ncti.render.loops import LINES, engine_loops
 from studies.benchmark.summary import tabulate_differences, tabulate_rows
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Run, Settings, count, set_of, word
@@ -485,7 +485,7 @@ ENTERED = tuple(
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the compiled loops that simulate rows."""
-    return [FRAMES, of_engine(LINES)] if looks(SENSOR)(choices) else []
+    return [FRAMES, engine_loops(LINES)] if looks(SENSOR)(choices) else []
 
 
 STAGES = (

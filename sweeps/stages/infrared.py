@@ -25,7 +25,7 @@ from ncti.labels import data_set
 from ncti.ladar import spread_place
 from ncti.machine_code import Loops
 from ncti.render import LineImage, RangeImage
-from ncti.render.loops import MASK, of_engine
+from ncti.render.loops import MASK, engine_loops
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import (
     Choices,
@@ -488,7 +488,7 @@ def loops(choices: Choices) -> list[Loops]:
     if not looks(views.INFRARED)(choices):
         return []
     masked = MASK in map(silhouette_engine.function, choices[Render.engine])
-    return [IMAGES] + [of_engine(MASK)] * masked
+    return [IMAGES] + [engine_loops(MASK)] * masked
 
 
 STAGES = (

@@ -23,7 +23,7 @@ from ncti.render import EngineError, LineImage, RangeImage, Sampling, View
 from ncti.render.choice import choose_engine, engines
 from ncti.render.far_field import reach_of, sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
-from ncti.render.loops import LINES, of_engine
+from ncti.render.loops import LINES, engine_loops
 from ncti.render.view import ROLL
 from ncti.ships import Transform
 from sweeps.engine.declare.errors import ConfigurationError
@@ -451,7 +451,7 @@ STATUS = Status("view", "state of the sensors' results for a view", (Grid.ship, 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that engines draw by, and that bin their pixels."""
     used = {*choices[Render.engine]}
-    return [*map(of_engine, sorted(used)), *([BOXES] if used != {LINES} else [])]
+    return [*map(engine_loops, sorted(used)), *([BOXES] if used != {LINES} else [])]
 
 
 WORDS = {Sweep.sensor: "SENSOR"}
