@@ -77,7 +77,7 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     # The first of many, and of fewer ships, are the same.
     many = generated_ships(["texas"], 200)
     assert set(many[:3]) < set(generated)
-    sizes = np.array([Variant.read(name).size for name in many])
+    sizes = np.array([Variant.parse(name).size for name in many])
     # Log-uniform: three distances make a sequence of the golden ratio's steps of 1/n and 2/n.
     share = np.sort(np.log(sizes / 0.7) / np.log(1.1 / 0.7))
     np.testing.assert_allclose(
