@@ -67,7 +67,7 @@ def fit_outlier_fraction(
     # Probabilities of the true labels of held-out templates, for each gain prior.
     true = []
     for out in sets:
-        samples, rest = templates.drawn(out, frame_count, rng), templates.without(out)
+        samples, rest = templates.draw_averages(out, frame_count, rng), templates.without(out)
         truth = templates.labels_[out]  # every label keeps templates
         logs = rest.log_likelihood(samples, frame_count, gain_sigma=gains.ravel())
         posteriors = [label_posterior(log, rest.labels_)[1] for log in logs]

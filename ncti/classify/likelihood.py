@@ -399,7 +399,9 @@ class GaussianTemplates(BaseEstimator):
         best = self.posterior(X, frame_count, log_prior=log_prior).argmax(axis=1)
         return self.classes_[best]
 
-    def drawn(self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator) -> Floats:
+    def draw_averages(
+        self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator
+    ) -> Floats:
         """Return (sample, bin) averages, one from each chosen template, at a random place."""
         factors, means = self.cholesky_[which], self.mean_[which]
         noise = rng.standard_normal((len(factors), means.shape[2]))
@@ -438,7 +440,7 @@ def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> 
     out, beside = alternate_templates(templates.labels_, templates.aspect_)
     if not out.any():
         return UNKNOWN_ERROR
-    samples, rest = templates.drawn(out, CALIBRATED_AT, rng), templates.without(out)
+    samples, rest = templates.draw_averages(out, CALIBRATED_AT, rng), templates.without(out)
     priors = np.array([[templates.gain_sigma, templates.floor_sigma]])
     answering = [(t, rows) for t, rows in enumerate(beside.T) if rows.any()]
 

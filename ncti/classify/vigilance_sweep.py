@@ -75,9 +75,9 @@ class Similarities:
             raise ValueError("training has only zero vectors, but must have one with a direction")
         none = np.zeros((0, min(learned.shape)))
         similarities = cls(directions, lengths, none, np.zeros(0, dtype=bool))
-        return similarities if tests is None else similarities.to(tests)
+        return similarities if tests is None else similarities.with_tests(tests)
 
-    def to(self, tests: ArrayLike) -> Similarities:
+    def with_tests(self, tests: ArrayLike) -> Similarities:
         """Return the similarities of the same training vectors to other (test, feature) vectors.
 
         Raises

@@ -220,13 +220,13 @@ class RangeExtent:
         True
         """
 
-        def expanded(bins: Floats) -> Floats:
+        def expand(bins: Floats) -> Floats:
             full = np.zeros((len(bins), down_range.size))
             full[:, begin : begin + bins.shape[1]] = bins
             return full
 
-        strands = expanded(strands) if len(strands) else strands
-        return cls(fraction=expanded(fraction), strands=strands, down_range=down_range, **others)
+        strands = expand(strands) if len(strands) else strands
+        return cls(fraction=expand(fraction), strands=strands, down_range=down_range, **others)
 
 
 def range_extent(

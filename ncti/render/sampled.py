@@ -68,7 +68,7 @@ class Sampling:
     samples: int
     roll: float
 
-    def rolled(self, aspect: float) -> float:
+    def roll_at(self, aspect: float) -> float:
         """Return the roll at an aspect [deg]."""
         return self.roll if aspect <= 180 else -self.roll
 
@@ -85,7 +85,7 @@ class Sampling:
         A `RangeImage`, a `LineImage` by lines, or a `ncti.render.mask.Mask`.
         """
         view: Any = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
-        roll = self.rolled(aspect)
+        roll = self.roll_at(aspect)
         if self.engine == LINES:
             # Halve the spacing until there are enough lines. Where a bound on the area shows that
             # coarse lines are too few, start with finer ones.

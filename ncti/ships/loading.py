@@ -424,7 +424,7 @@ def describe(
 
 def _correct_transform(transform: Transform, diagnosis: Diagnosis) -> Transform | None:
     """Return the transform of a file that also corrects the diagnosed faults, if there are any."""
-    return None if diagnosis.mend is None else transform.then(diagnosis.mend)
+    return None if diagnosis.mend is None else transform.compose(diagnosis.mend)
 
 
 def _ship_solid(

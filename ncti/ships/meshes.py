@@ -116,7 +116,7 @@ def _clip_to_water(
     low, high = (float(height) for height in merged.bounds[:, 2])
     diagnosis = diagnose(merged.vertices, merged.faces)
     if high <= 0:
-        mend = diagnosis.mend and transform.then(diagnosis.mend)
+        mend = diagnosis.mend and transform.compose(diagnosis.mend)
         findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
         advice = f" ({{{mend}}} would correct that)" if mend else ""
         raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")

@@ -113,7 +113,7 @@ class Transform:
         back = (np.asarray(points, dtype=np.float64) - np.array(self.offset)) / self.scale
         return back @ self.axes
 
-    def then(self, other: Transform) -> Transform:
+    def compose(self, other: Transform) -> Transform:
         """Return the composition of this transform followed by another."""
         axes = other.axes @ self.axes
         shift = other.scale * (other.axes @ np.array(self.offset)) + np.array(other.offset)

@@ -282,7 +282,7 @@ def image(
     tolerance, pulse_width, bin_width = fineness
     return lines_within(
         mesh,
-        View(drawn_aspect, depression, sampling.rolled(drawn_aspect), drawn_range),
+        View(drawn_aspect, depression, sampling.roll_at(drawn_aspect), drawn_range),
         tolerance=sampling_tolerance(tolerance, drawn_range),
         pulse_width=pulse_width,
         bin_width=bin_width,
