@@ -246,13 +246,13 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     """
     name = fitted.name.removeprefix("fit_")
 
-    def entered(choices: Choices) -> bool:
+    def is_entered(choices: Choices) -> bool:
         return looks(SENSOR)(choices) and name in choices.value(Benchmark.classifier)
 
-    def compared(choices: Choices) -> bool:
-        return entered(choices) and REFERENCE in choices.value(Benchmark.classifier)
+    def is_compared(choices: Choices) -> bool:
+        return is_entered(choices) and REFERENCE in choices.value(Benchmark.classifier)
 
-    group = Group(f"{SENSOR}/{name}", entered, USED, DIMS)
+    group = Group(f"{SENSOR}/{name}", is_entered, USED, DIMS)
     answer_stage = group.stage(
         Output("predicted", ("row",), "i2", "ship named, as an index", pad=NO_ROW),
         Output("probability", ("row", "ship"), label="probability of each ship", pad=np.nan),
@@ -263,12 +263,14 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     )(answers)
     labels = {"classifier": name, "learns": learns}
     path = f"tables/{SENSOR}_{name}"
-    tables = [Table(path, (group.path, TESTS.path), tabulate, entered, displays(labels))]
+    tables = [Table(path, (group.path, TESTS.path), tabulate, is_entered, displays(labels))]
     if name != REFERENCE:
         paths = group.path, f"{SENSOR}/{REFERENCE}", TESTS.path
         difference_displays = (replace(DIFFERENCE, labels=labels),)
         tables.append(
-            Table(f"{path}_difference", paths, tabulate_difference, compared, difference_displays)
+            Table(
+                f"{path}_difference", paths, tabulate_difference, is_compared, difference_displays
+            )
         )
     return (fitted, answer_stage), tuple(tables)
 

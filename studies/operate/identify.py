@@ -132,7 +132,7 @@ def identify(
     )
     uniforms = bootstrap_uniforms(trial.resamples, tests, ships, rng)
 
-    def matched(p: int, width: float) -> ProfileMatch:
+    def match_width(p: int, width: float) -> ProfileMatch:
         templates, profiles = in_order(signatures["excess"][p], ship, learned, tests)
         mean, power = in_order(signatures["power"][p], ship, 1, tests)
         _, ifovs = in_order(signatures["ifovs"][p], ship, 0, tests)
@@ -142,7 +142,7 @@ def identify(
         arguments = templates, profiles, power, mean, free, drawn, radar
         return ProfileMatch(*arguments, floor_sigma=trial.floor_sigma)
 
-    matches = [matched(p, width) for p, width in enumerate(pulse_width)]
+    matches = [match_width(p, width) for p, width in enumerate(pulse_width)]
     sizes = len(pulse_width), len(frame_count), len(fleet), len(CHANNELS)
     share, resampled = np.empty(sizes), np.empty((*sizes, trial.resamples))
     gain = {"gain_sigma": trial.gain_sigma}

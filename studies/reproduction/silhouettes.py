@@ -78,7 +78,10 @@ def silhouette_table(
     tests = np.stack(
         [
             _maps(
-                _seen(targets(look, tested), look.slant_range, imager, assumed, draws, rng), assumed
+                _segmented_silhouettes(
+                    targets(look, tested), look.slant_range, imager, assumed, draws, rng
+                ),
+                assumed,
             )
             for look in LOOKS
         ],
@@ -114,7 +117,7 @@ def _on_one_canvas(targets: Sequence[Masks]) -> Masks:
     return canvas
 
 
-def _seen(
+def _segmented_silhouettes(
     targets: Masks,
     slant_range: float,
     imager: Imager,
