@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import ncti
 import ncti.ships
-from benchmarks.methods import embree_directly
+from benchmarks.methods import direct_embree
 from benchmarks.reports import Column, Report
 from benchmarks.views import DEPRESSION, EDGES, PULSE_WIDTH
 from ncti.ladar import RangeExtent, range_extent
@@ -139,7 +139,7 @@ def measure(
     ratios: dict[str, list[float]] = {way: [] for way in WAYS}
     for name in ships:
         mesh = ncti.ships.load(name)
-        cast = embree_directly(mesh, 0.25)
+        cast = direct_embree(mesh, 0.25)
         for aspect in aspects:
             exact = _exact(mesh, aspect)
             for way, (_, make) in WAYS.items():
@@ -157,10 +157,10 @@ def measure(
             today,
             version,
             way,
-            error=_rounded(100 * np.median(errors[way])) if errors[way] else None,
-            worst=_rounded(100 * max(errors[way])) if errors[way] else None,
-            bound=_rounded(np.median(bounds[way])) if np.isfinite(bounds[way]).any() else None,
-            time=_rounded(statistics.median(ratios[way])),
+            error=_round_value(100 * np.median(errors[way])) if errors[way] else None,
+            worst=_round_value(100 * max(errors[way])) if errors[way] else None,
+            bound=_round_value(np.median(bounds[way])) if np.isfinite(bounds[way]).any() else None,
+            time=_round_value(statistics.median(ratios[way])),
         )
         for way in WAYS
     ]
@@ -199,7 +199,7 @@ def _seconds(call: Callable[..., Any], *arguments: Any) -> float:
     return time.process_time() - start
 
 
-def _rounded(value: float | np.floating) -> float:
+def _round_value(value: float | np.floating) -> float:
     return float(f"{value:.3g}")
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from benchmarks.commands import CORES, Swept, new_folder, sweep
+from benchmarks.commands import CORES, SweepCost, new_folder, sweep
 from benchmarks.reports import Column, Report, Sample
 
 COLD, BUSY, AGAIN = "cold, ships built", "cold, beside a busy process", "again"
@@ -54,7 +54,7 @@ def measure(
     Report
         One row per step.
     """
-    steps: dict[str, list[Swept]] = {step: [] for step in (COLD, BUSY, AGAIN, *more)}
+    steps: dict[str, list[SweepCost]] = {step: [] for step in (COLD, BUSY, AGAIN, *more)}
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as parent:
             folder = new_folder(Path(parent, "cold"))

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # o
 
 import ncti.ships
 from benchmarks.reports import Column, Report, Sample
-from benchmarks.timing import patched
+from benchmarks.timing import patch_constant
 from ncti.ladar import Beam, RangeExtent, extent_within, pixels, range_extent, sampling
 from ncti.ladar.pulse import target_response
 from ncti.render import View, available_engines, line_image, range_image, threads
@@ -108,7 +108,7 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
         One row for each kind of view and tolerance.
     """
     rows = []
-    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
+    with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         for name, selected in (
             ("random", random_views(views, seed)),
             ("across the sight", across_the_sight(across, seed)),
@@ -223,7 +223,7 @@ def _by_pixels(
         return result
 
     rows = []
-    with threadpool_limits(1), patched(pixels, "strands", timed):
+    with threadpool_limits(1), patch_constant(pixels, "strands", timed):
         for pixel in PIXELS:
             figures = []
             for case, blurred in zip(drawn, exact, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from commands import ran
 
-from benchmarks.commands import SUMMARY, Swept
+from benchmarks.commands import SUMMARY, SweepCost
 from benchmarks.processes import Run
 from docs._tables import operate, proof
 from docs._tables.proof import Alone, Twice
@@ -52,7 +52,7 @@ def in_this_process(monkeypatch, capsys):
         assert status == 0, printed
         made = int(SUMMARY.search(printed)["done"].replace(",", ""))
         run = Run(0.0, time.process_time() - begun, 500.0, 0.0, 0.0, printed)
-        return Swept(run, made, 0.0)
+        return SweepCost(run, made, 0.0)
 
     monkeypatch.setattr(proof, "sweep", sweep)
 
