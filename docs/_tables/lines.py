@@ -62,7 +62,7 @@ def measure(
     Each view of `ships` and `aspects` [deg] is timed `repeats` times, the ways in turn; a row has
     medians, lowest and highest of all views.
     """
-    ways = _ways()
+    ways = _sampling_methods()
     figures: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
     with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         for mesh in map(ncti.ships.load, ships):
@@ -139,7 +139,7 @@ def measure_rays(
     )
 
 
-def _ways() -> dict[str, How]:
+def _sampling_methods() -> dict[str, How]:
     engine = choose_engine("auto")
     return {
         f"pixels ({engine})": (engine, ()),

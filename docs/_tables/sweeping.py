@@ -27,7 +27,7 @@ def choices_of(overrides: Sequence[str]) -> Choices:
     return EXPERIMENT.check(job.choices)
 
 
-def swept(
+def sweep_groups(
     overrides: Sequence[str],
     groups: Sequence[str],
     *,

@@ -9,7 +9,7 @@ from once import sharing_ships
 from scipy import stats
 
 from docs._tables import coverage, pages, repeated, result_flights, results, sweeping
-from docs._tables.repeated import bins_of, multiples, over_seeds
+from docs._tables.repeated import bins_of, mean_over_seeds, multiples
 from docs._tables.sweeping import choices_of
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.stages.irar import Irar
@@ -21,12 +21,12 @@ TINY = (*("render.pixel=1", "render.samples=100", "classifier.mnn.epochs=5"),)
 
 def test_seeds_that_agree_are_no_certainty():
     """Wilson's interval of 400 views that are all right begins at 1 / (1 + z^2 / 400)."""
-    found = over_seeds(np.full(10, 100.0), views=40)
+    found = mean_over_seeds(np.full(10, 100.0), views=40)
     assert found.high == found.mean == 100.0
     z = stats.norm.isf(0.025)
     assert found.low == pytest.approx(100 / (1 + z**2 / 400))
     assert found.text() == "100 [99-100]"
-    assert over_seeds([1.0, 2.0], bounds=(-5, 5)).text(1, "+") == "+1.5 [-4.9 to +5.0]"
+    assert mean_over_seeds([1.0, 2.0], bounds=(-5, 5)).text(1, "+") == "+1.5 [-4.9 to +5.0]"
 
 
 def test_bins_and_multiples_of_a_step():
@@ -48,8 +48,8 @@ def test_coverage_is_that_of_independent_seeds_and_shows_intervals_that_are_too_
         low, high = (found.mean + factor * (end - found.mean) for end in (found.low, found.high))
         return repeated.Interval(found.mean, low, high)
 
-    monkeypatch.setattr(coverage, "over_seeds", narrow)
-    assert least <= 100 * coverage.covered(percent, views=40) <= most
+    monkeypatch.setattr(coverage, "mean_over_seeds", narrow)
+    assert least <= 100 * coverage.coverage_share(percent, views=40) <= most
 
 
 @pytest.fixture(scope="module")
