@@ -59,7 +59,7 @@ def measure(
         with tempfile.TemporaryDirectory() as parent:
             folder = new_folder(Path(parent, "cold"))
             steps[COLD].append(sweep(experiment, folder))
-            with _busy():
+            with _keep_busy():
                 steps[BUSY].append(sweep(experiment, new_folder(Path(parent, "busy"))))
             steps[AGAIN].append(sweep(experiment, folder))
             for step, override in more.items():
@@ -100,7 +100,7 @@ def measure(
 
 
 @contextmanager
-def _busy() -> Iterator[None]:
+def _keep_busy() -> Iterator[None]:
     """Keep a process computing meanwhile."""
     busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
     try:

@@ -120,7 +120,7 @@ def measure(
     """
     with ExitStack() as running:
         running.enter_context(environment(ONE_THREAD))  # which the processes inherit
-        pools, absent = _processes(running, ship, pixel, aspects[0])
+        pools, absent = _method_processes(running, ship, pixel, aspects[0])
         timed: dict[str, list[TimedView]] = {name: [] for name in pools}
         for turn in range(repeats):
             for index, aspect in enumerate(aspects):
@@ -162,7 +162,7 @@ def measure(
     )
 
 
-def _processes(
+def _method_processes(
     running: ExitStack, ship: str, pixel: float, aspect: float
 ) -> tuple[dict[str, ProcessPoolExecutor], dict[str, str]]:
     """Return a process for each method that can run here, and the reasons of the others."""

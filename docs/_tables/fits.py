@@ -46,7 +46,7 @@ def percent(correct: xr.DataArray) -> xr.DataArray:
     return xr.concat(of_bins, "group").transpose(..., "group")
 
 
-def overall(correct: xr.DataArray) -> xr.DataArray:
+def overall_percent(correct: xr.DataArray) -> xr.DataArray:
     """Return the percentage of right answers, (ship, aspect) pooled."""
     return xr.where(correct >= 0, 100.0 * (correct == 1), np.nan).mean(VIEW)
 
@@ -126,11 +126,11 @@ def fit_rows(
     for name, draws in shown.items():
         mean, error = mean_and_error(draws.transpose(parameter, ...))
         for row, middle, spread in zip(rows, mean.values, error.values, strict=True):
-            row[name] = with_errors(middle, spread)
+            row[name] = format_errors(middle, spread)
     return rows
 
 
-def with_errors(mean: ArrayLike, error: ArrayLike) -> str:
+def format_errors(mean: ArrayLike, error: ArrayLike) -> str:
     """Return figures with two standard errors, separated by slashes."""
     pairs = zip(np.atleast_1d(mean), np.atleast_1d(error), strict=True)
     return " / ".join(f"{middle:.0f} ± {2 * spread:.0f}" for middle, spread in pairs)

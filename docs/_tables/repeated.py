@@ -179,7 +179,7 @@ def bins_of(aspect: ArrayLike, width: float = 30.0) -> dict[str, NDArray[np.bool
     }
 
 
-def multiples(aspect: ArrayLike, step: float) -> NDArray[np.bool_]:
+def multiples_mask(aspect: ArrayLike, step: float) -> NDArray[np.bool_]:
     """Return the mask of aspects that are multiples of a step, as the learned ones are."""
     steps = np.asarray(aspect, dtype=np.float64) / step
     return np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)

@@ -11,7 +11,14 @@ import xarray as xr
 
 import ncti.ships
 from benchmarks.reports import Column, Report
-from docs._tables.fits import INFRARED, Floats, mean_and_error, overall, percent, with_errors
+from docs._tables.fits import (
+    INFRARED,
+    Floats,
+    format_errors,
+    mean_and_error,
+    overall_percent,
+    percent,
+)
 from docs._tables.sweeping import sweep_groups
 from ncti.article import article_figures
 from ncti.features import profile_vector
@@ -47,8 +54,8 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
             chosen = correct.isel(
                 {axis_of(correct): np.flatnonzero(correct.target_spread == value)[0]}
             )
-            row[f"bins_{value:g}"] = with_errors(*mean_and_error(percent(chosen)))
-            row[f"all_{value:g}"] = with_errors(*mean_and_error(overall(chosen)))
+            row[f"bins_{value:g}"] = format_errors(*mean_and_error(percent(chosen)))
+            row[f"all_{value:g}"] = format_errors(*mean_and_error(overall_percent(chosen)))
         rows.append(row)
         return row
 
@@ -124,8 +131,8 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
             for key, correct in answers.items():
                 chosen = correct.sel(range=km) if "range" in correct.dims else correct
                 chosen = chosen.squeeze(drop=True)
-                row[key] = with_errors(*mean_and_error(percent(chosen)))
-                row[key] += "; overall " + with_errors(*mean_and_error(overall(chosen)))
+                row[key] = format_errors(*mean_and_error(percent(chosen)))
+                row[key] += "; overall " + format_errors(*mean_and_error(overall_percent(chosen)))
             rows.append(row)
     return Report(
         "Training aspects and aspects absent from training",
@@ -321,7 +328,7 @@ def shared_by_bin(formed: xr.Dataset) -> Said:
         "Figure 20",
         "views in shared categories, by bin",
         "confused at 0-30°",
-        with_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
+        format_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
     )
 
 

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import bins_of, mean_over_seeds, multiples, percent_of
+from docs._tables.repeated import bins_of, mean_over_seeds, multiples_mask, percent_of
 from docs._tables.result_tables import STEP, Answers
 
 TREES = 300
@@ -23,7 +23,7 @@ def learners(found: Answers) -> dict[str, Report]:
     }
     for seed, groups in enumerate(found):
         answers = groups["classification/mnn"]
-        new = ~multiples(answers.aspect.values, STEP)
+        new = ~multiples_mask(answers.aspect.values, STEP)
         bins = {name: mask & new for name, mask in bins_of(answers.aspect.values).items()}
         forest = forest_answers(groups["range_profile"].averaged, learned=~new, seed=seed)
         for rows, correct in zip(

@@ -11,7 +11,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import bins_of, mean_over_seeds, multiples, percent_of, select_places
+from docs._tables.repeated import (
+    bins_of,
+    mean_over_seeds,
+    multiples_mask,
+    percent_of,
+    select_places,
+)
 from ncti.evaluate import Scores, open_set_scores, score
 
 RANGES, SPACINGS, STEP = (25, 50, 100), (1.5, 3, 6), 1.5
@@ -51,7 +57,7 @@ def shares(
     for groups in found:
         correct = select_places(groups[group].correct, **(places or {}))
         chosen = bins_of(correct.aspect.values)[name]
-        chosen = chosen & (multiples(correct.aspect.values, STEP) == learned)
+        chosen = chosen & (multiples_mask(correct.aspect.values, STEP) == learned)
         percentages.append(percent_of(correct, chosen))
     return percentages
 
@@ -60,7 +66,7 @@ def views_of(found: Answers, group: str, name: str) -> int:
     """Return the number of new views of a seed in a bin of aspects."""
     answers = found[0][group]
     aspect = answers.aspect.values
-    new = bins_of(aspect)[name] & ~multiples(aspect, STEP)
+    new = bins_of(aspect)[name] & ~multiples_mask(aspect, STEP)
     return int(new.sum()) * answers.sizes["ship"]
 
 
@@ -299,7 +305,7 @@ def confidence(several: Sequence[xr.Dataset], where: Mapping[str, object]) -> Sc
     """Return all scores of some seeds' answers at new aspects."""
     parts: list[tuple[NDArray[Any], ...]] = []
     for answers in several:
-        new = answers.isel(aspect=~multiples(answers.aspect.values, STEP))
+        new = answers.isel(aspect=~multiples_mask(answers.aspect.values, STEP))
         predicted, true, similarity = (
             select_places(new[name], **where).transpose("ship", "aspect", ...).values.reshape(-1)
             for name in ("predicted", "probability", "similarity")
@@ -463,7 +469,7 @@ def open_set(
 
     Ships of the alternative are not tested.
     """
-    answers = classified.isel(aspect=~multiples(classified.aspect.values, DENSE[0]))
+    answers = classified.isel(aspect=~multiples_mask(classified.aspect.values, DENSE[0]))
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
     known = ~np.isin(answers.ship.values, strangers)
     arrays = {

@@ -264,7 +264,7 @@ def compare_profiles(
         for k, (line, end) in enumerate(zip(profiles, ENDS.values(), strict=False)):
             with suppress(NothingSeenError):
                 marks[k] = landmarks(line, down_range, hangar=near, end=end)
-    figures = [_figures(mark, ship in PERRY) for mark in marks]
+    figures = [_landmark_values(mark, ship in PERRY) for mark in marks]
     correlate = partial(profile_correlation, measured, noiseless)
     near_spike = np.abs(down_range - spike) <= HANGAR
     return {
@@ -279,7 +279,7 @@ def compare_profiles(
     }
 
 
-def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
+def _landmark_values(marks: Landmarks | None, perry: bool) -> dict[str, float]:
     """Return the landmarks of one profile by name, and its hangar."""
     if marks is None:
         return {}

@@ -69,7 +69,7 @@ class Ship:
 
 def _primitive(part: Part, sink: float) -> Manifold:
     sizes = dict(part.sizes)
-    if part.stands:
+    if part.has_base:
         sizes.setdefault("sink", sink)
     return MAKERS[part.prim](**sizes)
 

@@ -52,7 +52,7 @@ class Part:
         return PRIMITIVES[self.prim].cuts
 
     @property
-    def stands(self) -> bool:
+    def has_base(self) -> bool:
         """True if it has a base that is sunk into the part below it."""
         return PRIMITIVES[self.prim].stands
 

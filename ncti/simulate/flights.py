@@ -115,11 +115,11 @@ def flight(
     scan = fly(mesh, passed, rng=stream).record(stream)
     window = ship_window(mesh, scan.flight)
     snapshot = segmented(correct(scan, correction, window=window), scan.flight)
-    images = _raw(scan).merge(_corrected(snapshot, scan.flight))
+    images = _raw_images(scan).merge(_corrected_images(snapshot, scan.flight))
     return images.assign_coords(coordinates(mesh, aspect=aspect)).assign_attrs(seed_of(rng))
 
 
-def _raw(scan: Scan) -> xr.Dataset:
+def _raw_images(scan: Scan) -> xr.Dataset:
     """Return the raw images with short labels, the passive detectors integrated into one image."""
     images = scan.to_xarray()
     infrared = ("line", "sample"), time_delay_integrate(scan.infrared), images.infrared.attrs
@@ -136,7 +136,7 @@ def _raw(scan: Scan) -> xr.Dataset:
     return images
 
 
-def _corrected(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
+def _corrected_images(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
     """Return the corrected images over places on the target."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr

@@ -64,7 +64,7 @@ def mesh_of(ship: Ship) -> Mesh:
     not get them, as they might change them.
     """
     if isinstance(ship, str | Path):
-        return _loaded(ship, digest(ship))
+        return _load_mesh(ship, digest(ship))
     # Imported here because trimesh takes half a second.
     import trimesh
 
@@ -87,7 +87,7 @@ def trimesh_of(ship: Ship) -> trimesh.Trimesh:
 
 
 @lru_cache(maxsize=KEPT)
-def _loaded(ship: str | Path, digest: str) -> ShipMesh:
+def _load_mesh(ship: str | Path, digest: str) -> ShipMesh:
     """Return the mesh of a name or path whose content has a digest."""
     mesh = ship_mesh(ship)
     if mesh.metadata["digest"] != digest:

@@ -66,7 +66,7 @@ def silhouette_table(
         if key not in drawn:
             side = footprint(look.pixels_of, IFOV)
             covered = [patch.coverage(side, place) for patch in patches[key[0]]]
-            drawn[key] = _on_one_canvas(
+            drawn[key] = _pad_to_one_canvas(
                 [patch.target(assumed["coverage_rule"]) for patch in covered]
             )
         return drawn[key]
@@ -106,7 +106,7 @@ def silhouette_table(
     }
 
 
-def _on_one_canvas(targets: Sequence[Masks]) -> Masks:
+def _pad_to_one_canvas(targets: Sequence[Masks]) -> Masks:
     """Return (view, row, col) targets, with as much sea as the largest needs."""
     rows, columns = (
         max(sizes) for sizes in zip(*(target.shape for target in targets), strict=True)

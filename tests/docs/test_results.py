@@ -9,7 +9,7 @@ from once import sharing_ships
 from scipy import stats
 
 from docs._tables import coverage, pages, repeated, result_flights, results, sweeping
-from docs._tables.repeated import bins_of, mean_over_seeds, multiples
+from docs._tables.repeated import bins_of, mean_over_seeds, multiples_mask
 from docs._tables.sweeping import choices_of
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.stages.irar import Irar
@@ -32,7 +32,7 @@ def test_seeds_that_agree_are_no_certainty():
 def test_bins_and_multiples_of_a_step():
     aspect = [0.0, 1.5, 29.999, 30.0, 60.0, 89.97, 90.0]
     assert [int(mask.sum()) for mask in bins_of(aspect).values()] == [3, 1, 3, 7]
-    assert multiples(aspect, 1.5).tolist() == [True, True, False, True, True, False, True]
+    assert multiples_mask(aspect, 1.5).tolist() == [True, True, False, True, True, False, True]
 
 
 @pytest.mark.parametrize(("factor", "least", "most"), [(1.0, 93.0, 97.0), (0.5, 0.0, 80.0)])
