@@ -104,13 +104,13 @@ def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
         raise ValueError(
             f"{name} is {_short_text(values)}, but must be an array of numbers"
         ) from None
-    if array.dtype.kind not in "biuf" or not _all_in_bounds(array, **bounds):
+    if array.dtype.kind not in "biuf" or not _are_in_bounds(array, **bounds):
         for value in array.ravel().tolist():
             require(name, value, **bounds)
     return np.asarray(array, dtype=np.float64)
 
 
-def _all_in_bounds(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -> bool:
+def _are_in_bounds(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -> bool:
     """Return whether `require` accepts every element, by vectorised checks of the array."""
     if not array.size:
         return True

@@ -216,7 +216,7 @@ def likelihood_report(tests: int = 400, draws: int = 12) -> Report:
     return Report("One covariance beside each template's own", columns, rows, [note])
 
 
-def open_parameters(shares: xr.Dataset) -> Report:
+def open_parameter_report(shares: xr.Dataset) -> Report:
     """Return percentages and required frames by the parameters that the article leaves open."""
     needed, rows = frames_needed(shares).isel(resample=0), []
     for free in shares.target_free_ifovs.values:
@@ -404,7 +404,7 @@ def measure() -> dict[str, Report]:
     reports = {
         "engine": engine,
         "matching": likelihood_report(),
-        "open": open_parameters(open_shares),
+        "open": open_parameter_report(open_shares),
     }
     reports["fusion"] = fusion(shares)
     return reports | {"interpolant": interpolant(shares, between), "sobol": sobol(shares)}

@@ -217,7 +217,7 @@ def sensitivity(flights: xr.Dataset) -> dict[str, Report]:
     }
 
 
-def measured(answers: xr.Dataset) -> dict[str, Report]:
+def measured_accuracy(answers: xr.Dataset) -> dict[str, Report]:
     """Return percent correct for profiles of simulated flights, beside synthetic ones."""
     answers = answers.squeeze(drop=True)
     draws = answers.sizes["replicate"]

@@ -484,7 +484,7 @@ def open_set(
     return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": retained}
 
 
-def unknown(
+def unknown_rejection(
     looked_up: Answers,
     likely: Answers,
     generated: Mapping[str, Answers],

@@ -21,7 +21,7 @@ from docs._tables.result_flights import (
     NEAR,
     SENSITIVITY,
     chains,
-    measured,
+    measured_accuracy,
     near_stern,
     sensitivity,
     tilts,
@@ -44,7 +44,7 @@ from docs._tables.result_tables import (
     protocol,
     sensors,
     track_benefit,
-    unknown,
+    unknown_rejection,
 )
 from docs._tables.sweeping import WORKERS, sweep_groups
 from studies.operate.fleets import ARTICLE
@@ -369,7 +369,7 @@ def _unknown_ships(sizes: Sizes) -> dict[str, Report]:
         "blind, gain and floor known": calibrated,
         "blind, gain and floor known, aspect within 5°": tracked_too,
     }
-    return unknown(looked_up, likely, generated, against, themselves)
+    return unknown_rejection(looked_up, likely, generated, against, themselves)
 
 
 def _pairs(sizes: Sizes) -> dict[str, Report]:
@@ -399,7 +399,9 @@ def _flights(sizes: Sizes) -> dict[str, Report]:
         | tilts(sizes.ship_flights(FLOWN, cluttered, "clutter"))
         | chains(sizes.flight_group(CHAINS, "chains of corrections"))
         | sensitivity(sizes.flight_group(SENSITIVITY, "errors of navigation"))
-        | measured(sizes.flight_group(MEASURED, "measured profiles", "classification/measured"))
+        | measured_accuracy(
+            sizes.flight_group(MEASURED, "measured profiles", "classification/measured")
+        )
     )
 
 

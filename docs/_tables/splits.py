@@ -71,7 +71,9 @@ def tables_of(groups: Mapping[str, xr.Dataset], held_out: int) -> Reports:
     return {
         "summary": _table(short, published, "accuracy", title, "Ships named correctly, in short"),
         "splits": _table(tables, known_splits, "accuracy", title, "Ships named correctly"),
-        "unknown": _unknown(tables, [split for split in splits if split in OUTSIDERS], seeds),
+        "unknown": _rejection_table(
+            tables, [split for split in splits if split in OUTSIDERS], seeds
+        ),
         "probabilities": _probabilities(tables, seeds),
         "differences": _differences(groups, known_splits, seeds),
         "ranking": _ranking(groups, known_splits, seeds - held_out),
@@ -115,7 +117,7 @@ def _table(
     return Report(title, (Column("what", head), *(Column(split, split) for split in splits)), rows)
 
 
-def _unknown(tables: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
+def _rejection_table(tables: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
     """Return the share kept by rejection, and the areas, by classifier and unknown ship."""
     figures = {"kept": ("% kept", 0, 100), "auroc": ("AUROC", 2, 1), "oscr": ("OSCR", 2, 1)}
     columns = [Column("what", f"mean of {seeds} seeds [95 % interval]")]

@@ -113,7 +113,7 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
             ("random", random_views(views, seed)),
             ("across the sight", perpendicular_views(across, seed)),
         ):
-            figures = [_each_tolerance(case, costs=costs) for case in selected]
+            figures = [_tolerance_costs(case, costs=costs) for case in selected]
             for tolerance, *samples in zip(TOLERANCES, *figures, strict=True):
                 rows.append({"views": name} | _summary(tolerance, samples, costs=costs))
     return Report(
@@ -140,7 +140,7 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
     )
 
 
-def _each_tolerance(case: ViewCase, *, costs: bool) -> list[dict[str, float]]:
+def _tolerance_costs(case: ViewCase, *, costs: bool) -> list[dict[str, float]]:
     """Return the result of `_tolerance_cost` for a view at each tolerance."""
     mesh = ncti.ships.load(case.ship)
     error = _error_function(mesh, case)
@@ -216,14 +216,14 @@ def _pixel_rows(
     spent: list[float] = []
     strands = pixels.strands
 
-    def timed(*arguments: Any) -> Floats:
+    def time_strands(*arguments: Any) -> Floats:
         before = time.process_time()
         result = strands(*arguments)
         spent.append(time.process_time() - before)
         return result
 
     rows = []
-    with threadpool_limits(1), patch_constant(pixels, "strands", timed):
+    with threadpool_limits(1), patch_constant(pixels, "strands", time_strands):
         for pixel in PIXELS:
             figures = []
             for case, blurred in zip(drawn, exact, strict=True):

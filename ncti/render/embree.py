@@ -71,7 +71,7 @@ class EmbreeEngine:
         while ray.size:
             behind = facet[ray]
             distance = _distance(solid, behind, origin, along)
-            facet[ray] = _back_to_back(solid, behind, origin + distance[:, None] * along, step)
+            facet[ray] = _opposite_facets(solid, behind, origin + distance[:, None] * along, step)
             unresolved = facet[ray] < 0
             ray, origin, along = ray[unresolved], origin[unresolved], along[unresolved]
             passed = np.maximum(distance[unresolved], passed[unresolved]) + step
@@ -122,7 +122,7 @@ def _distance(solid: Solid, facet: Indices, origin: Floats, direction: Floats) -
     return ahead / np.einsum("ij,ij->i", normal, direction)
 
 
-def _back_to_back(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
+def _opposite_facets(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
     """Return the facets that lie back to back with others at the given places; -1 if none.
 
     Embree returns either of two coincident facets, at random.

@@ -457,7 +457,7 @@ DIFFERENCE = Display(
 )
 
 
-def with_seeds(data: xr.Dataset) -> xr.Dataset:
+def add_seed_dimension(data: xr.Dataset) -> xr.Dataset:
     """Return a group of the store with a dimension of seeds, even for a single one."""
     seed = Run.seed.name
     return data if seed in data.dims else data.expand_dims(seed)
@@ -465,14 +465,14 @@ def with_seeds(data: xr.Dataset) -> xr.Dataset:
 
 def tabulate(answers: xr.Dataset, tests: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return all scores of one classifier."""
-    return tabulate_rows(with_seeds(answers), with_seeds(tests))
+    return tabulate_rows(add_seed_dimension(answers), add_seed_dimension(tests))
 
 
 def tabulate_difference(
     answers: xr.Dataset, others: xr.Dataset, tests: xr.Dataset, choices: Choices
 ) -> xr.Dataset:
     """Return the difference in accuracy between one classifier and the reference."""
-    return tabulate_differences(*map(with_seeds, (answers, others, tests)))
+    return tabulate_differences(*map(add_seed_dimension, (answers, others, tests)))
 
 
 ENTERED = tuple(

@@ -77,8 +77,8 @@ def reproduced(
     tables = library.reproduce(assumed, aspects=aspect, draws=draws, rng=rng, view=_view)
     values = [prior.number(assumed[name]) for name, prior in library.PRIORS.items()]
     return {
-        "mean": article.in_order({name: scores.mean for name, scores in tables.items()}),
-        "spread": article.in_order({name: scores.spread for name, scores in tables.items()}),
+        "mean": article.figure_order({name: scores.mean for name, scores in tables.items()}),
+        "spread": article.figure_order({name: scores.spread for name, scores in tables.items()}),
         "value": np.array(values),
     }
 

@@ -284,7 +284,7 @@ def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return median and worst of all views, for every engine and sampling."""
     import xarray as xr
 
-    def over_views(names: list[str], suffix: str, word: str, reduce: Any) -> xr.Dataset:
+    def reduce_views(names: list[str], suffix: str, word: str, reduce: Any) -> xr.Dataset:
         reduced = reduce(measured[names].astype("f8"), VIEWS, keep_attrs=True)
         for array in reduced.data_vars.values():
             array.attrs["long_name"] += f", {word} of views"
@@ -292,10 +292,10 @@ def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
 
     errors = ["extent_error", "ifov_error", "profile_error"]
     parts = (
-        over_views(["run_time", "ratio"], "", "median", xr.Dataset.median),
-        over_views(errors, "_median", "median", xr.Dataset.median),
-        over_views(errors, "_worst", "worst", xr.Dataset.max),
-        over_views(["changed"], "", "mean", xr.Dataset.mean),
+        reduce_views(["run_time", "ratio"], "", "median", xr.Dataset.median),
+        reduce_views(errors, "_median", "median", xr.Dataset.median),
+        reduce_views(errors, "_worst", "worst", xr.Dataset.max),
+        reduce_views(["changed"], "", "mean", xr.Dataset.mean),
     )
     return xr.merge(parts).assign_attrs(title="Run time against error, all samplings")
 
