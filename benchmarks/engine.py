@@ -40,8 +40,8 @@ def measure(*, most: int = MANY) -> Report:
         with tempfile.TemporaryDirectory() as folder:
             row: dict[str, Any] = {"cells": cells}
             for step in STEPS:
-                call = f"many({cells}, {step!r}, {folder!r})"
-                code = f"from benchmarks.engine import many; print(*{call})"
+                call = f"time_sweep({cells}, {step!r}, {folder!r})"
+                code = f"from benchmarks.engine import time_sweep; print(*{call})"
                 run = watch([sys.executable, "-c", code], cores=2)
                 seconds, peak = map(float, run.output.split())
                 row |= {step: seconds, f"{step}_mib": peak}

@@ -159,7 +159,7 @@ def _fine_bins(ship: str, aspect: float) -> RangeExtent:
     return _fine_extent(ncti.ships.load(ship), aspect, bin_width=1 / FINER_BINS)
 
 
-def _default_extent(ship: str, aspect: float, *, engine: str) -> RangeExtent:
+def _sweep_extent(ship: str, aspect: float, *, engine: str) -> RangeExtent:
     """Return the extent as a sweep computes it by default with an engine."""
     mesh = ncti.ships.load(ship)
     view = image.function(
@@ -277,9 +277,7 @@ def _measure(views: Views) -> Report:
 def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
     """Return a row for each approximation, beside percent correct with templates of the truth."""
     drawn = f"{Render.pixel.default:g} m, {Render.samples.default:g} samples"
-    sampled = [
-        partial(_default_extent, engine=engine) for engine in (choose_engine("auto"), "lines")
-    ]
+    sampled = [partial(_sweep_extent, engine=engine) for engine in (choose_engine("auto"), "lines")]
 
     def profiles(sampler: Seen) -> list[Floats]:
         return [_pulse(views.extent(sampler, *view)) for view in views.ship_aspects(views.aspects)]

@@ -185,6 +185,6 @@ def multiples_mask(aspect: ArrayLike, step: float) -> NDArray[np.bool_]:
     return np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
 
 
-def select_places(answers: Array, **places: object) -> Array:
+def pick(answers: Array, **places: object) -> Array:
     """Return answers at values of axes; axes without a dimension are ignored."""
     return answers.sel({name: value for name, value in places.items() if name in answers.dims})

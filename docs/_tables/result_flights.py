@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import list_argument, mean_over_seeds, select_places
+from docs._tables.repeated import list_argument, mean_over_seeds, pick
 
 FLIGHT = ("sensor=irar", "grid.aspect=175")
 NEAR = ("+experiment=validation", "irar.pictures=false")
@@ -58,9 +58,7 @@ def text_of(draws: xr.DataArray, digits: int, bounds: tuple[float, float]) -> st
 
 def join_flights(flights: Mapping[str, xr.Dataset], name: str, **places: float) -> xr.DataArray:
     """Return a figure of all ships, (ship, replicate)."""
-    figures = [
-        select_places(flight[name], **places).squeeze(drop=True) for flight in flights.values()
-    ]
+    figures = [pick(flight[name], **places).squeeze(drop=True) for flight in flights.values()]
     return xr.concat(figures, "ship")
 
 
@@ -72,15 +70,13 @@ def mean_heading(draws: int) -> str:
 def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return landmarks of near-stern profiles, and the likeness of all to noiseless profiles."""
     nominal = ASSUMED["nothing"]
-    duncan, roberts = select_places(flights["duncan"], **nominal), flights["roberts"]
+    duncan, roberts = pick(flights["duncan"], **nominal), flights["roberts"]
     columns = {
         "Duncan synthetic, point sampled": duncan.sel(source="point"),
         "the same, spread": duncan.sel(source="synthetic"),
-        "Roberts flown past": select_places(roberts, **nominal, source="measured"),
-        "with a dark transom*": select_places(
-            roberts, **ASSUMED["dark transoms*"], source="measured"
-        ),
-        "with masts x 3*": select_places(roberts, **ASSUMED["masts x 3*"], source="measured"),
+        "Roberts flown past": pick(roberts, **nominal, source="measured"),
+        "with a dark transom*": pick(roberts, **ASSUMED["dark transoms*"], source="measured"),
+        "with masts x 3*": pick(roberts, **ASSUMED["masts x 3*"], source="measured"),
     }
     rows: list[dict[str, Any]] = []
     for label, name, digits, words in (

@@ -11,13 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import (
-    bins_of,
-    mean_over_seeds,
-    multiples_mask,
-    percent_of,
-    select_places,
-)
+from docs._tables.repeated import bins_of, mean_over_seeds, multiples_mask, percent_of, pick
 from ncti.evaluate import Scores, open_set_scores, score
 
 RANGES, SPACINGS, STEP = (25, 50, 100), (1.5, 3, 6), 1.5
@@ -55,7 +49,7 @@ def shares(
     """Return percent correct of each seed in a bin of aspects, at new or at learned ones."""
     percentages = []
     for groups in found:
-        correct = select_places(groups[group].correct, **(places or {}))
+        correct = pick(groups[group].correct, **(places or {}))
         chosen = bins_of(correct.aspect.values)[name]
         chosen = chosen & (multiples_mask(correct.aspect.values, STEP) == learned)
         percentages.append(percent_of(correct, chosen))
@@ -307,7 +301,7 @@ def confidence(several: Sequence[xr.Dataset], where: Mapping[str, object]) -> Sc
     for answers in several:
         new = answers.isel(aspect=~multiples_mask(answers.aspect.values, STEP))
         predicted, true, similarity = (
-            select_places(new[name], **where).transpose("ship", "aspect", ...).values.reshape(-1)
+            pick(new[name], **where).transpose("ship", "aspect", ...).values.reshape(-1)
             for name in ("predicted", "probability", "similarity")
         )
         ship, aspect = np.indices((new.sizes["ship"], new.sizes["aspect"])).reshape(2, -1)
@@ -366,37 +360,32 @@ def seed_percentages(correct: xr.DataArray, name: str) -> list[float]:
 def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return the tables of the article's protocol: learned aspects at 100 km, and silhouettes."""
     acn, mnn = found["classification/acn"], found["classification/mnn"]
-    likelihood = found["classification/likelihood"].correct
+    answers = found["classification/likelihood"].correct
     seeds = acn.sizes["seed"]
     still = {"learn_in_test": False}
     profiles: list[tuple[str, xr.DataArray]] = [
-        ("ACN, training", select_places(acn.training_correct, **still))
+        ("ACN, training", pick(acn.training_correct, **still))
     ]
     for count in (32, 16, 8, 4):
-        profiles.append(
-            (f"ACN, {count} frames", select_places(acn.correct, frame_count=count, **still))
-        )
+        profiles.append((f"ACN, {count} frames", pick(acn.correct, frame_count=count, **still)))
     profiles += [
         (
             "ACN, 16 frames, learning in the test, as in the article",
-            select_places(acn.correct, frame_count=16, learn_in_test=True),
+            pick(acn.correct, frame_count=16, learn_in_test=True),
         ),
-        ("MNN, ship and aspect group, 16 frames", select_places(mnn.correct, frame_count=16)),
-        ("MNN, ship alone, 16 frames", select_places(mnn.ship_correct, frame_count=16)),
+        ("MNN, ship and aspect group, 16 frames", pick(mnn.correct, frame_count=16)),
+        ("MNN, ship alone, 16 frames", pick(mnn.ship_correct, frame_count=16)),
         (
             "correlation with every profile learned, 16 frames",
-            select_places(found["classification/correlation"].correct, frame_count=16),
+            pick(found["classification/correlation"].correct, frame_count=16),
         ),
         (
             "maximum likelihood, gain and floor unknown, 16 frames",
-            select_places(likelihood, frame_count=16, gain_sigma=1),
+            pick(answers, frame_count=16, gain_sigma=1),
         ),
-        (
-            "maximum likelihood, gain known, 16 frames",
-            select_places(likelihood, frame_count=16, gain_sigma=0),
-        ),
+        ("maximum likelihood, gain known, 16 frames", pick(answers, frame_count=16, gain_sigma=0)),
     ]
-    silhouette_answers = select_places(found["classification/acn_infrared"].correct, **still)
+    silhouette_answers = pick(found["classification/acn_infrared"].correct, **still)
     silhouettes = []
     for label, km, way in (
         ("25 km", 25, "none"),
@@ -407,9 +396,7 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         ("100 km, 2x from shifted frames, 4 x 16 of them", 100, "shifted"),
         ("100 km", 100, "none"),
     ):
-        silhouettes.append(
-            (label, select_places(silhouette_answers, range=km, super_resolution=way))
-        )
+        silhouettes.append((label, pick(silhouette_answers, range=km, super_resolution=way)))
     reports = {}
     for name, title, rows in (
         ("protocol", "Learned aspects, the article's protocol", profiles),
@@ -473,8 +460,8 @@ def open_set(
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
     known = ~np.isin(answers.ship.values, strangers)
     arrays = {
-        "similarity": select_places(answers.similarity, **places),
-        "correct": select_places(answers.correct, **places) == 1,
+        "similarity": pick(answers.similarity, **places),
+        "correct": pick(answers.correct, **places) == 1,
     }
     similarity, right = (array.transpose("ship", ...).values for array in arrays.values())
     learned = np.broadcast_to(known.reshape(-1, *[1] * (similarity.ndim - 1)), similarity.shape)

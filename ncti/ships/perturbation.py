@@ -113,7 +113,7 @@ class Carriage:
     carrier: tuple[int, ...]
     contact: tuple[Floats, ...]
 
-    def standing_ancestors(self) -> tuple[int, ...]:
+    def ancestors(self) -> tuple[int, ...]:
         """Return for each component its ancestor, or itself, that stands on the hull."""
         feet = list(range(len(self.order)))
         for number in self.order:
@@ -262,7 +262,7 @@ class _Warp:
         )
 
 
-def _component_middle(component: Component) -> float:
+def _midpoint(component: Component) -> float:
     """Return the middle of a component along the ship [m]."""
     for key in ("outline", "path"):
         if key in component.sizes:
@@ -359,20 +359,13 @@ def perturb_sheet(
         raise ShipError(f"{sheet.name}: a warp of scale {scale:g} folds the hull.")
     fresh = replace(sheet, hull=warp.lines())
     hull = [fresh.hull.solid()]
-    sigma, feet, carriers = (
-        scale * borne.sigmas(sheet),
-        borne.standing_ancestors(),
-        set(borne.carrier),
-    )
+    sigma, feet, carriers = scale * borne.sigmas(sheet), borne.ancestors(), set(borne.carrier)
     places = np.clip(rng.standard_normal((len(sigma), 2)), -LIMIT, LIMIT) * [1, ACROSS]
     sizes = np.clip(rng.standard_normal(len(sigma)), -LIMIT, LIMIT)
     moves, components, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
 
-    def place_component(number: int, move: Floats) -> Component:
-        component, column = (
-            sheet.components[number],
-            _component_middle(sheet.components[feet[number]]),
-        )
+    def place(number: int, move: Floats) -> Component:
+        component, column = sheet.components[number], _midpoint(sheet.components[feet[number]])
         plan = move if feet[number] == number else moves[feet[number]]
         # Rise of the deck from the place that the warp alone gives the foot to its final place.
         _, before = sheet.hull.deck_edge(column)
@@ -402,16 +395,14 @@ def perturb_sheet(
         if component.cuts or "edge" in component.sizes:
             shift[:] = 0.0  # the deck's edge, or the body they are cut from, fixes their place
         if shift.any():
-            unmoved = copies_of(fresh, place_component(number, base))
+            unmoved = copies_of(fresh, place(number, base))
             room = _bounds([*hull, *unmoved])[:, :2]
             halved = (shift / 2**halving for halving in range(HALVINGS))
-            tried = (
-                (move, copies_of(fresh, place_component(number, base + move))) for move in halved
-            )
+            tried = ((move, copies_of(fresh, place(number, base + move))) for move in halved)
             fitting = (move for move, copies in tried if keeps_contact(number, room, copies))
             shift = next(fitting, np.zeros(2))
         moves[number] = base + shift
-        components[number] = place_component(number, moves[number])
+        components[number] = place(number, moves[number])
         if number in carriers:
             solids[number] = copies_of(fresh, components[number])
     return replace(fresh, components=tuple(components))

@@ -41,7 +41,7 @@ def test_coverage_is_that_of_independent_seeds_and_shows_intervals_that_are_too_
 ):
     """Of 1,600 repeats of normal draws: 95 %, +- 2 at five standard errors; half as wide, 66 %."""
     percent = np.random.default_rng(3).normal(50, 4, (1600, 20))
-    plain = coverage.over_seeds
+    plain = coverage.mean_over_seeds
 
     def narrow(values, **how):
         found = plain(values, **how)
