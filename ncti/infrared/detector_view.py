@@ -161,7 +161,7 @@ class DetectorView:
     @cached_property
     def coverage_at(self) -> Callable[[int], Silhouette]:
         """Coverage of half pixels by the ship at one of its places on the detector, by number."""
-        covering = partial(self.patches.coverage, self.footprint, subdivision=2)
+        covering = partial(self.patches.covering, self.footprint, subdivision=2)
         return cache(lambda offset: covering(self.place(offset)))
 
     def mask(self, offset: int, halves: int) -> NDArray[np.bool_]:

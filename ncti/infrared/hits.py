@@ -114,7 +114,7 @@ class Patches:
         )
         return left, right, bottom, top
 
-    def coverage(
+    def covering(
         self, footprint: float, place: tuple[float, float], *, subdivision: int = 1
     ) -> Silhouette:
         """Return the coverage of detector pixels with a footprint [m], or of their subdivisions.

@@ -65,7 +65,7 @@ def silhouette_table(
         key = id(images[look.slant_range]), look.pixels_of, place
         if key not in drawn:
             side = footprint(look.pixels_of, IFOV)
-            covered = [patch.coverage(side, place) for patch in patches[key[0]]]
+            covered = [patch.covering(side, place) for patch in patches[key[0]]]
             drawn[key] = _pad_to_one_canvas(
                 [patch.target(assumed["coverage_rule"]) for patch in covered]
             )

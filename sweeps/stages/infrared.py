@@ -365,7 +365,7 @@ def template_log_polar(
     patches = views.restored(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
     targets = [
-        patches.coverage(side, spread_place(offset)).target(coverage_rule)
+        patches.covering(side, spread_place(offset)).target(coverage_rule)
         for offset in subpixel_offsets
     ]
     # Without noise every segmentation gives the same mask.

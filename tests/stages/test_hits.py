@@ -35,7 +35,7 @@ def test_patches_cover_what_the_view_does(image):
     hits_restored = restored(Hits, {name: np.asarray(array) for name, array in vars(hits).items()})
     assert type(hits_restored.columns) is int
     patches = hits_restored.patches()
-    raster = patches.coverage(15.0, PLACE)
+    raster = patches.covering(15.0, PLACE)
     expected = silhouette(image, footprint=15.0, phase=PLACE, extent=patches.extent)
     np.testing.assert_array_equal(raster.coverage, expected.coverage)
     assert raster.origin == expected.origin
@@ -52,6 +52,6 @@ def test_a_mirrored_ship_covers_the_mirrored_pixels(image):
 
 def shares(patches):
     """Coverage of each column of pixels that shows the ship, by its number from the origin."""
-    raster = patches.coverage(3.75, (0.5, 0.5))
+    raster = patches.covering(3.75, (0.5, 0.5))
     columns = np.rint(raster.origin[0] / 3.75).astype(int) + np.arange(raster.coverage.shape[1])
     return {c: raster.coverage[:, k] for k, c in enumerate(columns) if raster.coverage[:, k].any()}
