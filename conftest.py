@@ -43,9 +43,9 @@ def pytest_configure(config: Any) -> None:
     from ncti.infrared.loops import IMAGES
     from ncti.irar.loops import TILTS
     from ncti.ladar.loops import BOXES, FRAMES
-    from ncti.render.loops import of_engine
+    from ncti.render.loops import engine_loops
 
-    engines = map(of_engine, ("lines", "embree", "osmesa", "mask"))
+    engines = map(engine_loops, ("lines", "embree", "osmesa", "mask"))
     every = (*engines, FRAMES, IMAGES, DENSITIES, TILTS, BOXES)
     if missing := [loops for loops in every if loops.are_missing()]:
         spawn = multiprocessing.get_context("spawn")

@@ -11,7 +11,7 @@ from rich.console import Console
 
 import ncti.ships
 from benchmarks import engine, history, paper, skips, steps, views, waiting, workers
-from benchmarks.reports import Report, machine, show, write_json
+from benchmarks.reports import Report, describe_machine, show, write_json
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.stages.views import cache_folder
 
@@ -67,7 +67,7 @@ def main(arguments: list[str] | None = None) -> None:
     except ncti.ships.ShipError as error:
         parser.error(f"--ship: {error}")
 
-    console, description, reports = Console(), machine(), {}
+    console, description, reports = Console(), describe_machine(), {}
     console.print(
         ", ".join(f"{key} {value}" for key, value in description.items()), highlight=False
     )

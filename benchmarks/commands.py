@@ -23,7 +23,7 @@ SUMMARY = re.compile(r"(?P<done>[\d,]+) cells computed, .*; work (?P<work>[\d.]+
 
 
 @dataclass(frozen=True)
-class Swept:
+class SweepCost:
     """Time, memory and work of a command.
 
     Attributes
@@ -56,7 +56,7 @@ def new_folder(folder: Path) -> Path:
     return folder
 
 
-def sweep(overrides: Sequence[str], folder: Path) -> Swept:
+def sweep(overrides: Sequence[str], folder: Path) -> SweepCost:
     """Run `ncti-sweep` with its cache and the store `sweep.zarr` in a folder.
 
     Parameters
@@ -80,10 +80,10 @@ def sweep(overrides: Sequence[str], folder: Path) -> Swept:
     match = SUMMARY.search(run.output)
     if match is None:
         raise RuntimeError(f"`{' '.join([*PROGRAM, *arguments])}` printed no summary of a sweep")
-    return Swept(run, int(match["done"].replace(",", "")), float(match["work"]))
+    return SweepCost(run, int(match["done"].replace(",", "")), float(match["work"]))
 
 
-def completed(plan: Plan, options: RunOptions) -> None:
+def complete_sweep(plan: Plan, options: RunOptions) -> None:
     """Sweep a plan in this process silently.
 
     Raises

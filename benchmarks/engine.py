@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import toy
-from benchmarks.commands import completed
+from benchmarks.commands import complete_sweep
 from benchmarks.processes import peak_memory, watch
 from benchmarks.reports import Column, Report
 from sweeps.engine.resolve.plan import Plan
@@ -40,8 +40,8 @@ def measure(*, most: int = MANY) -> Report:
         with tempfile.TemporaryDirectory() as folder:
             row: dict[str, Any] = {"cells": cells}
             for step in STEPS:
-                call = f"many({cells}, {step!r}, {folder!r})"
-                code = f"from benchmarks.engine import many; print(*{call})"
+                call = f"time_sweep({cells}, {step!r}, {folder!r})"
+                code = f"from benchmarks.engine import time_sweep; print(*{call})"
                 run = watch([sys.executable, "-c", code], cores=2)
                 seconds, peak = map(float, run.output.split())
                 row |= {step: seconds, f"{step}_mib": peak}
@@ -67,7 +67,7 @@ def measure(*, most: int = MANY) -> Report:
     )
 
 
-def many(cells: int, step: str, folder: str) -> tuple[float, float]:
+def time_sweep(cells: int, step: str, folder: str) -> tuple[float, float]:
     """Return the seconds of a step of a sweep in a folder, and the peak memory [MiB]."""
     # Four ships, and five values of each other axis but the aspects.
     vigilances = VIGILANCES + (step == "more")
@@ -78,5 +78,5 @@ def many(cells: int, step: str, folder: str) -> tuple[float, float]:
     if step == "dry":
         preview(plan, options)
     else:
-        completed(plan, options)
+        complete_sweep(plan, options)
     return time.perf_counter() - start, peak_memory()

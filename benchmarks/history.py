@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import ncti
 import ncti.ships
-from benchmarks.methods import embree_directly
+from benchmarks.methods import direct_embree
 from benchmarks.reports import Column, Report
 from benchmarks.views import DEPRESSION, EDGES, PULSE_WIDTH
 from ncti.ladar import RangeExtent, range_extent
@@ -85,7 +85,7 @@ class Entry:
                 raise ValueError(f"{name} is {value!r}, but must be positive")
 
 
-def _sweep(engine: str, fineness: tuple[float, ...] = ()) -> Make:
+def _sweep_method(engine: str, fineness: tuple[float, ...] = ()) -> Make:
     """Return a function that makes an extent as a sweep does by default."""
 
     def make(mesh: trimesh.Trimesh, aspect: float) -> RangeExtent:
@@ -102,20 +102,20 @@ def _sweep(engine: str, fineness: tuple[float, ...] = ()) -> Make:
     return make
 
 
-def _profile(mesh: trimesh.Trimesh, aspect: float) -> None:
+def _simulate_profile(mesh: trimesh.Trimesh, aspect: float) -> None:
     """Simulate a profile of a ship by name, with all defaults but range and frames."""
     name = mesh.metadata["name"]
     ncti.simulate.range_profile(name, aspect=aspect, slant_range=SLANT_RANGE, frames=FRAMES)
 
 
 WAYS: dict[str, tuple[str, Make]] = {
-    "embree": ("pixels of 0.25 m by embree", _sweep("embree")),
-    "lines": ("lines 0.25 m apart", _sweep(LINES)),
+    "embree": ("pixels of 0.25 m by embree", _sweep_method("embree")),
+    "lines": ("lines 0.25 m apart", _sweep_method(LINES)),
     "tolerance": (
         f"lines within {TOLERANCE:g}",
-        _sweep(LINES, (TOLERANCE, PULSE_WIDTH, 1.0)),
+        _sweep_method(LINES, (TOLERANCE, PULSE_WIDTH, 1.0)),
     ),
-    "profile": (f"simulate.range_profile, {FRAMES} frames", _profile),
+    "profile": (f"simulate.range_profile, {FRAMES} frames", _simulate_profile),
 }
 """Measured ways: their description, and the function of each."""
 
@@ -139,16 +139,16 @@ def measure(
     ratios: dict[str, list[float]] = {way: [] for way in WAYS}
     for name in ships:
         mesh = ncti.ships.load(name)
-        cast = embree_directly(mesh, 0.25)
+        cast = direct_embree(mesh, 0.25)
         for aspect in aspects:
-            exact = _exact(mesh, aspect)
+            exact = _exact_extent(mesh, aspect)
             for way, (_, make) in WAYS.items():
                 extent = make(mesh, aspect)  # and warms up
                 if extent is not None:
                     errors[way].append(_error(extent, exact))
                     bounds[way].append(extent.error_after(PULSE_WIDTH) / errors[way][-1])
             cast(View(aspect, DEPRESSION))
-            turns = [_turn(mesh, aspect, cast) for _ in range(repeats)]
+            turns = [_time_methods(mesh, aspect, cast) for _ in range(repeats)]
             for way, ratio in ratios.items():
                 ratio.append(statistics.median(turn[way] for turn in turns))
     today, version = datetime.now(UTC).strftime("%Y-%m-%d"), ncti.__version__
@@ -157,16 +157,16 @@ def measure(
             today,
             version,
             way,
-            error=_rounded(100 * np.median(errors[way])) if errors[way] else None,
-            worst=_rounded(100 * max(errors[way])) if errors[way] else None,
-            bound=_rounded(np.median(bounds[way])) if np.isfinite(bounds[way]).any() else None,
-            time=_rounded(statistics.median(ratios[way])),
+            error=_round_value(100 * np.median(errors[way])) if errors[way] else None,
+            worst=_round_value(100 * max(errors[way])) if errors[way] else None,
+            bound=_round_value(np.median(bounds[way])) if np.isfinite(bounds[way]).any() else None,
+            time=_round_value(statistics.median(ratios[way])),
         )
         for way in WAYS
     ]
 
 
-def _exact(mesh: trimesh.Trimesh, aspect: float) -> Floats:
+def _exact_extent(mesh: trimesh.Trimesh, aspect: float) -> Floats:
     """Return the sampling-free extent of the whole ship [m^2]."""
     geometry = {"aspect": aspect, "depression": DEPRESSION, "slant_range": SLANT_RANGE}
     return reference_range_extent(mesh, bin_edges=EDGES, **geometry).area.sum(axis=0)
@@ -180,26 +180,28 @@ def _error(extent: RangeExtent, exact: Floats) -> float:
     return float(np.abs(p - q).sum() / q.sum())
 
 
-def _turn(mesh: trimesh.Trimesh, aspect: float, cast: Callable[[View], Any]) -> dict[str, float]:
+def _time_methods(
+    mesh: trimesh.Trimesh, aspect: float, cast: Callable[[View], Any]
+) -> dict[str, float]:
     """Return the processor time of each way, over the mean of a cast before and after it."""
     view = View(aspect, DEPRESSION)
-    before = _seconds(cast, view)
+    before = _time_call(cast, view)
     ratios = {}
     for way, (_, make) in WAYS.items():
-        seconds = _seconds(make, mesh, aspect)
-        after = _seconds(cast, view)
+        seconds = _time_call(make, mesh, aspect)
+        after = _time_call(cast, view)
         ratios[way] = seconds / ((before + after) / 2)
         before = after
     return ratios
 
 
-def _seconds(call: Callable[..., Any], *arguments: Any) -> float:
+def _time_call(call: Callable[..., Any], *arguments: Any) -> float:
     start = time.process_time()
     call(*arguments)
     return time.process_time() - start
 
 
-def _rounded(value: float | np.floating) -> float:
+def _round_value(value: float | np.floating) -> float:
     return float(f"{value:.3g}")
 
 

@@ -54,7 +54,7 @@ def lines(mesh: trimesh.Trimesh, pixel: float) -> Draw:
     )
 
 
-def embree_directly(mesh: trimesh.Trimesh, pixel: float) -> Draw:
+def direct_embree(mesh: trimesh.Trimesh, pixel: float) -> Draw:
     """Embree through embreex, its scene kept: float32 distances, no slopes."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -136,7 +136,7 @@ def trimesh_rays(mesh: trimesh.Trimesh, pixel: float) -> Draw:
     return draw
 
 
-def pyrender_anew(platform: str) -> Method:
+def new_pyrender(platform: str) -> Method:
     """pyrender as a newcomer writes it: a scene and a renderer for every view."""
 
     def prepare(mesh: trimesh.Trimesh, pixel: float) -> Draw:

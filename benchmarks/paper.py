@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from benchmarks.commands import CORES, Swept, new_folder, sweep
+from benchmarks.commands import CORES, SweepCost, new_folder, sweep
 from benchmarks.reports import Column, Report, Sample
 
 COLD, BUSY, AGAIN = "cold, ships built", "cold, beside a busy process", "again"
@@ -54,12 +54,12 @@ def measure(
     Report
         One row per step.
     """
-    steps: dict[str, list[Swept]] = {step: [] for step in (COLD, BUSY, AGAIN, *more)}
+    steps: dict[str, list[SweepCost]] = {step: [] for step in (COLD, BUSY, AGAIN, *more)}
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as parent:
             folder = new_folder(Path(parent, "cold"))
             steps[COLD].append(sweep(experiment, folder))
-            with _busy():
+            with _keep_busy():
                 steps[BUSY].append(sweep(experiment, new_folder(Path(parent, "busy"))))
             steps[AGAIN].append(sweep(experiment, folder))
             for step, override in more.items():
@@ -100,7 +100,7 @@ def measure(
 
 
 @contextmanager
-def _busy() -> Iterator[None]:
+def _keep_busy() -> Iterator[None]:
     """Keep a process computing meanwhile."""
     busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
     try:

@@ -79,7 +79,7 @@ def watch(command: Sequence[str], *, cores: int) -> Run:
         if hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(process.pid, sorted(os.sched_getaffinity(0))[:cores])
         while True:
-            resident = _resident(process.pid)
+            resident = _resident_memory(process.pid)
             for member in resident:
                 with suppress(psutil.Error):
                     times = member.cpu_times()
@@ -127,7 +127,7 @@ def peak_memory(pid: int | None = None) -> float:
         return 0.0
 
 
-def _resident(pid: int) -> dict[psutil.Process, float]:
+def _resident_memory(pid: int) -> dict[psutil.Process, float]:
     """Return the resident memory of a process and of each descendant [MiB]."""
     memory = {}
     try:

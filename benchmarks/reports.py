@@ -66,7 +66,7 @@ class Report:
     notes: list[str] = field(default_factory=list)
 
 
-def machine() -> dict[str, str]:
+def describe_machine() -> dict[str, str]:
     """Return a description of the machine, and its load at the start."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
@@ -119,10 +119,10 @@ def cells(report: Report) -> Iterator[list[str]]:
     """Yield the headings, then the text of each row."""
     yield [column.heading for column in report.columns]
     for row in report.rows:
-        yield [_text(row.get(column.key), column.spec) for column in report.columns]
+        yield [_format_value(row.get(column.key), column.spec) for column in report.columns]
 
 
-def _text(value: Any, spec: str) -> str:
+def _format_value(value: Any, spec: str) -> str:
     if value is None:
         return ""
     if isinstance(value, Sample):

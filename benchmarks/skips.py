@@ -16,13 +16,13 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 import ncti.ships
 from benchmarks.classifiers import PASSES, Task, source_task
 from benchmarks.reports import Column, Report, Sample
-from benchmarks.timing import in_turn, patched
+from benchmarks.timing import patch_constant, time_in_turn
 from benchmarks.views import DEPRESSION
 from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster
 from ncti.infrared import contrast, silhouette, thermal_images
 from ncti.ladar import RangeExtent, cumulative_average, frames, range_extent, sample_frames
 from ncti.render import LineImage, draw_lines, line_image, range_image, surfaces, threads
-from ncti.render.line_sweep import cross, project
+from ncti.render.line_sweep import find_crossings, project
 from ncti.render.mask import ship_mask
 from ncti.render.solid import Solid
 from ncti.render.surfaces import Surfaces
@@ -85,10 +85,10 @@ def measure(ship: str, *, repeats: int) -> Report:
         One row per skip.
     """
     rows = []
-    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
+    with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         for skip in skips(ncti.ships.load(ship), source_task()):
             ways = (skip.skipping, skip.plain)
-            with_, without = in_turn(ways, repeats=TURNS * repeats, limit=LONG).T
+            with_, without = time_in_turn(ways, repeats=TURNS * repeats, limit=LONG).T
             rows.append(
                 {
                     "skip": skip.name,
@@ -118,10 +118,10 @@ def measure(ship: str, *, repeats: int) -> Report:
 
 def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
     """Yield every skip of rendering a ship and of classification."""
-    yield from of_facets(mesh)
-    yield from of_views(mesh)
+    yield from facet_skips(mesh)
+    yield from view_skips(mesh)
     extent = range_extent(line_image(mesh, **VIEW), slant_range=SLANT_RANGE)
-    yield from of_frames(extent)
+    yield from noise_skips(extent)
     yield sea_window(line_image(mesh, **VIEW))
     yield Skip(
         f"similarity shared by {len(VIGILANCES)} vigilances",
@@ -152,54 +152,56 @@ def name_together(task: Task) -> Array:
     return np.array(answers)
 
 
-def of_facets(mesh: trimesh.Trimesh) -> Iterator[Skip]:
+def facet_skips(mesh: trimesh.Trimesh) -> Iterator[Skip]:
     """Yield skips of facets; areas and ranges are compared line by line."""
     below = mesh.copy()
     below.vertices[:, 2] *= -1
     below.invert()
     doubled: Any = trimesh.util.concatenate([mesh, below])
-    flat, deep = (prepared(solid, merged=True) for solid in (mesh, doubled))
+    flat, deep = (prepare_surfaces(solid, merged=True) for solid in (mesh, doubled))
     yield Skip(
         "facets under water, as many as above",
-        lambda: traced(flat, facing(flat)),
-        lambda: traced(deep, facing(deep)),
+        lambda: trace_lines(flat, facing_mask(flat)),
+        lambda: trace_lines(deep, facing_mask(deep)),
         exact=False,  # only the plain way has the parts below the sea
     )
-    single = prepared(mesh, merged=False)  # a facet is convex: it ends only once on a line
+    single = prepare_surfaces(mesh, merged=False)  # a facet is convex: it ends only once on a line
     everything = np.ones(len(single.area), dtype=bool)
     yield Skip(
         "facets facing away",
-        lambda: traced(single, facing(single)),
-        lambda: traced(single, everything),
+        lambda: trace_lines(single, facing_mask(single)),
+        lambda: trace_lines(single, everything),
     )
-    visible = ever_seen(mesh)
+    visible = visible_mask(mesh)
     yield Skip(
         f"facets never seen ({1 - visible.mean():.1%}; not taken)",
-        lambda: traced(flat, facing(flat) & visible),
-        lambda: traced(flat, facing(flat)),
+        lambda: trace_lines(flat, facing_mask(flat) & visible),
+        lambda: trace_lines(flat, facing_mask(flat)),
     )
 
 
-def prepared(mesh: trimesh.Trimesh, *, merged: bool) -> Surfaces:
+def prepare_surfaces(mesh: trimesh.Trimesh, *, merged: bool) -> Surfaces:
     """Return the surfaces of a mesh, with coplanar facets merged or not."""
-    with patched(surfaces, "ANGLE", surfaces.ANGLE if merged else -1.0):
+    with patch_constant(surfaces, "ANGLE", surfaces.ANGLE if merged else -1.0):
         return Surfaces._prepare(Solid.of(mesh))
 
 
-def facing(hull: Surfaces) -> NDArray[np.bool_]:
+def facing_mask(hull: Surfaces) -> NDArray[np.bool_]:
     """Return the mask of surfaces that face the sensor."""
     towards: NDArray[np.bool_] = hull.area @ -View(**VIEW).axes[2] > 0
     return towards
 
 
-def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
+def trace_lines(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     """Return area [m] and mean range of the pieces of some surfaces on each line, (line, 2)."""
     indices = np.full(len(used) + 1, len(used), dtype=np.uint32)
     indices[:-1][used] = np.flatnonzero(used)
     axes = View(**VIEW).axes
     point, bounds = project(hull.vertices, axes, axes @ hull.centre, 0.0)
-    crossings = cross(point, bounds, hull.edge, indices, 0.25, draw_lines.PHASE, *EVERY_LINE)
-    line, piece, _ = threads.swept(crossings, surfaces=len(used))
+    crossings = find_crossings(
+        point, bounds, hull.edge, indices, 0.25, draw_lines.PHASE, *EVERY_LINE
+    )
+    line, piece, _ = threads.sweep_lines(crossings, surfaces=len(used))
     line -= crossings[0]
     length = piece[:, 1] - piece[:, 0]
     sums = [
@@ -208,7 +210,7 @@ def traced(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
     return np.stack(sums, axis=1)
 
 
-def ever_seen(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
+def visible_mask(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     """Return the mask of surfaces that lines see from some view around and above."""
     visible = np.zeros(len(Surfaces.of(mesh).area), dtype=bool)
     for aspect, depression in SEEN_FROM:
@@ -217,15 +219,17 @@ def ever_seen(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     return visible
 
 
-def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
+def view_skips(mesh: trimesh.Trimesh) -> Iterator[Skip]:
     """Yield skips of whole views."""
 
-    def drawn(number: int) -> Array:
+    def draw_images(number: int) -> Array:
         images = [range_image(mesh, **VIEW, engine="auto").down_range for _ in range(number)]
         return np.nan_to_num([images[look % number] for look in range(LOOKS)])
 
     yield Skip(
-        f"views shared by sensors, {DRAWN} of {LOOKS}", lambda: drawn(DRAWN), lambda: drawn(LOOKS)
+        f"views shared by sensors, {DRAWN} of {LOOKS}",
+        lambda: draw_images(DRAWN),
+        lambda: draw_images(LOOKS),
     )
 
     near: dict[str, Any] = VIEW | {"slant_range": SLANT_RANGE, "pixel": 0.25}
@@ -235,9 +239,9 @@ def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
         lambda: range_image(mesh, **near, engine="osmesa").hit.astype(float),
     )
 
-    twin = symmetric(mesh)
+    twin = symmetric_ship(mesh)
 
-    def extents(sides: int, engine: str) -> Array:
+    def twin_extents(sides: int, engine: str) -> Array:
         by_side = [
             range_extent(_image(twin, engine, aspect=aspect, roll=roll), slant_range=SLANT_RANGE)
             for aspect, roll in ((ASPECT, ROLL), (360 - ASPECT, -ROLL))[:sides]
@@ -249,12 +253,12 @@ def of_views(mesh: trimesh.Trimesh) -> Iterator[Skip]:
     for engine in ("lines", "auto"):
         yield Skip(
             f"twins to port and starboard, {engine}",
-            lambda engine=engine: extents(1, engine),  # type: ignore[misc]
-            lambda engine=engine: extents(2, engine),  # type: ignore[misc]
+            lambda engine=engine: twin_extents(1, engine),  # type: ignore[misc]
+            lambda engine=engine: twin_extents(2, engine),  # type: ignore[misc]
         )
 
 
-def symmetric(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+def symmetric_ship(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return the port half of a ship and its mirror image."""
     solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
     port, _ = solid.split_by_plane((0.0, 1.0, 0.0), 0.0)
@@ -264,26 +268,26 @@ def symmetric(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     )
 
 
-def of_frames(seen: RangeExtent) -> Iterator[Skip]:
+def noise_skips(seen: RangeExtent) -> Iterator[Skip]:
     """Yield skips of noise."""
 
-    def sampled(target_free: int, extent: RangeExtent = seen) -> Array:
+    def sample(target_free: int, extent: RangeExtent = seen) -> Array:
         rng = np.random.default_rng(0)
         noise: dict[str, Any] = {"target_free_ifovs": target_free, "rng": rng, **SIGNAL}
         return sample_frames(extent, frame_count=PREFIXES[-1], **noise)
 
-    def one_by_one() -> Array:
-        with patched(frames, "GAUSSIAN_FROM", np.inf):
-            return sampled(4000)
+    def sample_each_ifov() -> Array:
+        with patch_constant(frames, "GAUSSIAN_FROM", np.inf):
+            return sample(4000)
 
-    yield Skip("IFOVs without target, 4000", lambda: sampled(4000), one_by_one, exact=False)
+    yield Skip("IFOVs without target, 4000", lambda: sample(4000), sample_each_ifov, exact=False)
     # Fill every bin with too little to change any number.
     occupied = replace(seen, fraction=np.maximum(seen.fraction, 1e-60))
     yield Skip(
-        "bins outside the target", lambda: sampled(0), lambda: sampled(0, occupied), exact=False
+        "bins outside the target", lambda: sample(0), lambda: sample(0, occupied), exact=False
     )
 
-    def prefixes(together: bool) -> Array:
+    def average_prefixes(together: bool) -> Array:
         signal = {"target_free_ifovs": 4000, **SIGNAL}
         runs = [
             sample_frames(seen, frame_count=count, rng=np.random.default_rng(0), **signal)
@@ -293,7 +297,9 @@ def of_frames(seen: RangeExtent) -> Iterator[Skip]:
             return cumulative_average(runs[0], PREFIXES)
         return np.stack([run.mean(axis=0) for run in runs])
 
-    yield Skip("prefixes of averages", lambda: prefixes(True), lambda: prefixes(False))
+    yield Skip(
+        "prefixes of averages", lambda: average_prefixes(True), lambda: average_prefixes(False)
+    )
 
 
 def sea_window(image: LineImage) -> Skip:
@@ -305,12 +311,14 @@ def sea_window(image: LineImage) -> Skip:
         silhouette(image, footprint=1.875, extent=window).target(0.25) for window in windows
     )
 
-    def drawn(target: NDArray[np.bool_]) -> Array:
+    def draw_images(target: NDArray[np.bool_]) -> Array:
         rng = np.random.default_rng(0)
         images = thermal_images(target, contrast=contrast(25e3), frame_counts=PREFIXES, rng=rng)
         return images[:, target]
 
-    return Skip("sea outside the ship's window", lambda: drawn(cropped), lambda: drawn(full))
+    return Skip(
+        "sea outside the ship's window", lambda: draw_images(cropped), lambda: draw_images(full)
+    )
 
 
 def _image(mesh: trimesh.Trimesh, engine: str, **view: float) -> Any:

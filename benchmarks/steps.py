@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # o
 import ncti.ships
 from benchmarks.classifiers import CONTENDERS, FRAMES, SIGNAL, SLANT_RANGE, source_task
 from benchmarks.reports import Column, Report, Sample
-from benchmarks.timing import in_turn, patched
+from benchmarks.timing import patch_constant, time_in_turn
 from benchmarks.views import DEPRESSION
 from ncti.features import log_polar, segment
 from ncti.infrared import IFOV, SPREAD, contrast, pixel_sigma, silhouette, thermal_images
@@ -48,10 +48,10 @@ def measure(ship: str, *, repeats: int) -> Report:
     """
     mesh = ncti.ships.load(ship)
     rows = []
-    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
+    with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         for steps_of in (profiles, silhouettes, flights, classifiers):
             for part, step, calls in steps_of(mesh):
-                ms = Sample.of((1e3 * in_turn(calls, repeats=repeats)).ravel().tolist())
+                ms = Sample.of((1e3 * time_in_turn(calls, repeats=repeats)).ravel().tolist())
                 rows.append({"part": part, "step": step, "ms": ms})
     return Report(
         f"Steps of {ship}, {len(ASPECTS)} aspects, {repeats} times",

@@ -14,7 +14,7 @@ LEAST = 3
 """Least number of rounds, whatever the limit."""
 
 
-def in_turn(
+def time_in_turn(
     calls: Sequence[Callable[[], object]], *, repeats: int, limit: float = np.inf
 ) -> NDArray[np.float64]:
     """Return processor times of calls, forwards and backwards, after an uncounted round.
@@ -45,7 +45,7 @@ def in_turn(
 
 
 @contextmanager
-def patched(module: Any, name: str, value: Any) -> Iterator[None]:
+def patch_constant(module: Any, name: str, value: Any) -> Iterator[None]:
     """Set a module's constant within this context."""
     original = getattr(module, name)
     setattr(module, name, value)

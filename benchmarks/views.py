@@ -17,11 +17,11 @@ from benchmarks.methods import (
     Draw,
     Method,
     Seen,
-    embree_directly,
+    direct_embree,
     lines,
     mitsuba_rays,
+    new_pyrender,
     open3d_rays,
-    pyrender_anew,
     range_images,
     trimesh_rays,
 )
@@ -43,12 +43,12 @@ METHODS: dict[str, tuple[str, Method]] = {
     "egl": ("egl", range_images("egl")),
     "embree": ("embree", range_images("embree")),
     "lines": ("embree", lines),
-    YARDSTICK: ("embree", embree_directly),
+    YARDSTICK: ("embree", direct_embree),
     "Open3D RaycastingScene": ("embree", open3d_rays),
     "Mitsuba 3, llvm": ("embree", mitsuba_rays),
     "trimesh.ray": ("embree", trimesh_rays),
-    "pyrender on OSMesa, anew": ("osmesa", pyrender_anew("osmesa")),
-    "pyrender on EGL, anew": ("egl", pyrender_anew("egl")),
+    "pyrender on OSMesa, anew": ("osmesa", new_pyrender("osmesa")),
+    "pyrender on EGL, anew": ("egl", new_pyrender("egl")),
 }
 """By name: the engine whose libraries it needs, and the function that prepares it."""
 
@@ -68,7 +68,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Timed:
+class TimedView:
     """One view, drawn once by a method and once by the yardstick in the same process.
 
     Attributes
@@ -120,14 +120,16 @@ def measure(
     """
     with ExitStack() as running:
         running.enter_context(environment(ONE_THREAD))  # which the processes inherit
-        pools, absent = _processes(running, ship, pixel, aspects[0])
-        timed: dict[str, list[Timed]] = {name: [] for name in pools}
+        pools, absent = _method_processes(running, ship, pixel, aspects[0])
+        timed: dict[str, list[TimedView]] = {name: [] for name in pools}
         for turn in range(repeats):
             for index, aspect in enumerate(aspects):
                 for name, pool in pools.items():
                     yardstick_first = (turn + index) % 2 == 0
                     timed[name].append(
-                        pool.submit(_time, aspect, pixel, yardstick_first=yardstick_first).result()
+                        pool.submit(
+                            _time_view, aspect, pixel, yardstick_first=yardstick_first
+                        ).result()
                     )
     mesh = ncti.ships.load(ship)
     exact = [
@@ -137,7 +139,7 @@ def measure(
         for aspect in aspects
     ]
     rows = [
-        _row(name, timed[name], exact * repeats, pixel)
+        _view_row(name, timed[name], exact * repeats, pixel)
         if name in timed
         else {"method": name, "absent": absent[name]}
         for name in METHODS
@@ -160,7 +162,7 @@ def measure(
     )
 
 
-def _processes(
+def _method_processes(
     running: ExitStack, ship: str, pixel: float, aspect: float
 ) -> tuple[dict[str, ProcessPoolExecutor], dict[str, str]]:
     """Return a process for each method that can run here, and the reasons of the others."""
@@ -183,8 +185,8 @@ def _processes(
     return {name: pool for name, pool in pools.items() if name not in absent}, absent
 
 
-def _row(
-    name: str, views: list[Timed], exact: list[NDArray[np.float64]], pixel: float
+def _view_row(
+    name: str, views: list[TimedView], exact: list[NDArray[np.float64]], pixel: float
 ) -> dict[str, object]:
     kernel = target_kernel(pulse_width=PULSE_WIDTH, bin_width=1.0, bin_count=len(EDGES) - 1) ** 2
 
@@ -230,13 +232,13 @@ def _prepare(name: str, ship: str, pixel: float, aspect: float) -> None:
         _draws[role](View(aspect, DEPRESSION))
 
 
-def _time(aspect: float, pixel: float, *, yardstick_first: bool) -> Timed:
+def _time_view(aspect: float, pixel: float, *, yardstick_first: bool) -> TimedView:
     """Time one view in this process."""
     view = View(aspect, DEPRESSION)
     before = _stopwatch(lambda: _draws["yardstick"](view)) if yardstick_first else None
     wall, cpu, drawing = _stopwatch(lambda: _draws["method"](view))
     yardstick = before or _stopwatch(lambda: _draws["yardstick"](view))
-    return Timed(wall, cpu, yardstick[0], profile_of(drawing, pixel))
+    return TimedView(wall, cpu, yardstick[0], profile_of(drawing, pixel))
 
 
 def _stopwatch(work: Callable[[], Seen]) -> tuple[float, float, Seen]:

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 @dataclass(frozen=True)
-class Waited:
+class WaitingTime:
     """Times of a command from its start [s]; NaN for steps that it lacks.
 
     `planned` and `done` are the times of these messages; `work` is the time of all calls of stages.
@@ -65,7 +65,7 @@ def measure(*, repeats: int, against: Path | None = None) -> Report:
         One row per step.
     """
     checkouts = [ROOT] if against is None else [ROOT, against]
-    times: list[defaultdict[str, list[Waited]]] = [defaultdict(list) for _ in checkouts]
+    times: list[defaultdict[str, list[WaitingTime]]] = [defaultdict(list) for _ in checkouts]
     for _ in range(repeats):
         for checkout, by_step in zip(checkouts, times, strict=True):
             for step, waited in steps(checkout):
@@ -74,7 +74,7 @@ def measure(*, repeats: int, against: Path | None = None) -> Report:
     for step, ours in times[0].items():
         sample = {
             field.name: Sample.of(getattr(waited, field.name) for waited in ours).median
-            for field in fields(Waited)
+            for field in fields(WaitingTime)
         }
         row = {
             "step": step,
@@ -99,7 +99,7 @@ def measure(*, repeats: int, against: Path | None = None) -> Report:
     )
 
 
-def steps(checkout: Path) -> list[tuple[str, Waited]]:
+def steps(checkout: Path) -> list[tuple[str, WaitingTime]]:
     """Return the steps of a new user of a checkout, in order, with their times."""
     with tempfile.TemporaryDirectory() as parent:
         home = Path(parent)
@@ -108,38 +108,38 @@ def steps(checkout: Path) -> list[tuple[str, Waited]]:
         for name in ("SWEEP_CACHE", "NUMBA_CACHE_DIR"):  # would come first
             environment.pop(name, None)
 
-        def command(*arguments: str, status: int = 0) -> Callable[[], Waited]:
-            def run() -> Waited:
-                return timed([*PROGRAM, *arguments], home, environment, status)
+        def command_run(*arguments: str, status: int = 0) -> Callable[[], WaitingTime]:
+            def run() -> WaitingTime:
+                return time_command([*PROGRAM, *arguments], home, environment, status)
 
             return run
 
-        def without_cells(*arguments: str) -> Callable[[], Waited]:
-            def run() -> Waited:
+        def uncached_run(*arguments: str) -> Callable[[], WaitingTime]:
+            def run() -> WaitingTime:
                 shutil.rmtree(home / "cells", ignore_errors=True)
-                return command(*arguments, f"cache={home}/cells")()
+                return command_run(*arguments, f"cache={home}/cells")()
 
             return run
 
-        def profile() -> Waited:
-            return timed(["-c", PROFILE], home, environment, 0)
+        def run_profile() -> WaitingTime:
+            return time_command(["-c", PROFILE], home, environment, 0)
 
         runs = {
-            "--help": command("--help"),
-            "refusal": command(*REFUSED, status=2),
-            "range profile, first": profile,
-            "range profile, again": profile,
-            "smoke, first": without_cells(*SMOKE, f"store={home}/first.zarr"),
-            "smoke, compiled": without_cells(*SMOKE, f"store={home}/smoke.zarr"),
-            "paper, compiled": without_cells(*PAPER, f"store={home}/paper.zarr"),
-            "paper, again": command(*PAPER, f"store={home}/paper.zarr", f"cache={home}/cells"),
+            "--help": command_run("--help"),
+            "refusal": command_run(*REFUSED, status=2),
+            "range profile, first": run_profile,
+            "range profile, again": run_profile,
+            "smoke, first": uncached_run(*SMOKE, f"store={home}/first.zarr"),
+            "smoke, compiled": uncached_run(*SMOKE, f"store={home}/smoke.zarr"),
+            "paper, compiled": uncached_run(*PAPER, f"store={home}/paper.zarr"),
+            "paper, again": command_run(*PAPER, f"store={home}/paper.zarr", f"cache={home}/cells"),
         }
         return [(step, run()) for step, run in runs.items()]
 
 
-def timed(
+def time_command(
     arguments: Sequence[str], folder: Path, environment: Mapping[str, str], status: int
-) -> Waited:
+) -> WaitingTime:
     """Return the times of a command in a folder; RuntimeError if its exit status differs."""
     start = time.perf_counter()
     seconds: dict[str, float] = {}
@@ -164,7 +164,7 @@ def timed(
     if process.returncode != status:
         raise RuntimeError(f"`{' '.join(command)}` exited with {process.returncode}")
     end = time.perf_counter() - start
-    return Waited(
+    return WaitingTime(
         end,
         seconds.get(PLANNED, math.nan),
         seconds.get(DONE, math.nan),

@@ -140,14 +140,14 @@ def _cluster(count: int, folder: Path) -> Iterator[tuple[str, psutil.Process]]:
         yield address, psutil.Process(pid)
 
 
-class _Here:
+class _ThreadExecutor:
     """Executor that runs a worker's tasks in its own thread, not in one thread per process."""
 
     def __init__(self, result: Any = None) -> None:
         self._result = result
 
-    def submit(self, call: Callable[[], Any]) -> _Here:
-        return _Here(call())
+    def submit(self, call: Callable[[], Any]) -> _ThreadExecutor:
+        return _ThreadExecutor(call())
 
     def result(self) -> Any:
         return self._result
@@ -164,6 +164,6 @@ async def _work(address: str, count: int) -> None:
 
 
 if __name__ == "__main__":
-    engine._thread = _Here()  # type: ignore[assignment]
+    engine._thread = _ThreadExecutor()  # type: ignore[assignment]
     with dask.config.set(LIGHT):
         asyncio.run(_work(sys.argv[1], int(sys.argv[2])))

@@ -43,7 +43,7 @@ class Figure:
 
 
 def figures(aspects: ArrayLike = ASPECTS) -> tuple[Figure, ...]:
-    """Return the figures of Tables 2 to 5 of the article, in the order of `in_order`.
+    """Return the figures of Tables 2 to 5 of the article, in the order of `figure_order`.
 
     Trials are views of four ships at `aspects` (aspect,) [deg], which must lie in all three bins.
     """
@@ -83,7 +83,7 @@ def figures(aspects: ArrayLike = ASPECTS) -> tuple[Figure, ...]:
     return tuple(entries)
 
 
-def in_order(tables: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+def figure_order(tables: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the (figure,) numbers of simulated tables in the order of `figures`."""
     names = ("table2", "table3", "table4", "table5", "categories5")
     return np.concatenate([np.ravel(tables[name]) for name in names])

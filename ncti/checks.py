@@ -60,13 +60,13 @@ def require(
         # An integer too large for a float; its digits would fill pages.
         number = value = math.inf if value > 0 else -math.inf
 
-    def inside(candidate: float) -> bool:
+    def in_range(candidate: float) -> bool:
         limits = {"minimum": minimum, "maximum": maximum, "below": below}
-        return _inside(candidate, candidate, positive=positive, **limits) and not (
+        return _are_bounds_met(candidate, candidate, positive=positive, **limits) and not (
             whole and candidate % 1
         )
 
-    if inside(number):
+    if in_range(number):
         return
     ranged = minimum > -math.inf and maximum < math.inf
     bounds = ["above 0"] if positive else []
@@ -76,11 +76,13 @@ def require(
     bounds += [f"below {below:g}"] if below < math.inf else []
     kind = "a whole number" if whole else "a number" if ranged else "a finite number"
     unit = f" {UNITS[name]}" if name in UNITS else ""
-    text = f"{_line(value)}{unit if math.isfinite(number) else ''}"
+    text = f"{_short_text(value)}{unit if math.isfinite(number) else ''}"
     allowed = f"{kind} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
     other, power = OTHER_UNITS.get(unit.strip(), ("", 0))
     digits = f"{number:g}"
-    is_slip = "e" not in digits and inside(number * 10.0**power)  # not of a number with an exponent
+    is_slip = "e" not in digits and in_range(
+        number * 10.0**power
+    )  # not of a number with an exponent
     meant = f"; {digits} {other} is {digits}e{power}" if is_slip else ""
     raise ValueError(f"{name} is {text}, but must be {allowed}{unit}{meant}")
 
@@ -89,7 +91,9 @@ def require_instance(name: str, value: Any, kind: type) -> None:
     """Raise `ValueError` unless `value` is of a class that a package of the library exports."""
     if not isinstance(value, kind):
         package = ".".join(kind.__module__.split(".")[:2])
-        raise ValueError(f"{name} is {_line(value)}, but must be an {package}.{kind.__name__}")
+        raise ValueError(
+            f"{name} is {_short_text(value)}, but must be an {package}.{kind.__name__}"
+        )
 
 
 def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
@@ -97,22 +101,24 @@ def require_all(name: str, values: Any, **bounds: Any) -> NDArray[np.float64]:
     try:
         array = np.asarray(values)
     except ValueError:
-        raise ValueError(f"{name} is {_line(values)}, but must be an array of numbers") from None
-    if array.dtype.kind not in "biuf" or not _all_inside(array, **bounds):
+        raise ValueError(
+            f"{name} is {_short_text(values)}, but must be an array of numbers"
+        ) from None
+    if array.dtype.kind not in "biuf" or not _are_in_bounds(array, **bounds):
         for value in array.ravel().tolist():
             require(name, value, **bounds)
     return np.asarray(array, dtype=np.float64)
 
 
-def _all_inside(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -> bool:
+def _are_in_bounds(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -> bool:
     """Return whether `require` accepts every element, by vectorised checks of the array."""
     if not array.size:
         return True
     least, most = float(array.min()), float(array.max())  # a NaN is both
-    return _inside(least, most, **bounds) and not (whole and (array % 1).any())
+    return _are_bounds_met(least, most, **bounds) and not (whole and (array % 1).any())
 
 
-def _inside(
+def _are_bounds_met(
     least: float,
     most: float,
     *,
@@ -138,7 +144,7 @@ def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:
     """
     listed = isinstance(values, Sequence) or getattr(values, "ndim", 0) == 1
     if not listed or len(values) != length:
-        raise ValueError(f"{name} is {_line(values)}, but must be {length} numbers")
+        raise ValueError(f"{name} is {_short_text(values)}, but must be {length} numbers")
     for i, value in enumerate(values):
         require(f"{name}[{i}]", value, **bounds)
 
@@ -169,7 +175,7 @@ def require_word(name: str, value: Any, words: Collection[str]) -> None:
     ValueError: form is 'round', but must be one of exact, printed
     """
     if not isinstance(value, str) or value not in words:
-        raise ValueError(f"{name} is {_line(value)}, but must be one of {', '.join(words)}")
+        raise ValueError(f"{name} is {_short_text(value)}, but must be one of {', '.join(words)}")
 
 
 def require_labels(name: str, values: Any) -> NDArray[Any]:
@@ -191,7 +197,9 @@ def require_labels(name: str, values: Any) -> NDArray[Any]:
         texts = array.size and all(isinstance(value, str) for value in array.ravel())
         array = array.astype(str) if texts else np.asarray(None)
     if array.dtype.kind not in "biufUS" or (array.dtype.kind == "f" and np.isnan(array).any()):
-        raise ValueError(f"{name} is {_line(values)}, but must be an array of numbers or of texts")
+        raise ValueError(
+            f"{name} is {_short_text(values)}, but must be an array of numbers or of texts"
+        )
     return array
 
 
@@ -213,7 +221,7 @@ def require_flags(
     except (ValueError, OverflowError):
         array = np.asarray(None)
     if array.dtype != np.bool_ and not (array.dtype.kind in "iu" and np.isin(array, (0, 1)).all()):
-        raise ValueError(f"{name} is {_line(values)}, but must be true or false")
+        raise ValueError(f"{name} is {_short_text(values)}, but must be true or false")
     try:
         np.broadcast_to(array, array.shape if shape is None else shape)
     except ValueError:
@@ -233,10 +241,10 @@ def require_generator(name: str, value: Any) -> None:
     ValueError: rng is 0, but must be a numpy.random.Generator
     """
     if not isinstance(value, np.random.Generator):
-        raise ValueError(f"{name} is {_line(value)}, but must be a numpy.random.Generator")
+        raise ValueError(f"{name} is {_short_text(value)}, but must be a numpy.random.Generator")
 
 
-def _line(value: Any) -> str:
+def _short_text(value: Any) -> str:
     """Return a value as text on one line, cut to at most 80 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else f"{text[:77]}..."

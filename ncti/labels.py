@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 Labelled = tuple[Any, Any, dict[str, str]]
 
 
-def labelled(dims: str | tuple[str, ...], values: Any, units: str, name: str) -> Labelled:
+def labelled_array(dims: str | tuple[str, ...], values: Any, units: str, name: str) -> Labelled:
     """Return a variable of an xarray data set, with its unit and its long name."""
     return dims, values, {"units": units, "long_name": name}
 

@@ -101,7 +101,7 @@ STEP = np.float32(1.0 / 2**24)  # of uniform float32 numbers
 
 
 @compiled
-def _mixed(word: np.uint64) -> np.uint64:
+def _mix_bits(word: np.uint64) -> np.uint64:
     """Return a word with its bits mixed by a bijection."""
     word = (word ^ word >> U30) * FACTOR_A
     word = (word ^ word >> U27) * FACTOR_B
@@ -111,7 +111,7 @@ def _mixed(word: np.uint64) -> np.uint64:
 @compiled
 def _word(stream: np.uint64, step: np.uint64, number: int) -> np.uint64:
     """Return a word of a stream by its number, negative ones included."""
-    return _mixed(stream + (np.uint64(number) + U1) * step)
+    return _mix_bits(stream + (np.uint64(number) + U1) * step)
 
 
 @compiled
@@ -122,9 +122,9 @@ def _pair(stream: np.uint64, step: np.uint64, number: int) -> tuple[np.float32, 
     lower, upper = _normal(low), _normal(high)
     # 99 % of the halves lie inside the next layer of the ziggurat; the others take further words.
     if low >> U9 >= INSIDE[np.int64(low & SIGNED_LAYER)]:
-        lower = _further(low, word)
+        lower = _normal_or_retry(low, word)
     if high >> U9 >= INSIDE[np.int64(high & SIGNED_LAYER)]:
-        upper = _further(high, ~word)
+        upper = _normal_or_retry(high, ~word)
     return lower, upper
 
 
@@ -135,7 +135,7 @@ def _normal(half: np.uint64) -> np.float32:
 
 
 @compiled
-def _further(half: np.uint64, state: np.uint64) -> np.float32:
+def _normal_or_retry(half: np.uint64, state: np.uint64) -> np.float32:
     """Return the normal of 32 bits, with more words of its own stream if they are rejected."""
     while True:
         layer, mantissa, x = np.int64(half & SIGNED_LAYER), half >> U9, _normal(half)
@@ -147,20 +147,20 @@ def _further(half: np.uint64, state: np.uint64) -> np.float32:
         if layer == 0:
             while True:
                 state += GOLDEN
-                beyond = -OVER_TAIL * _log1p(_mixed(state) >> U32)
+                beyond = -OVER_TAIL * _log1p(_mix_bits(state) >> U32)
                 state += GOLDEN
-                height = -_log1p(_mixed(state) >> U32)
+                height = -_log1p(_mix_bits(state) >> U32)
                 if height + height > beyond * beyond:
                     break
             return -(TAIL_BEGINS + beyond) if mantissa >> U8 & U1 else TAIL_BEGINS + beyond
         # Between this layer and the next: accepted below the density, or drawn again.
         state += GOLDEN
-        uniform = np.float32(np.int32(_mixed(state) >> U32 >> U8)) * STEP
+        uniform = np.float32(np.int32(_mix_bits(state) >> U32 >> U8)) * STEP
         above = (HEIGHT[layer - 1] - HEIGHT[layer]) * uniform + HEIGHT[layer]
         if above < math.exp(-0.5 * np.float64(x) * np.float64(x)):
             return x
         state += GOLDEN
-        half = _mixed(state) >> U32
+        half = _mix_bits(state) >> U32
 
 
 @compiled

@@ -86,11 +86,11 @@ def plain_equations(lines: list[str]) -> Iterator[str]:
             yield line
         elif introduces_block(lines, number):
             above = indent(line)
-            yield with_bars(line)
+            yield escape_bars(line)
             if not line.endswith("::"):
                 yield from ("", f"{' ' * indent(line)}::")
         else:
-            yield with_bars(line)
+            yield escape_bars(line)
 
 
 def indent(line: str) -> int:
@@ -107,7 +107,7 @@ def introduces_block(lines: list[str], number: int) -> bool:
     return bool(after) and not after[0].strip() and indent(following) > indent(line)
 
 
-def with_bars(line: str) -> str:
+def escape_bars(line: str) -> str:
     """Return a line of prose in which a bar starts no substitution."""
     if line.lstrip().startswith((">>>", "| ", ".. ")):
         return line

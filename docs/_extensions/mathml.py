@@ -37,7 +37,7 @@ def mathml(latex: str, *, display: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _converted(node: nodes.math | nodes.math_block, display: str) -> str:
+def _convert(node: nodes.math | nodes.math_block, display: str) -> str:
     try:
         return mathml(node.astext(), display=display)
     except ValueError as error:
@@ -47,14 +47,14 @@ def _converted(node: nodes.math | nodes.math_block, display: str) -> str:
 
 def visit_inline(self: Any, node: nodes.math) -> None:
     """Write an equation within a line."""
-    self.body.append(_converted(node, "inline"))
+    self.body.append(_convert(node, "inline"))
     raise nodes.SkipNode
 
 
 def visit_block(self: Any, node: nodes.math_block) -> None:
     """Write an equation of its own, with its number if it has one."""
     self.body.append(self.starttag(node, "div", CLASS="math"))
-    self.body.append(_converted(node, "block"))
+    self.body.append(_convert(node, "block"))
     if node["number"]:
         number = get_node_equation_number(self, node)
         self.body.append(f'<span class="eqno">({number})')

@@ -35,19 +35,19 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
     """Yield name, type with shape, unit and meaning of each input but settings of rendering."""
     for group in (views.Grid, views.Scene):
         for setting in group.declared:
-            yield of_setting(group.__name__, setting)
+            yield setting_row(group.__name__, setting)
     yield "`rng`", "`numpy.random.Generator`", "", "the stage's own draws; see `stream=`"
     yield "`valid`", "bool (gathered axes)", "", "whether an input was made; with `gather=`"
     names_by_row: dict[tuple[str, str, str], list[str]] = {}
     for module in (views, ladar, infrared):
         for stage in stages_of([module]):
-            name, *row = of_stage(stage)
+            name, *row = stage_row(stage)
             names_by_row.setdefault((row[0], row[1], row[2]), []).append(name)
     for row, names in names_by_row.items():
         yield ", ".join(names), *row
 
 
-def of_setting(group: str, setting: Setting) -> tuple[str, str, str, str]:
+def setting_row(group: str, setting: Setting) -> tuple[str, str, str, str]:
     """Return the row of a setting, as a stage gets it that uses its group."""
     kind = next((TYPES[kind] for kind in TYPES if isinstance(setting.kind, kind)), "str")
     unit = SI[setting.unit] if isinstance(setting.unit, Unit) else setting.unit
@@ -55,7 +55,7 @@ def of_setting(group: str, setting: Setting) -> tuple[str, str, str, str]:
     return f"`{name}`", kind, _unit(unit), f"{setting.label}; `uses=({group},)`"
 
 
-def of_stage(stage: Stage) -> tuple[str, str, str, str]:
+def stage_row(stage: Stage) -> tuple[str, str, str, str]:
     """Return the row of a stage's result."""
     returned = inspect.get_annotations(stage.function).get("return", "")
     summary = (inspect.getdoc(stage.function) or "").partition("\n")[0]

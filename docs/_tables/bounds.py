@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import listed, over_seeds, percent_of
-from docs._tables.sweeping import WORKERS, swept
+from docs._tables.repeated import list_argument, mean_over_seeds, percent_of
+from docs._tables.sweeping import WORKERS, sweep_groups
 from sweeps.engine.run.cluster import ClusterChoice
 
 STEP, LAST, DRAWS = 3.0, 90.0, 10
@@ -48,30 +48,30 @@ def measure(
     between = learned[:-1] + STEP / 2
     of_aspect = {
         "known": (
-            f"grid.aspect={listed(between.tolist())}",
+            f"grid.aspect={list_argument(between.tolist())}",
             *("classifier.aspect_sigma=0", "classifier.template_error=0"),
         ),
         "unknown": (
-            f"grid.aspect={listed(sorted([*learned, *between]))}",
-            f"classifier.training_aspect={listed(learned.tolist())}",
+            f"grid.aspect={list_argument(sorted([*learned, *between]))}",
+            f"classifier.training_aspect={list_argument(learned.tolist())}",
         ),
     }
     rows = []
-    drawn = (f"grid.frame_count={listed(frames)}", f"grid.replicate={draws}")
+    drawn = (f"grid.frame_count={list_argument(frames)}", f"grid.replicate={draws}")
     for aspect, chosen in of_aspect.items():
         for floor, settings in FLOORS.items():
             args = [*COMMON, *drawn, *chosen, *settings.split(), *more]
             label = f"aspect {aspect}, floor {floor}"
-            correct = swept(args, [GROUP], label=label, workers=workers)[GROUP].correct.squeeze(
-                drop=True
-            )
+            correct = sweep_groups(args, [GROUP], label=label, workers=workers)[
+                GROUP
+            ].correct.squeeze(drop=True)
             new = np.isin(correct.aspect.values, between)
             for gain, sigma in (("known", 0), ("unknown", 1)):
                 row = {"aspect": aspect, "floor": floor, "gain": gain}
                 for count in frames:
                     answers = correct.sel(gain_sigma=sigma, frame_count=count)
                     shares = [percent_of(answers.isel(replicate=k), new) for k in range(draws)]
-                    row[str(count)] = over_seeds(shares, views=4 * between.size).text()
+                    row[str(count)] = mean_over_seeds(shares, views=4 * between.size).text()
                 rows.append(row)
     heads = [Column(name, name) for name in ("aspect", "floor", "gain")]
     counts = [Column(str(count), f"{count} frames") for count in frames]

@@ -71,11 +71,11 @@ class Views:
     replicates: int = REPLICATES
     _kept: dict[Any, Any] = field(default_factory=dict, repr=False)
 
-    def each(self, aspects: Sequence[float]) -> list[tuple[str, float]]:
+    def ship_aspects(self, aspects: Sequence[float]) -> list[tuple[str, float]]:
         """Return ship and aspect of all views, ship by ship."""
         return [(ship, aspect) for ship in self.ships for aspect in aspects]
 
-    def kept(self, seen: Seen, ship: str, aspect: float) -> RangeExtent:
+    def extent(self, seen: Seen, ship: str, aspect: float) -> RangeExtent:
         """Return a view's extent, computed once."""
         key = seen, ship, aspect
         if key not in self._kept:
@@ -86,48 +86,53 @@ class Views:
     @cached_property
     def averages(self) -> Floats:
         """(view, replicate, bin) float64 ndarray: averages of views at learned aspects."""
-        return self._drawn(self.aspects, 0)
+        return self._draw_averages(self.aspects, 0)
 
     @cached_property
     def averages_between(self) -> Floats:
         """(view, replicate, bin) float64 ndarray: averages of views between them."""
-        return self._drawn(self.between, 1)
+        return self._draw_averages(self.between, 1)
 
-    def _drawn(self, aspects: Sequence[float], stream: int) -> Floats:
+    def _draw_averages(self, aspects: Sequence[float], stream: int) -> Floats:
         drawn = []
-        for number, view in enumerate(self.each(aspects)):
+        for number, view in enumerate(self.ship_aspects(aspects)):
             rng = np.random.default_rng([stream, number])
             frames = sample_frames(
-                self.kept(truth, *view), frame_count=FRAMES * self.replicates, rng=rng, **SIGNAL
+                self.extent(true_extent, *view),
+                frame_count=FRAMES * self.replicates,
+                rng=rng,
+                **SIGNAL,
             )
             runs = frames.reshape(self.replicates, FRAMES, -1)
             drawn.append([cumulative_average(run, [FRAMES])[0] for run in runs])
         return np.array(drawn)
 
-    def right(self, seen: Seen, averages: Floats, *, between: bool = False, **learn: Any) -> Floats:
+    def percent_right(
+        self, seen: Seen, averages: Floats, *, between: bool = False, **learn: Any
+    ) -> Floats:
         """Return (replicate, group) percent correct with templates by `seen`."""
-        learned_views = self.each(learn.get("aspects", self.aspects))
-        extents = [self.kept(seen, *view) for view in learned_views]
+        learned_views = self.ship_aspects(learn.get("aspects", self.aspects))
+        extents = [self.extent(seen, *view) for view in learned_views]
         moments = [
-            _at_metres(extent, *banded_frame_moments(extent, **SIGNAL)) for extent in extents
+            _metre_moments(extent, *banded_frame_moments(extent, **SIGNAL)) for extent in extents
         ]
         means, bands = (np.array(parts) for parts in zip(*moments, strict=True))
         templates = GaussianTemplates().fit(
             means, bands, [ship for ship, _ in learned_views], floor=means[:, :1]
         )
-        tested = self.each(self.between if between else self.aspects)
+        tested = self.ship_aspects(self.between if between else self.aspects)
         names = templates.predict(averages.reshape(-1, averages.shape[-1]), FRAMES)
         right = names.reshape(averages.shape[:2]) == np.array([ship for ship, _ in tested])[:, None]
         labels, group = aspect_bins(np.array([aspect for _, aspect in tested]))
         return np.array([100 * right[group == k].mean(axis=0) for k in range(len(labels))]).T
 
 
-def truth(ship: str, aspect: float) -> RangeExtent:
+def true_extent(ship: str, aspect: float) -> RangeExtent:
     """Return the extent by lines 1/16 m apart, seen from the slant range itself."""
-    return _lines(ncti.ships.load(ship), aspect)
+    return _fine_extent(ncti.ships.load(ship), aspect)
 
 
-def _lines(
+def _fine_extent(
     mesh: trimesh.Trimesh,
     aspect: float,
     *,
@@ -144,17 +149,17 @@ def _lines(
     )
 
 
-def _far(ship: str, aspect: float) -> RangeExtent:
+def _far_field_extent(ship: str, aspect: float) -> RangeExtent:
     """Return the extent by fine lines of the far field, with the wavefront added afterwards."""
-    return _lines(ncti.ships.load(ship), aspect, view_range=None)
+    return _fine_extent(ncti.ships.load(ship), aspect, view_range=None)
 
 
 def _fine_bins(ship: str, aspect: float) -> RangeExtent:
     """Return the truth in fine bins."""
-    return _lines(ncti.ships.load(ship), aspect, bin_width=1 / FINER_BINS)
+    return _fine_extent(ncti.ships.load(ship), aspect, bin_width=1 / FINER_BINS)
 
 
-def _drawn(ship: str, aspect: float, *, engine: str) -> RangeExtent:
+def _sweep_extent(ship: str, aspect: float, *, engine: str) -> RangeExtent:
     """Return the extent as a sweep computes it by default with an engine."""
     mesh = ncti.ships.load(ship)
     view = image.function(
@@ -168,17 +173,17 @@ def _drawn(ship: str, aspect: float, *, engine: str) -> RangeExtent:
     return range_extent(view, slant_range=SLANT_RANGE, ifov=15.0 / SLANT_RANGE)
 
 
-def _single(ship: str, aspect: float) -> RangeExtent:
+def _single_precision_extent(ship: str, aspect: float) -> RangeExtent:
     """Return the extent by fine lines of the mesh rounded to float32, itself rounded to float32."""
     mesh = ncti.ships.load(ship)
     vertices = np.asarray(mesh.vertices).astype(np.float32)
-    extent = _lines(trimesh.Trimesh(vertices, mesh.faces, process=False), aspect)
+    extent = _fine_extent(trimesh.Trimesh(vertices, mesh.faces, process=False), aspect)
     return replace(extent, fraction=extent.fraction.astype(np.float32).astype(np.float64))
 
 
-def _flat(ship: str, aspect: float) -> RangeExtent:
+def _plane_wave_extent(ship: str, aspect: float) -> RangeExtent:
     """Return the extent by fine lines of plane waves: as from a sensor at infinite distance."""
-    return _lines(ncti.ships.load(ship), aspect, view_range=None, slant_range=1e12)
+    return _fine_extent(ncti.ships.load(ship), aspect, view_range=None, slant_range=1e12)
 
 
 def _pulse(extent: RangeExtent) -> Floats:
@@ -195,7 +200,7 @@ def _pulse(extent: RangeExtent) -> Floats:
     return power if extent.bin_width == 1.0 else power[FINER_BINS // 2 :: FINER_BINS]
 
 
-def _at_metres(extent: RangeExtent, mean: Floats, band: Floats) -> tuple[Floats, Floats]:
+def _metre_moments(extent: RangeExtent, mean: Floats, band: Floats) -> tuple[Floats, Floats]:
     """Return moments of a frame in bins of 1 m, from finer bins those with the same centres."""
     if extent.bin_width == 1.0:
         return mean, band
@@ -210,12 +215,12 @@ def _errors(estimated: Sequence[Floats], exact: Sequence[Floats]) -> Sample:
     )
 
 
-def _against_reference(views: Views, sampler: Callable[[str, float], RangeExtent]) -> Sample:
+def _reference_error(views: Views, sampler: Callable[[str, float], RangeExtent]) -> Sample:
     """Return the error of extents against the sampling-free reference."""
     edges = np.arange(-125.0, 126.0)
     estimated, exact = [], []
     power = target_kernel(pulse_width=SIGNAL["pulse_width"], bin_width=1.0, bin_count=250) ** 2
-    for ship, aspect in views.each(views.references):
+    for ship, aspect in views.ship_aspects(views.references):
         mesh, view = ncti.ships.load(ship), {"depression": DEPRESSION, "slant_range": SLANT_RANGE}
         area = reference_range_extent(mesh, aspect=aspect, bin_edges=edges, **view).area[0]
         exact.append(power @ area / 15.0**2)
@@ -241,7 +246,7 @@ def measure(views: Views | None = None) -> Report:
 
 
 def _measure(views: Views) -> Report:
-    best = views.right(truth, views.averages)
+    best = views.percent_right(true_extent, views.averages)
     rows = _rows(views, best)
     percent = ", ".join(
         f"{group}°: {mean:.1f}" for group, mean in zip(GROUPS, best.mean(axis=0), strict=False)
@@ -259,8 +264,8 @@ def _measure(views: Views) -> Report:
         [
             "Profile error: sum of absolute differences over the sum of the exact profile, of all "
             "the ship in power after the pulse, in bins of 1 m; median (lowest–highest) of "
-            f"{len(views.each(views.references))} views against the reference, "
-            f"{len(views.each(views.aspects))} otherwise.",
+            f"{len(views.ship_aspects(views.references))} views against the reference, "
+            f"{len(views.ship_aspects(views.aspects))} otherwise.",
             "Points: change of percent correct of the likelihood classifier with unknown gain and "
             "floor, with templates of that kind, and averages drawn from the truth, which "
             f"are the same in all rows; mean ± two standard errors of {views.replicates} draws. "
@@ -272,76 +277,81 @@ def _measure(views: Views) -> Report:
 def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
     """Return a row for each approximation, beside percent correct with templates of the truth."""
     drawn = f"{Render.pixel.default:g} m, {Render.samples.default:g} samples"
-    sampled = [partial(_drawn, engine=engine) for engine in (choose_engine("auto"), "lines")]
+    sampled = [partial(_sweep_extent, engine=engine) for engine in (choose_engine("auto"), "lines")]
 
     def profiles(sampler: Seen) -> list[Floats]:
-        return [_pulse(views.kept(sampler, *view)) for view in views.each(views.aspects)]
+        return [_pulse(views.extent(sampler, *view)) for view in views.ship_aspects(views.aspects)]
 
-    def against_truth(sampler: Seen) -> Sample:
-        return _errors(profiles(sampler), profiles(truth))
+    def error_of(sampler: Seen) -> Sample:
+        return _errors(profiles(sampler), profiles(true_extent))
 
     def templates(sampler: Seen) -> Floats:
-        return views.right(sampler, views.averages) - best
+        return views.percent_right(sampler, views.averages) - best
 
     return [
         *(
-            _row(
+            _source_row(
                 name,
                 f"{sampler.keywords['engine']}, {drawn}",
-                _against_reference(views, sampler),
+                _reference_error(views, sampler),
                 templates(sampler),
                 "against the sampling-free reference",
             )
             for name, sampler in zip(("pixel", "line"), sampled, strict=True)
         ),
-        _row(
+        _source_row(
             "bin",
             "1 m",
-            _errors(profiles(truth), profiles(_fine_bins)),
+            _errors(profiles(true_extent), profiles(_fine_bins)),
             templates(_fine_bins),
             f"against bins of 1/{FINER_BINS} m at the same ranges; names: templates of those",
         ),
-        _row(
+        _source_row(
             "far field",
             "only within a tenth of a tolerance",
-            against_truth(_far),
-            templates(_far),
+            error_of(_far_field_extent),
+            templates(_far_field_extent),
             "far-field view, s²/2R added, against the view from 100 km, lines of 1/16 m; at most "
             f"{_share_of_bound(views):.2f} of its bound, which is part of `profile_error`",
         ),
-        _row(
+        _source_row(
             "far field, plane waves",
             "never",
-            against_truth(_flat),
-            templates(_flat),
+            error_of(_plane_wave_extent),
+            templates(_plane_wave_extent),
             "the same without s²/2R: effect of that correction",
         ),
-        _row(
+        _source_row(
             "float",
             "float32 mesh, extent, averages",
-            against_truth(_single),
-            views.right(_single, views.averages.astype(np.float32).astype(float)) - best,
+            error_of(_single_precision_extent),
+            views.percent_right(
+                _single_precision_extent, views.averages.astype(np.float32).astype(float)
+            )
+            - best,
             "against float64, lines of 1/16 m",
         ),
-        _draws(views, best),
-        _spaced(views),
+        _draw_row(views, best),
+        _spacing_row(views),
     ]
 
 
-def _spaced(views: Views) -> dict[str, Any]:
+def _spacing_row(views: Views) -> dict[str, Any]:
     """Return the row of the template spacing."""
-    between = partial(views.right, truth, views.averages_between, between=True)
-    return _row(
+    between = partial(views.percent_right, true_extent, views.averages_between, between=True)
+    return _source_row(
         "template spacing",
         f"{STEP:g}°",
-        _between(views),
+        _neighbour_distance(views),
         between() - between(aspects=tuple(sorted((*views.aspects, *views.between)))),
         f"{STEP / 2:g}° off, nearest template against the view itself; names: of views "
         "between templates, against these learned, too",
     )
 
 
-def _row(name: str, setting: str, error: Sample, change: Floats, method: str) -> dict[str, Any]:
+def _source_row(
+    name: str, setting: str, error: Sample, change: Floats, method: str
+) -> dict[str, Any]:
     """Return a row: an error, and the change of percent correct by draw and group."""
     spread = change.std(axis=0, ddof=1) / math.sqrt(len(change))
     points = {
@@ -354,18 +364,21 @@ def _row(name: str, setting: str, error: Sample, change: Floats, method: str) ->
 def _share_of_bound(views: Views) -> float:
     """Return the largest error of drawing the far field, over its bound, of all views."""
     shares = []
-    for view in views.each(views.aspects):
-        exact, far = _pulse(views.kept(truth, *view)), views.kept(_far, *view)
+    for view in views.ship_aspects(views.aspects):
+        exact, far = (
+            _pulse(views.extent(true_extent, *view)),
+            views.extent(_far_field_extent, *view),
+        )
         error = np.abs(_pulse(far) - exact).sum() / exact.sum()
         shares.append(float(error / far.far_field_error))
     return max(shares)
 
 
-def _draws(views: Views, best: Floats) -> dict[str, Any]:
+def _draw_row(views: Views, best: Floats) -> dict[str, Any]:
     """Return the row of the noise of one draw."""
     errors = []
-    for view in views.each(views.aspects):
-        extent = views.kept(truth, *view)
+    for view in views.ship_aspects(views.aspects):
+        extent = views.extent(true_extent, *view)
         mean, band = banded_frame_moments(extent, frame_count=FRAMES, **SIGNAL)
         above = mean - mean[0]
         errors.append(100 * math.sqrt(2 / math.pi) * np.sqrt(band[0]).sum() / above.sum())
@@ -379,13 +392,13 @@ def _draws(views: Views, best: Floats) -> dict[str, Any]:
     } | {group: f"± {sigma:.1f}" for group, sigma in zip(GROUPS, deviation, strict=False)}
 
 
-def _between(views: Views) -> Sample:
+def _neighbour_distance(views: Views) -> Sample:
     """Return the distance of profiles between two templates to the nearer template."""
     nearest, exact = [], []
-    for ship, aspect in views.each(views.between):
-        between = _pulse(views.kept(truth, ship, aspect))
+    for ship, aspect in views.ship_aspects(views.between):
+        between = _pulse(views.extent(true_extent, ship, aspect))
         near = min(
-            (_pulse(views.kept(truth, ship, learned)) for learned in views.aspects),
+            (_pulse(views.extent(true_extent, ship, learned)) for learned in views.aspects),
             key=lambda profile: float(np.abs(profile - between).sum()),
         )
         nearest.append(near)

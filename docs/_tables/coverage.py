@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import Interval, over_seeds, swept_by_seed
+from docs._tables.repeated import Interval, mean_over_seeds, sweep_by_seed
 from docs._tables.result_tables import shares, views_of
 from docs._tables.sweeping import WORKERS
 from sweeps.engine.run.cluster import ClusterChoice
@@ -44,7 +44,7 @@ def measure(
     workers : ClusterChoice
         Where cells are computed.
     """
-    answers = swept_by_seed(
+    answers = sweep_by_seed(
         [*ASKED, *more],
         [f"classification/{name}" for name in CLASSIFIERS],
         seeds=repeats * seeds,
@@ -62,7 +62,7 @@ def measure(
                 percent = np.reshape(
                     shares(answers, group, bin_name, {"range": km}), (repeats, seeds)
                 )
-                row[bin_name] = 100 * covered(percent, views_of(answers, group, bin_name))
+                row[bin_name] = 100 * coverage_share(percent, views_of(answers, group, bin_name))
             rows.append(row)
     mean = {bin_name: float(np.mean([row[bin_name] for row in rows])) for bin_name in BINS}
     rows.append({"what": "mean"} | mean)
@@ -81,7 +81,7 @@ def measure(
     )
 
 
-def covered(percent: np.ndarray, views: int) -> float:
+def coverage_share(percent: np.ndarray, views: int) -> float:
     """Return the share of (repeat, seed) percentages whose interval holds the mean of the others.
 
     The interval is widened by the error of that mean, whose variance is 1 / (repeats - 1) of a
@@ -90,7 +90,7 @@ def covered(percent: np.ndarray, views: int) -> float:
     wider = np.sqrt(1 + 1 / (len(percent) - 1))
     hits = []
     for k, figures in enumerate(percent):
-        interval: Interval = over_seeds(figures, views=views)
+        interval: Interval = mean_over_seeds(figures, views=views)
         truth = float(np.delete(percent, k, axis=0).mean())
         low = interval.mean - wider * (interval.mean - interval.low)
         high = interval.mean + wider * (interval.high - interval.mean)

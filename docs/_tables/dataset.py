@@ -55,9 +55,9 @@ def _rows(rows: int, workers: int) -> Iterator[dict[str, Any]]:
     ncti.dataset(SHIPS, 25, seed=0, sensor="both")  # compiles what is not compiled
     for case, options in CASES:
         count = rows if not options else max(1, rows // FEW)
-        start = _processor()
+        start = _processor_time()
         ncti.dataset(SHIPS, count, seed=0, workers=workers, **options)
-        seconds = _processor() - start
+        seconds = _processor_time() - start
         yield {
             "case": case,
             "rows": count,
@@ -66,7 +66,7 @@ def _rows(rows: int, workers: int) -> Iterator[dict[str, Any]]:
         }
 
 
-def _processor() -> float:
+def _processor_time() -> float:
     """Return the processor time of this process and of those that have ended [s]."""
     usages = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)

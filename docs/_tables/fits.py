@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.reports import Column, Report
-from docs._tables.sweeping import swept
+from docs._tables.sweeping import sweep_groups
 from ncti.article import article_figures
 from ncti.classify import Similarities, cluster
 from ncti.evaluate import aspect_bins
@@ -46,7 +46,7 @@ def percent(correct: xr.DataArray) -> xr.DataArray:
     return xr.concat(of_bins, "group").transpose(..., "group")
 
 
-def overall(correct: xr.DataArray) -> xr.DataArray:
+def overall_percent(correct: xr.DataArray) -> xr.DataArray:
     """Return the percentage of right answers, (ship, aspect) pooled."""
     return xr.where(correct >= 0, 100.0 * (correct == 1), np.nan).mean(VIEW)
 
@@ -126,11 +126,11 @@ def fit_rows(
     for name, draws in shown.items():
         mean, error = mean_and_error(draws.transpose(parameter, ...))
         for row, middle, spread in zip(rows, mean.values, error.values, strict=True):
-            row[name] = with_errors(middle, spread)
+            row[name] = format_errors(middle, spread)
     return rows
 
 
-def with_errors(mean: ArrayLike, error: ArrayLike) -> str:
+def format_errors(mean: ArrayLike, error: ArrayLike) -> str:
     """Return figures with two standard errors, separated by slashes."""
     pairs = zip(np.atleast_1d(mean), np.atleast_1d(error), strict=True)
     return " / ".join(f"{middle:.0f} ± {2 * spread:.0f}" for middle, spread in pairs)
@@ -155,7 +155,7 @@ DISTANCES = (
 def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANCES) -> Report:
     """Fit the MNN tolerance to Table 2's training rows, and judge it by its test rows."""
     arguments = [*overrides, f"classifier.mnn.tolerance=[{','.join(map(str, values))}]"]
-    answers = swept(arguments, ["classification/mnn"])["classification/mnn"]
+    answers = sweep_groups(arguments, ["classification/mnn"])["classification/mnn"]
     table = article_figures()["table2_percent_correct"]
     answers = answers.squeeze(drop=True)
     trained, tested = percent(answers.training_correct), percent(answers.correct)
@@ -189,7 +189,7 @@ def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET
         f"ladar.target_free_ifovs=[{','.join(map(str, values))}]",
     ]
     groups = ("classification/acn", "classification/mnn", "tables/acn")
-    acn, mnn, table3 = swept(arguments, groups).values()
+    acn, mnn, table3 = sweep_groups(arguments, groups).values()
     figures = article_figures()
     counts = [count for count in FRAMES if count in acn.frame_count]
     parts, further = [], {}
@@ -237,7 +237,7 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
         f"infrared.inner_radius=[{','.join(map(str, values))}]",
     ]
     groups = ("classification/acn_infrared", "tables/acn_infrared")
-    answers, formed = swept(arguments, groups).values()
+    answers, formed = sweep_groups(arguments, groups).values()
     table = article_figures()["table5_percent_correct"]
     score = percent(answers.correct.squeeze(drop=True))
     looks = {
@@ -267,7 +267,7 @@ def inner_radius(overrides: Sequence[str] = INFRARED, values: Sequence[float] = 
 def learning_rate(values: Sequence[float] = RATES, orders: int = ORDERS) -> Report:
     """Fit the learning rate at 30 ns of Table 3, and judge it at 10 and 50 ns, by order."""
     arguments = ("grid.pulse_width=[10,30,50]", "grid.frame_count=16")
-    profiles = swept(arguments, ["range_profile"])["range_profile"]
+    profiles = sweep_groups(arguments, ["range_profile"])["range_profile"]
     table = article_figures()["table3_categories"]
     rng, views = np.random.default_rng(0), profiles.sizes["ship"] * profiles.sizes["aspect"]
     turns = [np.arange(views), *(rng.permutation(views) for _ in range(orders))]

@@ -12,9 +12,9 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # o
 
 import ncti.ships
 from benchmarks.classifiers import SHIPS, SLANT_RANGE
-from benchmarks.methods import embree_directly, lines
+from benchmarks.methods import direct_embree, lines
 from benchmarks.reports import Column, Report, Sample, cache_size, copy_rate
-from benchmarks.timing import in_turn, patched
+from benchmarks.timing import patch_constant, time_in_turn
 from benchmarks.views import DEPRESSION
 from ncti.ladar import RangeExtent, range_extent
 from ncti.ladar.pulse import target_kernel
@@ -62,16 +62,16 @@ def measure(
     Each view of `ships` and `aspects` [deg] is timed `repeats` times, the ways in turn; a row has
     medians, lowest and highest of all views.
     """
-    ways = _ways()
+    ways = _sampling_methods()
     figures: dict[str, list[dict[str, float]]] = {way: [] for way in ways}
-    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
+    with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         for mesh in map(ncti.ships.load, ships):
             for aspect in aspects:
                 drawn = [
                     partial(_extent, mesh, aspect, sampling, SLANT_RANGE)
                     for sampling in ways.values()
                 ]
-                seconds = np.median(in_turn(drawn, repeats=repeats), axis=0)
+                seconds = np.median(time_in_turn(drawn, repeats=repeats), axis=0)
                 exact = reference_range_extent(
                     mesh, aspect=aspect, depression=DEPRESSION, bin_edges=EDGES
                 ).area[0]
@@ -107,15 +107,17 @@ def measure_rays(
     As `measure`, with one row an aspect.
     """
     rows: list[dict[str, Any]] = []
-    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
+    with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         ways = [
-            (embree_directly(mesh, SPACING), lines(mesh, SPACING))
+            (direct_embree(mesh, SPACING), lines(mesh, SPACING))
             for mesh in map(ncti.ships.load, ships)
         ]
         for aspect in aspects:
             view = View(aspect, DEPRESSION)
             seconds = [
-                np.median(in_turn([partial(way, view) for way in pair], repeats=repeats), axis=0)
+                np.median(
+                    time_in_turn([partial(way, view) for way in pair], repeats=repeats), axis=0
+                )
                 for pair in ways
             ]
             of_ships = {
@@ -137,7 +139,7 @@ def measure_rays(
     )
 
 
-def _ways() -> dict[str, How]:
+def _sampling_methods() -> dict[str, How]:
     engine = choose_engine("auto")
     return {
         f"pixels ({engine})": (engine, ()),

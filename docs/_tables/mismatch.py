@@ -16,7 +16,7 @@ import ncti.ships
 from benchmarks.classifiers import FRAMES, SHIPS, SIGNAL, SLANT_RANGE
 from benchmarks.reports import Column, Report
 from benchmarks.views import DEPRESSION
-from docs._tables.repeated import over_seeds
+from docs._tables.repeated import mean_over_seeds
 from ncti.classify import AdaptiveClusteringNetwork, CorrelationNeighbour, GaussianTemplates
 from ncti.features import profile_vector
 from ncti.ladar import banded_frame_moments, expected_profile, range_extent, spread_place
@@ -94,7 +94,7 @@ def measure(seeds: int = SEEDS, tests: int = TESTS, step: float = STEP) -> Repor
         Distance between learned aspects [deg].
     """
     with threadpool_limits(1):
-        classifiers = _learned(np.arange(0.0, 90.1, step))
+        classifiers = _learn_classifiers(np.arange(0.0, 90.1, step))
         of_all = {
             condition: np.array(
                 [_percent(classifiers, condition, seed, tests) for seed in range(seeds)]
@@ -106,8 +106,8 @@ def measure(seeds: int = SEEDS, tests: int = TESTS, step: float = STEP) -> Repor
     for condition, percent in of_all.items():
         row: dict[str, Any] = {"what": condition.name, "size": condition.size}
         for name, now, before in zip(CLASSIFIERS, percent.T, best.T, strict=True):
-            change = over_seeds(now - before, bounds=(-100.0, 100.0)).text(1, "+")
-            row[name] = over_seeds(now).text() if condition is ALIKE else change
+            change = mean_over_seeds(now - before, bounds=(-100.0, 100.0)).text(1, "+")
+            row[name] = mean_over_seeds(now).text() if condition is ALIKE else change
         rows.append(row)
     heads = (Column("what", "what differs"), Column("size", "by"))
     return Report(
@@ -123,7 +123,7 @@ def measure(seeds: int = SEEDS, tests: int = TESTS, step: float = STEP) -> Repor
     )
 
 
-def _learned(aspects: Floats) -> list[Classify]:
+def _learn_classifiers(aspects: Floats) -> list[Classify]:
     """Return the classifiers of `CLASSIFIERS`, as functions of averages."""
     means, bands, ship = [], [], np.repeat(SHIPS, len(aspects))
     for name in SHIPS:

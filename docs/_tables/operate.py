@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 import ncti.ships
 from benchmarks.reports import Column, Report
-from docs._tables.proof import Alone, proven
-from docs._tables.sweeping import choices_of, swept
+from docs._tables.proof import LoneSetting, prove_sweep
+from docs._tables.sweeping import choices_of, sweep_groups
 from ncti.classify.likelihood import GaussianTemplates
 from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_extent, sample_frames
 from ncti.render import LineImage
@@ -91,7 +91,7 @@ class Views(NamedTuple):
     learned: int
 
 
-def planned(tests: int, spacing: float = 0.75, ships: Sequence[str] = SHIPS) -> Views:
+def plan_views(tests: int, spacing: float = 0.75, ships: Sequence[str] = SHIPS) -> Views:
     """Return templates, and as many random views in all."""
     aspects = np.arange(0, 90 + spacing / 2, spacing)
     lines, places = [], []
@@ -102,7 +102,7 @@ def planned(tests: int, spacing: float = 0.75, ships: Sequence[str] = SHIPS) -> 
     return Views(lines, places, len(aspects))
 
 
-def compared(
+def compare_likelihoods(
     setting: Setting, views: Views, draws: int, free: int = 4000
 ) -> dict[str, NDArray[np.bool_]]:
     """Return masks of views that are named right, ship by ship, in three ways.
@@ -157,13 +157,13 @@ def compared(
     ifovs = free + np.concatenate([arrays["ifovs"][0, 0] for arrays in signature_sets])
     normals = np.random.default_rng(setting.frames).standard_normal((draws, len(tests), 2, 250))
 
-    def identified(profiles: Floats, noise: Floats) -> NDArray[np.intp]:
+    def identify_views(profiles: Floats, noise: Floats) -> NDArray[np.intp]:
         match = ProfileMatch(learned, profiles, power, mean, ifovs, noise, radar, floor_sigma=sigma)
         evidence = match.evidence(setting.frames, gain_sigma=sigma)
         return ship_evidence(evidence, ships).argmax(axis=1)
 
-    answers["one"] = np.array([identified(profiles, 0 * normals[0]) for profiles in averages])
-    answers["drawn"] = np.array([identified(tests, noise) for noise in normals])
+    answers["one"] = np.array([identify_views(profiles, 0 * normals[0]) for profiles in averages])
+    answers["drawn"] = np.array([identify_views(tests, noise) for noise in normals])
     return {name: ships_named == true for name, ships_named in answers.items()}
 
 
@@ -183,11 +183,11 @@ def difference(right: NDArray[np.bool_], other: NDArray[np.bool_]) -> str:
     return f"{100 * change.mean():+.1f} ± {196 * change.std() / np.sqrt(change.size):.1f}"
 
 
-def matching(tests: int = 400, draws: int = 12) -> Report:
+def likelihood_report(tests: int = 400, draws: int = 12) -> Report:
     """Return the likelihood of one covariance beside the exact one."""
-    views, rows = planned(tests), []
+    views, rows = plan_views(tests), []
     for setting in SETTINGS:
-        right = compared(setting, views, draws)
+        right = compare_likelihoods(setting, views, draws)
         rows.append(
             {
                 **setting._asdict(),
@@ -216,7 +216,7 @@ def matching(tests: int = 400, draws: int = 12) -> Report:
     return Report("One covariance beside each template's own", columns, rows, [note])
 
 
-def left_open(shares: xr.Dataset) -> Report:
+def open_parameter_report(shares: xr.Dataset) -> Report:
     """Return percentages and required frames by the parameters that the article leaves open."""
     needed, rows = frames_needed(shares).isel(resample=0), []
     for free in shares.target_free_ifovs.values:
@@ -329,8 +329,8 @@ def fusion(shares: xr.Dataset) -> Report:
     for low, high in itertools.pairwise(LEVELS):
         which = (level > low) & (level <= high)
         if which.any():
-            rows.append(_apart(f"{low} to {high}", gain, surely, which))
-    rows.append(_apart("all", gain, surely, level >= 0))
+            rows.append(_fusion_row(f"{low} to {high}", gain, surely, which))
+    rows.append(_fusion_row("all", gain, surely, level >= 0))
     frames = frames_needed(shares)
     fewest = frames.isel(resample=0).sel(channel=["profile", "silhouette"]).idxmin("channel")
     more = frames.sel(channel="both") > frames.sel(channel=fewest.fillna("profile"))
@@ -352,7 +352,7 @@ def fusion(shares: xr.Dataset) -> Report:
     return Report("Both sensors and the better of them", columns, rows, [note])
 
 
-def _apart(
+def _fusion_row(
     name: str, gain: xr.DataArray, surely: xr.DataArray, which: xr.DataArray
 ) -> dict[str, Any]:
     """Return a row of `fusion` for some settings."""
@@ -367,7 +367,7 @@ def _apart(
     }
 
 
-def settings_alone(overrides: Sequence[str] = WHOLE) -> Iterator[Alone]:
+def lone_settings(overrides: Sequence[str] = WHOLE) -> Iterator[LoneSetting]:
     """Yield random settings of a sweep, one for each number of ships, with only these ships.
 
     Ships share a covariance, so figures equal the sweep's only if all its ships take part.
@@ -381,7 +381,7 @@ def settings_alone(overrides: Sequence[str] = WHOLE) -> Iterator[Alone]:
             "fleet": fleet
         }
 
-        def same(whole: xr.Dataset, single: xr.Dataset, point: dict[str, Any] = point) -> bool:
+        def is_same(whole: xr.Dataset, single: xr.Dataset, point: dict[str, Any] = point) -> bool:
             return bool((single.share.squeeze() == whole.share.sel(point)).all())
 
         ship_list = ",".join(ships[k] for k in order[:fleet])
@@ -389,18 +389,22 @@ def settings_alone(overrides: Sequence[str] = WHOLE) -> Iterator[Alone]:
             f"{setting.key}={point[setting.name]}" for setting in (*OF_SENSORS, Operate.fleet)
         ]
         arguments = (*overrides, f"grid.ship=[{ship_list}]", *values)
-        yield Alone(arguments, same if fleet == len(ships) else None)
+        yield LoneSetting(arguments, is_same if fleet == len(ships) else None)
 
 
 def measure() -> dict[str, Report]:
     """Return all tables of the page."""
     choices = choices_of(WHOLE)
     settings = math.prod(len(choices[setting]) for setting in (*OF_SENSORS, Operate.fleet))
-    (shares,), engine = proven(WHOLE, ["operate"], settings, settings_alone())
+    (shares,), engine = prove_sweep(WHOLE, ["operate"], settings, lone_settings())
     open_shares, between = (
-        swept(arguments, ["operate"])["operate"] for arguments in (OPEN, BETWEEN)
+        sweep_groups(arguments, ["operate"])["operate"] for arguments in (OPEN, BETWEEN)
     )
     between = between.expand_dims({name: [105.0] for name in ("ifov",) if name not in between.dims})
-    reports = {"engine": engine, "matching": matching(), "open": left_open(open_shares)}
+    reports = {
+        "engine": engine,
+        "matching": likelihood_report(),
+        "open": open_parameter_report(open_shares),
+    }
     reports["fusion"] = fusion(shares)
     return reports | {"interpolant": interpolant(shares, between), "sobol": sobol(shares)}

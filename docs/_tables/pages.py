@@ -70,7 +70,7 @@ def to_markdown(report: Report) -> str:
 
     heads, *rows = map(line, cells(report))
     rules = line("---" if column.spec == "s" else "--:" for column in report.columns)
-    notes = (f"\n{_wrapped(note)}\n" for note in report.notes)
+    notes = (f"\n{_wrap_note(note)}\n" for note in report.notes)
     return heads + rules + "".join(rows) + "".join(notes)
 
 
@@ -81,7 +81,7 @@ def to_csv(report: Report) -> str:
     return text.getvalue()
 
 
-def _wrapped(note: str) -> str:
+def _wrap_note(note: str) -> str:
     """Return a note wrapped so that no line begins with %, which marks a comment in MyST."""
     glued = note.replace(" %", "\N{NO-BREAK SPACE}%")
     lines = textwrap.fill(glued, WIDTH, break_long_words=False, break_on_hyphens=False)

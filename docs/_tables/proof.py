@@ -21,7 +21,7 @@ STORE = "sweep.zarr"
 
 
 @dataclass(frozen=True)
-class Alone:
+class LoneSetting:
     """A setting by itself: arguments of `ncti-sweep`, and its comparison with the sweep.
 
     Attributes
@@ -37,7 +37,7 @@ class Alone:
 
 
 @dataclass(frozen=True)
-class Twice:
+class RepeatedSweep:
     """A sweep with an empty cache, and a new store from the same cache.
 
     Attributes
@@ -58,7 +58,7 @@ class Twice:
         return self.cold.cpu - self.warm.cpu
 
 
-def swept_twice(overrides: Sequence[str], folder: Path) -> Twice:
+def sweep_twice(overrides: Sequence[str], folder: Path) -> RepeatedSweep:
     """Run `ncti-sweep` twice in a folder, which then has the store.
 
     Raises
@@ -73,11 +73,11 @@ def swept_twice(overrides: Sequence[str], folder: Path) -> Twice:
     warm = sweep(overrides, folder)
     if warm.made:
         raise RuntimeError(f"`ncti-sweep {' '.join(overrides)}` computes {warm.made} cells again")
-    return Twice(cells, cold, warm.run)
+    return RepeatedSweep(cells, cold, warm.run)
 
 
-def proven(
-    overrides: Sequence[str], groups: Sequence[str], settings: int, alone: Iterable[Alone]
+def prove_sweep(
+    overrides: Sequence[str], groups: Sequence[str], settings: int, alone: Iterable[LoneSetting]
 ) -> tuple[list[xr.Dataset], Report]:
     """Run a sweep, and some of its settings each by itself.
 
@@ -105,27 +105,31 @@ def proven(
         If a sweep fails, or a setting alone has other figures.
     """
 
-    def read(folder: Path, names: Sequence[str]) -> list[xr.Dataset]:
+    def read_groups(folder: Path, names: Sequence[str]) -> list[xr.Dataset]:
         return [xr.open_zarr(folder / STORE, group=name).load() for name in names]
 
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent, "sweep")
-        full, datasets = swept_twice(overrides, folder), read(folder, groups)
+        full, datasets = sweep_twice(overrides, folder), read_groups(folder, groups)
     samples, compared = [], 0
     for setting in alone:
         with tempfile.TemporaryDirectory() as parent:
             folder = Path(parent, "alone")
-            samples.append(swept_twice(setting.overrides, folder))
+            samples.append(sweep_twice(setting.overrides, folder))
             if setting.same is not None:
-                if not setting.same(datasets[0], *read(folder, groups[:1])):
+                if not setting.same(datasets[0], *read_groups(folder, groups[:1])):
                     arguments = " ".join(setting.overrides)
                     raise RuntimeError(f"`ncti-sweep {arguments}` differs from the whole sweep")
                 compared += 1
-    return datasets, engine(overrides, settings, full, samples, compared)
+    return datasets, engine_report(overrides, settings, full, samples, compared)
 
 
-def engine(
-    overrides: Sequence[str], settings: int, whole: Twice, each: Sequence[Twice], compared: int
+def engine_report(
+    overrides: Sequence[str],
+    settings: int,
+    whole: RepeatedSweep,
+    each: Sequence[RepeatedSweep],
+    compared: int,
 ) -> Report:
     """Return the report of a sweep, and of settings computed alone.
 
@@ -158,7 +162,7 @@ def engine(
         "most memory, all processes": f"{run.together:,.0f} MiB",
         "a new store from the same cache": f"{whole.warm.cpu:,.1f} s of the processor",
         "processor time of a loop over the settings": f"{settings * mean / 3600:,.3g} h, "
-        f"{_rounded(times, 3)} ± {_rounded(2 * times * error / mean, 2)} times as long",
+        f"{_round_digits(times, 3)} ± {_round_digits(2 * times * error / mean, 2)} times as long",
     }
     equal = f" Figures of {compared} of them are also the sweep's, and equal." if compared else ""
     return Report(
@@ -174,6 +178,6 @@ def engine(
     )
 
 
-def _rounded(value: float, digits: int) -> str:
+def _round_digits(value: float, digits: int) -> str:
     """Return a number to some significant digits, without an exponent."""
     return f"{float(f'{value:.{digits}g}'):,.16g}"

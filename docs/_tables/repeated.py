@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from docs._tables.sweeping import WORKERS, swept
+from docs._tables.sweeping import WORKERS, sweep_groups
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.stages.classifier import drawn_aspects
 
@@ -38,7 +38,7 @@ class Interval:
         return f"{mean} [{low} to {high}]" if sign else f"{mean} [{low}-{high}]"
 
 
-def over_seeds(
+def mean_over_seeds(
     values: ArrayLike, *, views: int | None = None, bounds: tuple[float, float] = (0.0, 100.0)
 ) -> Interval:
     """Return the mean over seeds and its 95 % interval.
@@ -77,7 +77,7 @@ def over_seeds(
     return Interval(mean, max(low, bounds[0]), min(high, bounds[1]))
 
 
-def listed(values: Sequence[float]) -> str:
+def list_argument(values: Sequence[float]) -> str:
     """Return numbers as a list of a command line."""
     return f"[{','.join(f'{value:.10g}' for value in values)}]"
 
@@ -88,7 +88,7 @@ def aspects_of(learned: Sequence[float], fresh: int, seed: int) -> list[float]:
     return sorted(set(drawn) - set(learned))
 
 
-def swept_by_seed(
+def sweep_by_seed(
     overrides: Sequence[str],
     groups: Sequence[str],
     *,
@@ -106,7 +106,7 @@ def swept_by_seed(
     Parameters
     ----------
     overrides, groups, label, workers
-        See `swept`.
+        See `sweep_groups`.
     seeds : int
         Number of seeds, from 0.
     learned : sequence of float
@@ -121,8 +121,11 @@ def swept_by_seed(
     """
     tests = [aspects_of(learned, fresh, seed) for seed in range(seeds)]
     aspects = sorted(set(learned).union(*tests))
-    chosen = [f"grid.aspect={listed(aspects)}", f"classifier.training_aspect={listed(learned)}"]
-    by_group = swept([*overrides, *chosen], groups, label=label, workers=workers)
+    chosen = [
+        f"grid.aspect={list_argument(aspects)}",
+        f"classifier.training_aspect={list_argument(learned)}",
+    ]
+    by_group = sweep_groups([*overrides, *chosen], groups, label=label, workers=workers)
     return [
         {
             name: dataset.isel(aspect=np.isin(dataset.aspect.values, [*learned, *aspects_tested]))
@@ -132,7 +135,7 @@ def swept_by_seed(
     ]
 
 
-def swept_anew(
+def sweep_each_seed(
     overrides: Sequence[str],
     groups: Sequence[str],
     *,
@@ -142,10 +145,10 @@ def swept_anew(
     label: str,
     workers: ClusterChoice = WORKERS,
 ) -> list[dict[str, xr.Dataset]]:
-    """Return the same as `swept_by_seed`, from one sweep a seed, which redraws training, too."""
-    aspects = (f"grid.aspect={listed(learned)}", f"grid.random_aspects={fresh}")
+    """Return the same as `sweep_by_seed`, from one sweep a seed, which redraws training, too."""
+    aspects = (f"grid.aspect={list_argument(learned)}", f"grid.random_aspects={fresh}")
     return [
-        swept(
+        sweep_groups(
             [*overrides, *aspects, f"seed={seed}"],
             groups,
             label=f"{label}, seed {seed}",
@@ -176,12 +179,12 @@ def bins_of(aspect: ArrayLike, width: float = 30.0) -> dict[str, NDArray[np.bool
     }
 
 
-def multiples(aspect: ArrayLike, step: float) -> NDArray[np.bool_]:
+def multiples_mask(aspect: ArrayLike, step: float) -> NDArray[np.bool_]:
     """Return the mask of aspects that are multiples of a step, as the learned ones are."""
     steps = np.asarray(aspect, dtype=np.float64) / step
     return np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
 
 
-def at(answers: Array, **places: object) -> Array:
+def pick(answers: Array, **places: object) -> Array:
     """Return answers at values of axes; axes without a dimension are ignored."""
     return answers.sel({name: value for name, value in places.items() if name in answers.dims})

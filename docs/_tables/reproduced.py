@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.reports import Column, Report
-from docs._tables.proof import Alone, proven
-from docs._tables.sweeping import choices_of, swept
+from docs._tables.proof import LoneSetting, prove_sweep
+from docs._tables.sweeping import choices_of, sweep_groups
 from studies.reproduction import FITS, PRIORS, Choice
 from studies.reproduction.stages import Reproduce
 
@@ -25,10 +25,10 @@ CATEGORIES = {
 }
 
 
-def settings_alone(count: int = 16) -> Iterator[Alone]:
+def lone_settings(count: int = 16) -> Iterator[LoneSetting]:
     """Yield random settings: the first setting of other seeds."""
     for seed in range(1, count + 1):
-        yield Alone((*EXPERIMENT, "reproduce.setting=1", f"seed={seed}"))
+        yield LoneSetting((*EXPERIMENT, "reproduce.setting=1", f"seed={seed}"))
 
 
 def measure(overrides: Sequence[str] = EXPERIMENT, part: Sequence[str] = PART) -> dict[str, Report]:
@@ -38,18 +38,20 @@ def measure(overrides: Sequence[str] = EXPERIMENT, part: Sequence[str] = PART) -
     """
     names = ("reproduction", "reproduction_fits", "reproduction_parameters")
     groups = ("reproduction", *(f"tables/{name}" for name in names))
-    settings, figures, fits, parameters = swept(overrides, groups).values()
-    _, engine = proven(part, groups[:1], len(choices_of(part)[Reproduce.setting]), settings_alone())
+    settings, figures, fits, parameters = sweep_groups(overrides, groups).values()
+    _, engine = prove_sweep(
+        part, groups[:1], len(choices_of(part)[Reproduce.setting]), lone_settings()
+    )
     command = f"`ncti-sweep {' '.join(overrides)}`, {fits.sizes['setting']} settings."
     return {
         "engine": engine,
-        "figures": of_figures(figures, command),
-        "fits": of_fits(fits, figures.sizes["figure"], command),
-        "parameters": of_parameters(parameters, fits, settings),
+        "figures": figure_report(figures, command),
+        "fits": fit_report(fits, figures.sizes["figure"], command),
+        "parameters": parameter_report(parameters, fits, settings),
     }
 
 
-def of_figures(figures: xr.Dataset, command: str) -> Report:
+def figure_report(figures: xr.Dataset, command: str) -> Report:
     """Return the article's figures by rows of its tables, bins separated by slashes."""
     rows: list[dict[str, Any]] = []
     names = [str(name).rpartition(", ")[0] for name in figures.figure.values]
@@ -59,17 +61,17 @@ def of_figures(figures: xr.Dataset, command: str) -> Report:
         )
         row = {
             "what": CATEGORIES.get(name, name),
-            "article": slashed(row_figures.article.values),
-            "range": slashed(
+            "article": join_slashed(row_figures.article.values),
+            "range": join_slashed(
                 zip(row_figures.least.values, row_figures.largest.values, strict=True)
             ),
-            "agreeing": slashed(100 * row_figures.agreeing.values),
-            "nearest": slashed(row_figures.nearest.values, ".1f"),
+            "agreeing": join_slashed(100 * row_figures.agreeing.values),
+            "nearest": join_slashed(row_figures.nearest.values, ".1f"),
         }
         for fit in SHOWN:
             fitted = row_figures.sel(fitted=fit)
             ends = zip(fitted.percent_low.values, fitted.percent_high.values, strict=True)
-            row[fit] = f"{slashed(fitted.percent.values)} ({slashed(ends)})"
+            row[fit] = f"{join_slashed(fitted.percent.values)} ({join_slashed(ends)})"
         rows.append(row)
     return Report(
         "The article's figures beside those of settings",
@@ -91,7 +93,7 @@ def of_figures(figures: xr.Dataset, command: str) -> Report:
     )
 
 
-def of_fits(fits: xr.Dataset, figures: int, command: str) -> Report:
+def fit_report(fits: xr.Dataset, figures: int, command: str) -> Report:
     """Return the distances to each table, by the tables that settings are fitted to."""
     rows = [
         {
@@ -126,7 +128,7 @@ def of_fits(fits: xr.Dataset, figures: int, command: str) -> Report:
     )
 
 
-def of_parameters(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Dataset) -> Report:
+def parameter_report(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Dataset) -> Report:
     """Return the parameters with the most informative posteriors."""
     information = parameters.information.sel(fitted=list(SHOWN))
     most = information.max("fitted")
@@ -138,7 +140,7 @@ def of_parameters(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Dataset
         if isinstance(prior, Choice):
             row["prior"] = ", ".join(map(str, prior.values)).replace("_", " ")
         else:
-            row["prior"] = f"{number(prior.low)}–{number(prior.high)}"
+            row["prior"] = f"{format_number(prior.low)}–{format_number(prior.high)}"
         for fit in SHOWN:
             posterior = posteriors.sel(fitted=fit)
             median, low, high = (
@@ -150,7 +152,7 @@ def of_parameters(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Dataset
                 word = str(prior.values[int(share.argmax())]).replace("_", " ")
                 text = f"{word} {100 * share.max():.0f} %"
             else:
-                text = f"{number(median)} ({number(low)}–{number(high)})"
+                text = f"{format_number(median)} ({format_number(low)}–{format_number(high)})"
             row[fit] = f"{text}; {float(posterior.information):.2f} bit"
         rows.append(row)
     return Report(
@@ -168,7 +170,7 @@ def of_parameters(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Dataset
     )
 
 
-def slashed(values: Iterable[Any], spec: str = ".0f") -> str:
+def join_slashed(values: Iterable[Any], spec: str = ".0f") -> str:
     """Return numbers, or pairs of them, separated by slashes."""
     return " / ".join(
         "–".join(f"{end:{spec}}" for end in np.atleast_1d(np.asarray(value, dtype=float)))
@@ -176,6 +178,6 @@ def slashed(values: Iterable[Any], spec: str = ".0f") -> str:
     )
 
 
-def number(value: float) -> str:
+def format_number(value: float) -> str:
     """Return a number with three digits, at least to the unit."""
     return f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"

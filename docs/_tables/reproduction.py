@@ -11,8 +11,15 @@ import xarray as xr
 
 import ncti.ships
 from benchmarks.reports import Column, Report
-from docs._tables.fits import INFRARED, Floats, mean_and_error, overall, percent, with_errors
-from docs._tables.sweeping import swept
+from docs._tables.fits import (
+    INFRARED,
+    Floats,
+    format_errors,
+    mean_and_error,
+    overall_percent,
+    percent,
+)
+from docs._tables.sweeping import sweep_groups
 from ncti.article import article_figures
 from ncti.features import profile_vector
 from ncti.irar import profile_correlation
@@ -37,8 +44,8 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
     arguments = [*overrides, "grid.range=[25,50,100]", *zipped]
     together = ["+experiment=fusion", "grid.frame_count=16", "infrared.frame_count=16", *zipped]
     groups = ("classification/acn_infrared", "tables/detection")
-    answers, detected = swept(arguments, groups).values()
-    (fused,) = swept(together, ["classification/fusion"]).values()
+    answers, detected = sweep_groups(arguments, groups).values()
+    (fused,) = sweep_groups(together, ["classification/fusion"]).values()
     rows: list[dict[str, Any]] = []
 
     def add(what: str, correct: xr.DataArray) -> dict[str, Any]:
@@ -47,8 +54,8 @@ def spread(overrides: Sequence[str] = INFRARED, spreads: Sequence[float] = (0.1,
             chosen = correct.isel(
                 {axis_of(correct): np.flatnonzero(correct.target_spread == value)[0]}
             )
-            row[f"bins_{value:g}"] = with_errors(*mean_and_error(percent(chosen)))
-            row[f"all_{value:g}"] = with_errors(*mean_and_error(overall(chosen)))
+            row[f"bins_{value:g}"] = format_errors(*mean_and_error(percent(chosen)))
+            row[f"all_{value:g}"] = format_errors(*mean_and_error(overall_percent(chosen)))
         rows.append(row)
         return row
 
@@ -107,7 +114,7 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
         [*common, "classifier.learn_in_test=[true,false]"],
         [*common, f"grid.random_aspects={fresh}"],
     ]
-    regular, drawn = (swept(command, groups).values() for command in commands)
+    regular, drawn = (sweep_groups(command, groups).values() for command in commands)
     rows: list[dict[str, Any]] = []
     for name, learned, random in zip(groups, regular, drawn, strict=True):
         new = ~np.isin(random.aspect.values, learned.aspect.values)
@@ -124,8 +131,8 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
             for key, correct in answers.items():
                 chosen = correct.sel(range=km) if "range" in correct.dims else correct
                 chosen = chosen.squeeze(drop=True)
-                row[key] = with_errors(*mean_and_error(percent(chosen)))
-                row[key] += "; overall " + with_errors(*mean_and_error(overall(chosen)))
+                row[key] = format_errors(*mean_and_error(percent(chosen)))
+                row[key] += "; overall " + format_errors(*mean_and_error(overall_percent(chosen)))
             rows.append(row)
     return Report(
         "Training aspects and aspects absent from training",
@@ -146,7 +153,7 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
 
 def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
     """Return the features of Figure 16: due to the models, and due to the flight."""
-    (flights,) = swept(overrides, ["validation"]).values()
+    (flights,) = sweep_groups(overrides, ["validation"]).values()
     flights = flights.squeeze(drop=True)
     rows: list[dict[str, Any]] = []
     for name in PUT_IN:
@@ -155,20 +162,20 @@ def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
             of_ship = flights[name].sel(ship=ship)
             row[f"model_{ship}"] = f"{float(of_ship.sel(source='noiseless').mean()):.2f}"
             change = of_ship.sel(source="measured") - of_ship.sel(source="noiseless")
-            row[f"flight_{ship}"] = small(change)
+            row[f"flight_{ship}"] = format_mean(change)
         rows.append(row)
     for ship in ("duncan", "roberts", "connole"):
         row = {"what": f"correlation with the noiseless {ship}"}
         model = flights.profile.sel(ship=ship, source="noiseless").isel(replicate=0)
         for flown in ("duncan", "roberts"):
             noiseless = flights.profile.sel(ship=flown, source="noiseless").isel(replicate=0)
-            row[f"model_{flown}"] = f"{alike(noiseless.values, model.values):.3f}"
+            row[f"model_{flown}"] = f"{best_correlation(noiseless.values, model.values):.3f}"
             measured = flights.profile.sel(ship=flown, source="measured")
             likeness = [
-                alike(profile.values, model.values)
+                best_correlation(profile.values, model.values)
                 for profile in measured.transpose("replicate", ...)
             ]
-            row[f"flight_{flown}"] = small(xr.DataArray(likeness, dims="replicate"), 3)
+            row[f"flight_{flown}"] = format_mean(xr.DataArray(likeness, dims="replicate"), 3)
         rows.append(row)
     for name in TILTS:
         if name in flights:
@@ -203,13 +210,13 @@ def components(ship: str) -> set[str]:
     return {line.strip() for line in text.splitlines() if line.strip().startswith("- {name")}
 
 
-def small(draws: xr.DataArray, digits: int = 2) -> str:
+def format_mean(draws: xr.DataArray, digits: int = 2) -> str:
     """Return the mean of some draws with two standard errors."""
     mean, error = mean_and_error(draws)
     return f"{float(mean):+.{digits}f} ± {2 * float(error):.{digits}f}"
 
 
-def alike(first: Floats, second: Floats) -> float:
+def best_correlation(first: Floats, second: Floats) -> float:
     """Return the highest correlation of two profiles shifted against each other."""
     shifts = range(-NEAR, NEAR + 1)
     return max(float(profile_correlation(np.roll(first, shift), second)) for shift in shifts)
@@ -225,8 +232,8 @@ def figures(replicates: int = 8) -> Report:
         *("ladar.target_free_ifovs=[0,4000]", "ladar.place=corner"),  # noise alone, not the place
     ]
     silhouettes_of = [*INFRARED, "grid.range=25", "infrared.super_resolution=none"]
-    profiles, formed = swept(profiles_of, ["range_profile", "classification/acn"]).values()
-    (clustered,) = swept(silhouettes_of, ["classification/acn_infrared"]).values()
+    profiles, formed = sweep_groups(profiles_of, ["range_profile", "classification/acn"]).values()
+    (clustered,) = sweep_groups(silhouettes_of, ["classification/acn_infrared"]).values()
     profiles, formed = (dataset.squeeze(drop=True) for dataset in (profiles, formed))
     expected = xr.apply_ufunc(
         profile_vector,
@@ -236,9 +243,9 @@ def figures(replicates: int = 8) -> Report:
     )
     statements = [
         sensor(),
-        depths(expected.sel(ship="duncan")),
-        likeness(expected.sel(aspect=30)),
-        noise(profiles.sel(ship="duncan", aspect=30)),
+        depth_statement(expected.sel(ship="duncan")),
+        likeness_statement(expected.sel(aspect=30)),
+        noise_statement(profiles.sel(ship="duncan", aspect=30)),
         shared_categories(formed.sel(target_free_ifovs=4000)),
         shared_by_bin(clustered),
     ]
@@ -256,7 +263,7 @@ def figures(replicates: int = 8) -> Report:
     )
 
 
-def depths(profiles: xr.DataArray) -> Said:
+def depth_statement(profiles: xr.DataArray) -> Said:
     """Return the statement of Figure 3 on a ship's expected profiles from bow to beam."""
     lengths = [depth(profiles.sel(aspect=aspect)) for aspect in (0, 30, 60, 90)]
     return (
@@ -267,7 +274,7 @@ def depths(profiles: xr.DataArray) -> Said:
     )
 
 
-def likeness(profiles: xr.DataArray) -> Said:
+def likeness_statement(profiles: xr.DataArray) -> Said:
     """Return the statement of Figure 4 on (ship, down_range) expected profiles at one aspect."""
     pairs = np.corrcoef(profiles.values)[np.triu_indices(len(profiles), 1)]
     return (
@@ -278,7 +285,7 @@ def likeness(profiles: xr.DataArray) -> Said:
     )
 
 
-def noise(profiles: xr.Dataset) -> Said:
+def noise_statement(profiles: xr.Dataset) -> Said:
     """Return the statement of Figure 5 on averages of a view, by number of frames."""
     peak = profiles.expected.max("down_range") - profiles.expected.min("down_range")
     off = (profiles.averaged - profiles.expected) ** 2
@@ -321,7 +328,7 @@ def shared_by_bin(formed: xr.Dataset) -> Said:
         "Figure 20",
         "views in shared categories, by bin",
         "confused at 0-30°",
-        with_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
+        format_errors(*mean_and_error(share.squeeze(drop=True))) + " %",
     )
 
 

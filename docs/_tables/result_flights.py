@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import at, listed, over_seeds
+from docs._tables.repeated import list_argument, mean_over_seeds, pick
 
 FLIGHT = ("sensor=irar", "grid.aspect=175")
 NEAR = ("+experiment=validation", "irar.pictures=false")
@@ -28,7 +28,7 @@ UNITS = {"aircraft_speed": " %", "ship_speed": " m/s"}  # of errors; others are 
 WRONG = tuple((name, value) for name, values in ERRORS.items() for value in values)
 SENSITIVITY = (
     "+experiment=sensitivity",
-    *(f"irar.errors.{name}={listed(values)}" for name, values in ERRORS.items()),
+    *(f"irar.errors.{name}={list_argument(values)}" for name, values in ERRORS.items()),
 )
 
 MEASURED = ("+experiment=measured", "grid.pulse_width=30")
@@ -53,16 +53,16 @@ def text_of(draws: xr.DataArray, digits: int, bounds: tuple[float, float]) -> st
     of_draw = values.mean(axis=1)
     if np.ptp(of_draw) == 0:
         return f"{of_draw[0]:.{digits}f}"
-    return over_seeds(of_draw, bounds=bounds).text(digits)
+    return mean_over_seeds(of_draw, bounds=bounds).text(digits)
 
 
-def joined(flights: Mapping[str, xr.Dataset], name: str, **places: float) -> xr.DataArray:
+def join_flights(flights: Mapping[str, xr.Dataset], name: str, **places: float) -> xr.DataArray:
     """Return a figure of all ships, (ship, replicate)."""
-    figures = [at(flight[name], **places).squeeze(drop=True) for flight in flights.values()]
+    figures = [pick(flight[name], **places).squeeze(drop=True) for flight in flights.values()]
     return xr.concat(figures, "ship")
 
 
-def heading(draws: int) -> str:
+def mean_heading(draws: int) -> str:
     """Return the heading of a first column."""
     return f"mean of {draws} draws [95 % interval]"
 
@@ -70,13 +70,13 @@ def heading(draws: int) -> str:
 def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return landmarks of near-stern profiles, and the likeness of all to noiseless profiles."""
     nominal = ASSUMED["nothing"]
-    duncan, roberts = at(flights["duncan"], **nominal), flights["roberts"]
+    duncan, roberts = pick(flights["duncan"], **nominal), flights["roberts"]
     columns = {
         "Duncan synthetic, point sampled": duncan.sel(source="point"),
         "the same, spread": duncan.sel(source="synthetic"),
-        "Roberts flown past": at(roberts, **nominal, source="measured"),
-        "with a dark transom*": at(roberts, **ASSUMED["dark transoms*"], source="measured"),
-        "with masts x 3*": at(roberts, **ASSUMED["masts x 3*"], source="measured"),
+        "Roberts flown past": pick(roberts, **nominal, source="measured"),
+        "with a dark transom*": pick(roberts, **ASSUMED["dark transoms*"], source="measured"),
+        "with masts x 3*": pick(roberts, **ASSUMED["masts x 3*"], source="measured"),
     }
     rows: list[dict[str, Any]] = []
     for label, name, digits, words in (
@@ -95,7 +95,7 @@ def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     for label, gains in ASSUMED.items():
         row = {"what": label}
         for key in ("profile_correlation", "profile_correlation_without_hangar"):
-            together = joined(flights, key, **gains)
+            together = join_flights(flights, key, **gains)
             row[key] = f"{text_of(together, 3, (-1, 1))}; {float(together.min()):.3f}"
         likeness.append(row)
     passes = f"{len(flights)} x {draws} flights"
@@ -103,7 +103,7 @@ def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         "near_stern": Report(
             "Near-stern profiles of simulated flights",
             (
-                Column("what", heading(draws)),
+                Column("what", mean_heading(draws)),
                 *(Column(key, key) for key in columns),
                 Column("said", "article's words"),
             ),
@@ -112,7 +112,7 @@ def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         "likeness": Report(
             "Correlation of profiles of simulated flights with noiseless ones",
             (
-                Column("what", f"assumed; {heading(draws)}; least of {passes}"),
+                Column("what", f"assumed; {mean_heading(draws)}; least of {passes}"),
                 Column("profile_correlation", "correlation"),
                 Column("profile_correlation_without_hangar", "without the hangar's peak"),
             ),
@@ -125,9 +125,9 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return the remaining tilts of corrected images, by fitted images and clutter."""
     draws = next(iter(flights.values())).sizes["replicate"]
 
-    def leaning(name: str, clutter: float) -> str:
+    def format_lean(name: str, clutter: float) -> str:
         """Return the root mean square of each draw, and the largest of all flights."""
-        tilt = joined(flights, name, clutter=clutter)
+        tilt = join_flights(flights, name, clutter=clutter)
         rms = (tilt**2).mean("ship") ** 0.5
         return f"{text_of(rms, 2, (0, np.inf))}; {float(abs(tilt).max()):.2f}"
 
@@ -138,15 +138,17 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         for channel, words in channels.items()
     }
     rows = [
-        {"what": f"clutter of {clutter:g} K"} | {name: leaning(name, clutter) for name in columns}
+        {"what": f"clutter of {clutter:g} K"}
+        | {name: format_lean(name, clutter) for name in columns}
         for clutter in CLUTTERS
     ]
     rows[0]["what"] = "calm sea"
     still = {"what": "no noise"}
     for mark in ("mast", "waterline"):
-        still[f"{mark}_tilt"] = leaning(f"noiseless_{mark}_tilt", 0)
+        still[f"{mark}_tilt"] = format_lean(f"noiseless_{mark}_tilt", 0)
     title = (
-        f"root mean square tilt [°], {heading(draws)}; largest of {len(flights) * draws} flights"
+        f"root mean square tilt [°], {mean_heading(draws)}; "
+        f"largest of {len(flights) * draws} flights"
     )
     return {
         "tilts": Report(
@@ -177,7 +179,7 @@ def chains(flights: xr.Dataset) -> dict[str, Report]:
         "chains": Report(
             "Chains of corrections",
             (
-                Column("what", f"chain; {heading(flights.sizes['replicate'])}"),
+                Column("what", f"chain; {mean_heading(flights.sizes['replicate'])}"),
                 Column("correlation", "correlation with the noiseless profile"),
                 Column("tilt", "masts lean by [°]"),
             ),
@@ -202,7 +204,7 @@ def sensitivity(flights: xr.Dataset) -> dict[str, Report]:
         "sensitivity": Report(
             "Errors of navigation",
             (
-                Column("what", f"error; {heading(flights.sizes['replicate'])}"),
+                Column("what", f"error; {mean_heading(flights.sizes['replicate'])}"),
                 Column("plain", "correlation"),
                 Column("focused", "with autofocus"),
             ),
@@ -211,7 +213,7 @@ def sensitivity(flights: xr.Dataset) -> dict[str, Report]:
     }
 
 
-def measured(answers: xr.Dataset) -> dict[str, Report]:
+def measured_accuracy(answers: xr.Dataset) -> dict[str, Report]:
     """Return percent correct for profiles of simulated flights, beside synthetic ones."""
     answers = answers.squeeze(drop=True)
     draws = answers.sizes["replicate"]
@@ -224,7 +226,7 @@ def measured(answers: xr.Dataset) -> dict[str, Report]:
         | {name: text_of(shares.sel(kind=kind, classifier=name), 0, (0, 100)) for name in LEARNERS}
         for kind, words in KINDS.items()
     ]
-    title = f"percent correct at 30 ns, {heading(draws)}"
+    title = f"percent correct at 30 ns, {mean_heading(draws)}"
     return {
         "measured": Report(
             "Profiles of simulated flights, identified after synthetic training",

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import bins_of, multiples, over_seeds, percent_of
+from docs._tables.repeated import bins_of, mean_over_seeds, multiples_mask, percent_of
 from docs._tables.result_tables import STEP, Answers
 
 TREES = 300
@@ -23,7 +23,7 @@ def learners(found: Answers) -> dict[str, Report]:
     }
     for seed, groups in enumerate(found):
         answers = groups["classification/mnn"]
-        new = ~multiples(answers.aspect.values, STEP)
+        new = ~multiples_mask(answers.aspect.values, STEP)
         bins = {name: mask & new for name, mask in bins_of(answers.aspect.values).items()}
         forest = forest_answers(groups["range_profile"].averaged, learned=~new, seed=seed)
         for rows, correct in zip(
@@ -37,7 +37,7 @@ def learners(found: Answers) -> dict[str, Report]:
             (Column("what", title), *(Column(name, name) for name in names)),
             [
                 {"what": label}
-                | {name: over_seeds([row[name] for row in rows]).text() for name in names}
+                | {name: mean_over_seeds([row[name] for row in rows]).text() for name in names}
                 for label, rows in shares.items()
             ],
         )

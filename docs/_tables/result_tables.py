@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from benchmarks.reports import Column, Report
-from docs._tables.repeated import at, bins_of, multiples, over_seeds, percent_of
+from docs._tables.repeated import bins_of, mean_over_seeds, multiples_mask, percent_of, pick
 from ncti.evaluate import Scores, open_set_scores, score
 
 RANGES, SPACINGS, STEP = (25, 50, 100), (1.5, 3, 6), 1.5
@@ -22,7 +22,7 @@ Answers = list[dict[str, xr.Dataset]]
 
 def text_of(values: Sequence[float], **options: Any) -> str:
     """Return the mean and interval of percentages by seed."""
-    return over_seeds(values, **options).text()
+    return mean_over_seeds(values, **options).text()
 
 
 # Aspects absent from training
@@ -49,9 +49,9 @@ def shares(
     """Return percent correct of each seed in a bin of aspects, at new or at learned ones."""
     percentages = []
     for groups in found:
-        correct = at(groups[group].correct, **(places or {}))
+        correct = pick(groups[group].correct, **(places or {}))
         chosen = bins_of(correct.aspect.values)[name]
-        chosen = chosen & (multiples(correct.aspect.values, STEP) == learned)
+        chosen = chosen & (multiples_mask(correct.aspect.values, STEP) == learned)
         percentages.append(percent_of(correct, chosen))
     return percentages
 
@@ -60,7 +60,7 @@ def views_of(found: Answers, group: str, name: str) -> int:
     """Return the number of new views of a seed in a bin of aspects."""
     answers = found[0][group]
     aspect = answers.aspect.values
-    new = bins_of(aspect)[name] & ~multiples(aspect, STEP)
+    new = bins_of(aspect)[name] & ~multiples_mask(aspect, STEP)
     return int(new.sum()) * answers.sizes["ship"]
 
 
@@ -112,7 +112,7 @@ def new_aspects(found: Answers) -> dict[str, Report]:
     }
 
 
-def with_known(summary: Report, known: Report) -> Report:
+def add_known(summary: Report, known: Report) -> Report:
     """Return the table of the README with rows of classifiers that know gain and floor."""
     listed = ("the same, gain and floor known",)
     rows = [
@@ -176,7 +176,7 @@ def fusion(found: Answers, shifted: Answers) -> Report:
                     for channel in ("range", "infrared", "both")
                 }
                 better = max(("range", "infrared"), key=lambda channel: percent[channel].mean())
-                gain = over_seeds(percent["both"] - percent[better], bounds=(-100.0, 100.0))
+                gain = mean_over_seeds(percent["both"] - percent[better], bounds=(-100.0, 100.0))
                 row[f"{spacing:g} {name}"] = gain.text(1, "+")
         rows.append(row)
     return Report(
@@ -223,7 +223,7 @@ def sensors(near: Answers, far: Answers) -> dict[str, Report]:
                 ("profile", "silhouette"), key=lambda title: float(np.mean(percent[title]))
             )
             gain = np.array(percent["both"]) - np.array(percent[better])
-            row["gain"] = over_seeds(gain, bounds=(-100.0, 100.0)).text(1, "+")
+            row["gain"] = mean_over_seeds(gain, bounds=(-100.0, 100.0)).text(1, "+")
             rows.append(row)
     columns = (
         Column("what", f"percent correct, mean of {len(near)} seeds [95 % interval]"),
@@ -287,7 +287,7 @@ def places(found: Mapping[str, Answers]) -> dict[str, Report]:
             correct[label] = text_of(
                 [100 * float(scores.accuracy.fraction[-1]) for scores in of_seed]
             )
-            loss[label] = over_seeds([scores.log_loss for scores in of_seed]).text(2)
+            loss[label] = mean_over_seeds([scores.log_loss for scores in of_seed]).text(2)
             calibration[label] = f"{confidence(groups, sigmas).ece:.2f}"
         rows += [correct, loss, calibration]
     title = f"100 km, mean of {len(next(iter(found.values())))} seeds [95 % interval]"
@@ -299,9 +299,9 @@ def confidence(several: Sequence[xr.Dataset], where: Mapping[str, object]) -> Sc
     """Return all scores of some seeds' answers at new aspects."""
     parts: list[tuple[NDArray[Any], ...]] = []
     for answers in several:
-        new = answers.isel(aspect=~multiples(answers.aspect.values, STEP))
+        new = answers.isel(aspect=~multiples_mask(answers.aspect.values, STEP))
         predicted, true, similarity = (
-            at(new[name], **where).transpose("ship", "aspect", ...).values.reshape(-1)
+            pick(new[name], **where).transpose("ship", "aspect", ...).values.reshape(-1)
             for name in ("predicted", "probability", "similarity")
         )
         ship, aspect = np.indices((new.sizes["ship"], new.sizes["aspect"])).reshape(2, -1)
@@ -323,7 +323,7 @@ def confidence(several: Sequence[xr.Dataset], where: Mapping[str, object]) -> Sc
 TRACKS = (10, 5, 2, 0)  # standard deviations of a tracker's aspect [deg]
 
 
-def tracked(found: Answers, with_track: Answers) -> dict[str, Report]:
+def track_benefit(found: Answers, with_track: Answers) -> dict[str, Report]:
     """Return the table of the benefit of a track, by its error and by prior knowledge."""
     group, rows = "classification/likelihood", []
     for spacing in (STEP, 4 * STEP):
@@ -351,7 +351,7 @@ def tracked(found: Answers, with_track: Answers) -> dict[str, Report]:
 SOURCE_BINS = ("0-27°", "30-57°", "60-90°", "overall")
 
 
-def of_seeds(correct: xr.DataArray, name: str) -> list[float]:
+def seed_percentages(correct: xr.DataArray, name: str) -> list[float]:
     """Return percent correct of each seed in a bin of the article's 31 aspects."""
     chosen = bins_of(correct.aspect.values)[name]
     return [percent_of(correct.sel(seed=seed), chosen) for seed in correct.seed.values]
@@ -360,32 +360,32 @@ def of_seeds(correct: xr.DataArray, name: str) -> list[float]:
 def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return the tables of the article's protocol: learned aspects at 100 km, and silhouettes."""
     acn, mnn = found["classification/acn"], found["classification/mnn"]
-    likelihood = found["classification/likelihood"].correct
+    answers = found["classification/likelihood"].correct
     seeds = acn.sizes["seed"]
     still = {"learn_in_test": False}
     profiles: list[tuple[str, xr.DataArray]] = [
-        ("ACN, training", at(acn.training_correct, **still))
+        ("ACN, training", pick(acn.training_correct, **still))
     ]
     for count in (32, 16, 8, 4):
-        profiles.append((f"ACN, {count} frames", at(acn.correct, frame_count=count, **still)))
+        profiles.append((f"ACN, {count} frames", pick(acn.correct, frame_count=count, **still)))
     profiles += [
         (
             "ACN, 16 frames, learning in the test, as in the article",
-            at(acn.correct, frame_count=16, learn_in_test=True),
+            pick(acn.correct, frame_count=16, learn_in_test=True),
         ),
-        ("MNN, ship and aspect group, 16 frames", at(mnn.correct, frame_count=16)),
-        ("MNN, ship alone, 16 frames", at(mnn.ship_correct, frame_count=16)),
+        ("MNN, ship and aspect group, 16 frames", pick(mnn.correct, frame_count=16)),
+        ("MNN, ship alone, 16 frames", pick(mnn.ship_correct, frame_count=16)),
         (
             "correlation with every profile learned, 16 frames",
-            at(found["classification/correlation"].correct, frame_count=16),
+            pick(found["classification/correlation"].correct, frame_count=16),
         ),
         (
             "maximum likelihood, gain and floor unknown, 16 frames",
-            at(likelihood, frame_count=16, gain_sigma=1),
+            pick(answers, frame_count=16, gain_sigma=1),
         ),
-        ("maximum likelihood, gain known, 16 frames", at(likelihood, frame_count=16, gain_sigma=0)),
+        ("maximum likelihood, gain known, 16 frames", pick(answers, frame_count=16, gain_sigma=0)),
     ]
-    silhouette_answers = at(found["classification/acn_infrared"].correct, **still)
+    silhouette_answers = pick(found["classification/acn_infrared"].correct, **still)
     silhouettes = []
     for label, km, way in (
         ("25 km", 25, "none"),
@@ -396,7 +396,7 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         ("100 km, 2x from shifted frames, 4 x 16 of them", 100, "shifted"),
         ("100 km", 100, "none"),
     ):
-        silhouettes.append((label, at(silhouette_answers, range=km, super_resolution=way)))
+        silhouettes.append((label, pick(silhouette_answers, range=km, super_resolution=way)))
     reports = {}
     for name, title, rows in (
         ("protocol", "Learned aspects, the article's protocol", profiles),
@@ -413,7 +413,7 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
             columns,
             [
                 {"what": label}
-                | {span: text_of(of_seeds(correct, masks[span])) for span in SOURCE_BINS}
+                | {span: text_of(seed_percentages(correct, masks[span])) for span in SOURCE_BINS}
                 for label, correct in rows
             ],
         )
@@ -429,7 +429,7 @@ def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     for ns in width:
         counts = category.sel(pulse_width=ns)
         of_seed = [float(counts.sel(seed=seed).mean()) for seed in counts.seed.values]
-        row[str(ns)] = over_seeds(of_seed, bounds=(0, np.inf)).text(1)
+        row[str(ns)] = mean_over_seeds(of_seed, bounds=(0, np.inf)).text(1)
     source: dict[str, Any] = {"what": "article, Table 3"} | dict(
         zip(map(str, (10, 30, 50)), ("26", "18", "16"), strict=True)
     )
@@ -456,12 +456,12 @@ def open_set(
 
     Ships of the alternative are not tested.
     """
-    answers = classified.isel(aspect=~multiples(classified.aspect.values, DENSE[0]))
+    answers = classified.isel(aspect=~multiples_mask(classified.aspect.values, DENSE[0]))
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
     known = ~np.isin(answers.ship.values, strangers)
     arrays = {
-        "similarity": at(answers.similarity, **places),
-        "correct": at(answers.correct, **places) == 1,
+        "similarity": pick(answers.similarity, **places),
+        "correct": pick(answers.correct, **places) == 1,
     }
     similarity, right = (array.transpose("ship", ...).values for array in arrays.values())
     learned = np.broadcast_to(known.reshape(-1, *[1] * (similarity.ndim - 1)), similarity.shape)
@@ -471,7 +471,7 @@ def open_set(
     return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": retained}
 
 
-def unknown(
+def unknown_rejection(
     looked_up: Answers,
     likely: Answers,
     generated: Mapping[str, Answers],
@@ -515,7 +515,9 @@ def unknown(
                 "kept": text_of([scored["kept"] for scored in scores]),
             }
             for area in ("auroc", "oscr"):
-                row[area] = over_seeds([scored[area] for scored in scores], bounds=(0, 1)).text(2)
+                row[area] = mean_over_seeds(
+                    [scored[area] for scored in scores], bounds=(0, 1)
+                ).text(2)
             rows.append(row)
     columns = (
         Column("what", f"similarity, mean of {len(likely)} seeds [95 % interval]"),

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.reports import Report
-from docs._tables.repeated import listed, swept_anew, swept_by_seed
+from docs._tables.repeated import list_argument, sweep_by_seed, sweep_each_seed
 from docs._tables.result_flights import (
     CHAINS,
     CLUTTERS,
@@ -21,7 +21,7 @@ from docs._tables.result_flights import (
     NEAR,
     SENSITIVITY,
     chains,
-    measured,
+    measured_accuracy,
     near_stern,
     sensitivity,
     tilts,
@@ -34,6 +34,7 @@ from docs._tables.result_tables import (
     TRACKS,
     UNKNOWN_SHIPS,
     Answers,
+    add_known,
     categories,
     fusion,
     new_aspects,
@@ -42,11 +43,10 @@ from docs._tables.result_tables import (
     prior_knowledge,
     protocol,
     sensors,
-    tracked,
-    unknown,
-    with_known,
+    track_benefit,
+    unknown_rejection,
 )
-from docs._tables.sweeping import WORKERS, swept
+from docs._tables.sweeping import WORKERS, sweep_groups
 from studies.operate.fleets import ARTICLE
 from sweeps.engine.run.cluster import ClusterChoice
 
@@ -97,7 +97,11 @@ FORMED = (
 REJECTING = ("grid.frame_count=16", "grid.range=[25,100]")
 LOOKED_UP = (*REJECTING, "classifier.name=[acn,correlation]", "classifier.template_spacing=3")
 DENSITIES = (
-    *(*REJECTING, "classifier.name=likelihood", f"classifier.template_spacing={listed(DENSE)}"),
+    *(
+        *REJECTING,
+        "classifier.name=likelihood",
+        f"classifier.template_spacing={list_argument(DENSE)}",
+    ),
     "classifier.misfit_weight=[0,0.01]",
 )
 NEAREST = f"classifier.template_spacing={SOURCE_STEP}"
@@ -110,7 +114,7 @@ SIX = (*ARTICLE, *UNKNOWN_SHIPS)
 PAIRS, PAIR_SEEDS = tuple(combinations(SIX, 2)), 5
 
 
-def of_unknown(
+def unknown_arguments(
     *alternative: str, unknown: Sequence[str] = UNKNOWN_SHIPS, tested: Sequence[str] = ARTICLE
 ) -> tuple[str, ...]:
     """Return the arguments of a sweep with unknown ships, some of them in the alternative."""
@@ -120,11 +124,11 @@ def of_unknown(
     return f"grid.ship=[{ships}]", f"classifier.unknown=[{','.join(absent)}]", *known_absent
 
 
-def against_pair(pair: Sequence[str], generated: int) -> dict[str, tuple[str, ...]]:
+def pair_arguments(pair: Sequence[str], generated: int) -> dict[str, tuple[str, ...]]:
     """Return the arguments of sweeps with two of six ships unknown, by the alternative."""
 
     def arguments_for(*alternative: str) -> tuple[str, ...]:
-        return of_unknown(*alternative, unknown=pair, tested=SIX)
+        return unknown_arguments(*alternative, unknown=pair, tested=SIX)
 
     return {
         "none": arguments_for(),
@@ -178,17 +182,21 @@ class Sizes:
     generated: int = GENERATED
     pairs: tuple[tuple[str, str], ...] = PAIRS
 
-    def alone(
+    def article_aspects(
         self, overrides: Sequence[str], groups: Sequence[str], label: str
     ) -> dict[str, xr.Dataset]:
         """Return groups of one sweep with all seeds as an axis, at the article's aspects."""
         aspects = [aspect for aspect in self.learned if aspect % SOURCE_STEP == 0]
-        axes = [f"seed={listed(range(self.seeds))}", f"grid.aspect={listed(aspects)}"]
-        return swept([*overrides, *axes, *self.more], groups, label=label, workers=self.workers)
+        axes = [f"seed={list_argument(range(self.seeds))}", f"grid.aspect={list_argument(aspects)}"]
+        return sweep_groups(
+            [*overrides, *axes, *self.more], groups, label=label, workers=self.workers
+        )
 
-    def each(self, overrides: Sequence[str], groups: Sequence[str], label: str) -> Answers:
+    def random_aspects(
+        self, overrides: Sequence[str], groups: Sequence[str], label: str
+    ) -> Answers:
         """Return groups of a sweep with the random aspects of all seeds."""
-        return swept_by_seed(
+        return sweep_by_seed(
             *([*overrides, LINES, *self.more], groups),
             seeds=self.seeds,
             learned=self.learned,
@@ -197,7 +205,7 @@ class Sizes:
             workers=self.workers,
         )
 
-    def rejecting(
+    def rejection_answers(
         self,
         overrides: Sequence[str],
         names: Sequence[str],
@@ -206,9 +214,9 @@ class Sizes:
         seeds: int | None = None,
     ) -> Answers:
         """Return answers of some classifiers in several draws to ships that may be unknown."""
-        return swept_by_seed(
+        return sweep_by_seed(
             [*overrides, LINES, *self.more],
-            in_group("classification/", *names),
+            group_names("classification/", *names),
             seeds=seeds or self.draws,
             learned=[aspect for aspect in self.finest if aspect % step == 0],
             fresh=self.fresh,
@@ -216,25 +224,27 @@ class Sizes:
             workers=self.workers,
         )
 
-    def flown(self, overrides: Sequence[str], label: str, group: str = "validation") -> xr.Dataset:
+    def flight_group(
+        self, overrides: Sequence[str], label: str, group: str = "validation"
+    ) -> xr.Dataset:
         """Return a group of a sweep of flights, of several draws."""
         arguments = [*overrides, f"grid.replicate={self.draws}", *self.more]
-        return swept(arguments, [group], label=label, workers=self.workers)[group].squeeze(
+        return sweep_groups(arguments, [group], label=label, workers=self.workers)[group].squeeze(
             drop=True
         )
 
-    def past(
+    def ship_flights(
         self, ships: Iterable[str], overrides: Sequence[str], label: str
     ) -> dict[str, xr.Dataset]:
         """Return flights past ships, each at its range."""
         at_range = {ship: (f"grid.ship={ship}", f"irar.range={MISSIONS[ship]}") for ship in ships}
         return {
-            ship: self.flown([*overrides, *of_ship], f"{label}, {ship}")
+            ship: self.flight_group([*overrides, *of_ship], f"{label}, {ship}")
             for ship, of_ship in at_range.items()
         }
 
 
-def in_group(group: str, *names: str) -> tuple[str, ...]:
+def group_names(group: str, *names: str) -> tuple[str, ...]:
     """Return the names of groups of a store that begin alike."""
     return tuple(group + name for name in names)
 
@@ -246,21 +256,23 @@ def measure(sizes: Sizes) -> dict[str, Report]:
         if part in (sizes.parts or PARTS):
             reports |= MEASURES[part](sizes)
     if "summary" in reports and "known" in reports:
-        reports["summary"] = with_known(reports["summary"], reports["known"])
+        reports["summary"] = add_known(reports["summary"], reports["known"])
     return reports
 
 
-def _new(sizes: Sizes) -> dict[str, Report]:
+def _new_aspects(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of new aspects, and of fusion."""
-    answers = sizes.each(NEW, GROUPS, "new aspects")
-    shifted = sizes.each(SHIFTED, in_group("classification/", "fusion"), "shifted frames")
+    answers = sizes.random_aspects(NEW, GROUPS, "new aspects")
+    shifted = sizes.random_aspects(
+        SHIFTED, group_names("classification/", "fusion"), "shifted frames"
+    )
     return new_aspects(answers) | {"fusion": fusion(answers, shifted)}
 
 
-def _known(sizes: Sizes) -> dict[str, Report]:
+def _prior_knowledge(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of prior knowledge, and of places of templates."""
-    groups = in_group("classification/", "likelihood")
-    reports = prior_knowledge(sizes.each(KNOWN, groups, "known gain and floor"))
+    groups = group_names("classification/", "likelihood")
+    reports = prior_knowledge(sizes.random_aspects(KNOWN, groups, "known gain and floor"))
     at_places = {
         f"{count} place{'s' * (count > 1)}": (
             (f"classifier.template_places={count}",),
@@ -270,7 +282,7 @@ def _known(sizes: Sizes) -> dict[str, Report]:
     } | {"at the corner": (CORNER, "templates and tests at the corner")}
     return reports | places(
         {
-            name: sizes.rejecting([*KNOWN, *overrides], CLASSIFIERS[2:], label, STEP)
+            name: sizes.rejection_answers([*KNOWN, *overrides], CLASSIFIERS[2:], label, STEP)
             for name, (overrides, label) in at_places.items()
         }
     )
@@ -278,20 +290,20 @@ def _known(sizes: Sizes) -> dict[str, Report]:
 
 def _track(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of tracks."""
-    tracks = f"classifier.aspect_sigma={listed(TRACKS)}"
-    groups = in_group("classification/", "likelihood")
-    return tracked(
-        sizes.each(TRACKED, groups, "aspect unknown"),
-        sizes.each([*TRACKED, tracks], groups, "tracks"),
+    tracks = f"classifier.aspect_sigma={list_argument(TRACKS)}"
+    groups = group_names("classification/", "likelihood")
+    return track_benefit(
+        sizes.random_aspects(TRACKED, groups, "aspect unknown"),
+        sizes.random_aspects([*TRACKED, tracks], groups, "tracks"),
     )
 
 
 def _sensors(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of both sensors."""
     near, far = (
-        swept_by_seed(
+        sweep_by_seed(
             [*overrides, LINES, *sizes.more],
-            in_group("classification/", "fusion"),
+            group_names("classification/", "fusion"),
             seeds=sizes.draws,
             learned=sizes.learned,
             fresh=sizes.fresh,
@@ -306,7 +318,7 @@ def _sensors(sizes: Sizes) -> dict[str, Report]:
 def _learners(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of other learners."""
     return learners(
-        swept_anew(
+        sweep_each_seed(
             [*LEARNERS, LINES, *sizes.more],
             ["range_profile", "classification/mnn"],
             seeds=sizes.draws,
@@ -320,30 +332,32 @@ def _learners(sizes: Sizes) -> dict[str, Report]:
 
 def _protocol(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of the article's protocol."""
-    groups = in_group("classification/", *CLASSIFIERS, "mnn", "acn_infrared")
-    return protocol(sizes.alone(PROTOCOL, groups, "the article's protocol"))
+    groups = group_names("classification/", *CLASSIFIERS, "mnn", "acn_infrared")
+    return protocol(sizes.article_aspects(PROTOCOL, groups, "the article's protocol"))
 
 
 def _categories(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of categories."""
-    return categories(sizes.alone(FORMED, in_group("classification/", "acn"), "categories"))
+    return categories(
+        sizes.article_aspects(FORMED, group_names("classification/", "acn"), "categories")
+    )
 
 
-def _unknown(sizes: Sizes) -> dict[str, Report]:
+def _unknown_ships(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of unknown ships."""
-    sisters = of_unknown(*_variants(UNKNOWN_SHIPS))
+    sisters = unknown_arguments(*_variants(UNKNOWN_SHIPS))
     looked_up, likely, against, themselves = (
-        sizes.rejecting([*overrides, *ships], names, label)
+        sizes.rejection_answers([*overrides, *ships], names, label)
         for overrides, ships, names, label in (
-            (LOOKED_UP, of_unknown(), CLASSIFIERS[:2], "unknown ships"),
-            (DENSITIES, of_unknown(), CLASSIFIERS[2:], "unknown ships, likelihood"),
+            (LOOKED_UP, unknown_arguments(), CLASSIFIERS[:2], "unknown ships"),
+            (DENSITIES, unknown_arguments(), CLASSIFIERS[2:], "unknown ships, likelihood"),
             (AGAINST, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
-            (AGAINST, of_unknown(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
+            (AGAINST, unknown_arguments(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
         )
     )
-    blind = [*of_unknown(), f"classifier.generated={sizes.generated}"]
+    blind = [*unknown_arguments(), f"classifier.generated={sizes.generated}"]
     blind_answers, calibrated, tracked_too = (
-        sizes.rejecting([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
+        sizes.rejection_answers([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
         for ships, label in (
             (blind, "generated ships"),
             ([*blind, *CALIBRATED], "generated ships, gain and floor known"),
@@ -355,7 +369,7 @@ def _unknown(sizes: Sizes) -> dict[str, Report]:
         "blind, gain and floor known": calibrated,
         "blind, gain and floor known, aspect within 5°": tracked_too,
     }
-    return unknown(looked_up, likely, generated, against, themselves)
+    return unknown_rejection(looked_up, likely, generated, against, themselves)
 
 
 def _pairs(sizes: Sizes) -> dict[str, Report]:
@@ -363,14 +377,14 @@ def _pairs(sizes: Sizes) -> dict[str, Report]:
     return pairs(
         {
             pair: {
-                alternative: sizes.rejecting(
+                alternative: sizes.rejection_answers(
                     [*FAR, *overrides],
                     CLASSIFIERS[2:],
                     f"{' and '.join(pair)} unknown, alternative: {alternative}",
                     SOURCE_STEP,
                     seeds=min(sizes.draws, PAIR_SEEDS),
                 )
-                for alternative, overrides in against_pair(pair, sizes.generated).items()
+                for alternative, overrides in pair_arguments(pair, sizes.generated).items()
             }
             for pair in sizes.pairs
         }
@@ -379,25 +393,27 @@ def _pairs(sizes: Sizes) -> dict[str, Report]:
 
 def _flights(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of flights."""
-    cluttered = [*FLIGHT, f"irar.clutter={listed(CLUTTERS)}"]
+    cluttered = [*FLIGHT, f"irar.clutter={list_argument(CLUTTERS)}"]
     return (
-        near_stern(sizes.past(MISSIONS, NEAR, "near-stern flights"))
-        | tilts(sizes.past(FLOWN, cluttered, "clutter"))
-        | chains(sizes.flown(CHAINS, "chains of corrections"))
-        | sensitivity(sizes.flown(SENSITIVITY, "errors of navigation"))
-        | measured(sizes.flown(MEASURED, "measured profiles", "classification/measured"))
+        near_stern(sizes.ship_flights(MISSIONS, NEAR, "near-stern flights"))
+        | tilts(sizes.ship_flights(FLOWN, cluttered, "clutter"))
+        | chains(sizes.flight_group(CHAINS, "chains of corrections"))
+        | sensitivity(sizes.flight_group(SENSITIVITY, "errors of navigation"))
+        | measured_accuracy(
+            sizes.flight_group(MEASURED, "measured profiles", "classification/measured")
+        )
     )
 
 
 MEASURES: dict[str, Callable[[Sizes], dict[str, Report]]] = {
-    "new": _new,
-    "known": _known,
+    "new": _new_aspects,
+    "known": _prior_knowledge,
     "track": _track,
     "sensors": _sensors,
     "learners": _learners,
     "protocol": _protocol,
     "categories": _categories,
-    "unknown": _unknown,
+    "unknown": _unknown_ships,
     "pairs": _pairs,
     "flights": _flights,
 }

@@ -12,7 +12,7 @@ from scipy import stats
 
 from benchmarks.reports import Column, Report
 from docs._tables.repeated import Interval
-from docs._tables.sweeping import swept
+from docs._tables.sweeping import sweep_groups
 from ncti.data.splits import OUTSIDERS, SPLITS
 from studies.benchmark.stages import ENTRIES, REFERENCE, SENSOR, TESTS
 from studies.benchmark.summary import tabulate_differences, tabulate_rows
@@ -43,7 +43,7 @@ def measure(more: Sequence[str] = (), held_out: int = HELD_OUT) -> Reports:
     groups = [TESTS.path, *(f"{SENSOR}/{name}" for name in ENTRIES)]
     entered = f"benchmark.classifier=[{','.join(ENTRIES)}]"  # those of extras, too
     overrides = [f"+experiment={SENSOR}", entered, *more]
-    return tables_of(swept(overrides, groups, label="the benchmark"), held_out)
+    return tables_of(sweep_groups(overrides, groups, label="the benchmark"), held_out)
 
 
 def tables_of(groups: Mapping[str, xr.Dataset], held_out: int) -> Reports:
@@ -71,7 +71,9 @@ def tables_of(groups: Mapping[str, xr.Dataset], held_out: int) -> Reports:
     return {
         "summary": _table(short, published, "accuracy", title, "Ships named correctly, in short"),
         "splits": _table(tables, known_splits, "accuracy", title, "Ships named correctly"),
-        "unknown": _unknown(tables, [split for split in splits if split in OUTSIDERS], seeds),
+        "unknown": _rejection_table(
+            tables, [split for split in splits if split in OUTSIDERS], seeds
+        ),
         "probabilities": _probabilities(tables, seeds),
         "differences": _differences(groups, known_splits, seeds),
         "ranking": _ranking(groups, known_splits, seeds - held_out),
@@ -93,7 +95,9 @@ def kendall(first: Floats, second: Floats) -> tuple[float, list[tuple[int, int]]
     return tau, [(i, k) for i, k in pairs if (first[i] - first[k]) * (second[i] - second[k]) < 0]
 
 
-def _cell(table: xr.Dataset, figure: str, split: str, *, digits: int = 0, factor: float = 1) -> str:
+def _figure_text(
+    table: xr.Dataset, figure: str, split: str, *, digits: int = 0, factor: float = 1
+) -> str:
     """Return a figure of a split with its interval, empty without any."""
     values = table.sel(split=split)
     ends = (factor * float(values[figure + end]) for end in ("", "_low", "_high"))
@@ -107,13 +111,13 @@ def _table(
     """Return percentages by classifier and split."""
     rows = [
         {"what": TITLES[name]}
-        | {split: _cell(table, figure, split, factor=100) for split in splits}
+        | {split: _figure_text(table, figure, split, factor=100) for split in splits}
         for name, table in tables.items()
     ]
     return Report(title, (Column("what", head), *(Column(split, split) for split in splits)), rows)
 
 
-def _unknown(tables: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
+def _rejection_table(tables: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int) -> Report:
     """Return the share kept by rejection, and the areas, by classifier and unknown ship."""
     figures = {"kept": ("% kept", 0, 100), "auroc": ("AUROC", 2, 1), "oscr": ("OSCR", 2, 1)}
     columns = [Column("what", f"mean of {seeds} seeds [95 % interval]")]
@@ -127,7 +131,7 @@ def _unknown(tables: Mapping[str, xr.Dataset], splits: Sequence[str], seeds: int
         row = {"what": TITLES[name]}
         for split in splits:
             for figure, (_, digits, factor) in figures.items():
-                text = _cell(table, figure, split, digits=digits, factor=factor)
+                text = _figure_text(table, figure, split, digits=digits, factor=factor)
                 row[f"{split} {figure}"] = text
         rows.append(row)
     return Report("Rejection of unknown ships", tuple(columns), rows)
@@ -147,7 +151,7 @@ def _probabilities(tables: Mapping[str, xr.Dataset], seeds: int) -> Report:
     rows = [
         {"what": TITLES[name]}
         | {
-            f"{split} {key}": _cell(table, key, split, digits=2)
+            f"{split} {key}": _figure_text(table, key, split, digits=2)
             for split in present
             for key in figures
         }

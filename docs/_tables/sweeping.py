@@ -9,7 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from benchmarks.commands import CORES, completed
+from benchmarks.commands import CORES, complete_sweep
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.resolve.plan import Plan
@@ -27,7 +27,7 @@ def choices_of(overrides: Sequence[str]) -> Choices:
     return EXPERIMENT.check(job.choices)
 
 
-def swept(
+def sweep_groups(
     overrides: Sequence[str],
     groups: Sequence[str],
     *,
@@ -56,7 +56,7 @@ def swept(
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder, "sweep.zarr")
         plan = Plan(EXPERIMENT, choices_of(overrides))
-        completed(plan, RunOptions(store, cache_folder(), workers))
+        complete_sweep(plan, RunOptions(store, cache_folder(), workers))
         datasets = {name: xr.open_zarr(store, group=name).load() for name in groups}
     if label:
         print(f"{label}: {time.perf_counter() - start:.0f} s", flush=True)

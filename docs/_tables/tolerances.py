@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # o
 
 import ncti.ships
 from benchmarks.reports import Column, Report, Sample
-from benchmarks.timing import patched
+from benchmarks.timing import patch_constant
 from ncti.ladar import Beam, RangeExtent, extent_within, pixels, range_extent, sampling
 from ncti.ladar.pulse import target_response
 from ncti.render import View, available_engines, line_image, range_image, threads
@@ -33,7 +33,7 @@ SPACINGS = tuple(2.0 ** (1 - half / 2) for half in range(19))
 
 
 @dataclass(frozen=True)
-class Asked:
+class ViewCase:
     """A view and its binning."""
 
     ship: str
@@ -59,12 +59,12 @@ class Asked:
         return {"slant_range": self.slant_range, "ifov": ifov, "bin_width": self.bin_width}
 
 
-def random_views(count: int, seed: int) -> list[Asked]:
+def random_views(count: int, seed: int) -> list[ViewCase]:
     """Return views of six ships from anywhere, one in four without a pulse."""
     rng = np.random.default_rng(seed)
     names = ncti.ships.names()
     return [
-        Asked(
+        ViewCase(
             names[number % len(names)],
             aspect=float(rng.uniform(0, 360)),
             depression=float(rng.uniform(0.5, 60)),
@@ -76,7 +76,7 @@ def random_views(count: int, seed: int) -> list[Asked]:
     ]
 
 
-def across_the_sight(count: int, seed: int) -> list[Asked]:
+def perpendicular_views(count: int, seed: int) -> list[ViewCase]:
     """Return views of faces nearly across the line of sight, whose wavefront bends: 1 to 25 km."""
     rng = np.random.default_rng(seed)
     return [
@@ -108,12 +108,12 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
         One row for each kind of view and tolerance.
     """
     rows = []
-    with threadpool_limits(1), patched(threads, "thread_count", lambda: 1):
+    with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         for name, selected in (
             ("random", random_views(views, seed)),
-            ("across the sight", across_the_sight(across, seed)),
+            ("across the sight", perpendicular_views(across, seed)),
         ):
-            figures = [_each_tolerance(case, costs=costs) for case in selected]
+            figures = [_tolerance_costs(case, costs=costs) for case in selected]
             for tolerance, *samples in zip(TOLERANCES, *figures, strict=True):
                 rows.append({"views": name} | _summary(tolerance, samples, costs=costs))
     return Report(
@@ -140,12 +140,12 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
     )
 
 
-def _each_tolerance(case: Asked, *, costs: bool) -> list[dict[str, float]]:
-    """Return the result of `_tolerated` for a view at each tolerance."""
+def _tolerance_costs(case: ViewCase, *, costs: bool) -> list[dict[str, float]]:
+    """Return the result of `_tolerance_cost` for a view at each tolerance."""
     mesh = ncti.ships.load(case.ship)
-    error = _truth(mesh, case)
-    fixed = _fixed(mesh, case, error) if costs else []
-    return [_tolerated(mesh, case, tolerance, error, fixed) for tolerance in TOLERANCES]
+    error = _error_function(mesh, case)
+    fixed = _fixed_spacings(mesh, case, error) if costs else []
+    return [_tolerance_cost(mesh, case, tolerance, error, fixed) for tolerance in TOLERANCES]
 
 
 def _summary(tolerance: float, samples: list[dict[str, float]], *, costs: bool) -> dict[str, Any]:
@@ -180,12 +180,12 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
     """
     drawn = random_views(views, seed)
     with threadpool_limits(1):
-        exact = [_reference(ncti.ships.load(case.ship), case) for case in drawn]
+        exact = [_reference_extent(ncti.ships.load(case.ship), case) for case in drawn]
     rows: list[dict[str, Any]] = []
     for engine in available_engines():
         # OpenGL is bound to one engine in a process.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-            rows += pool.submit(_by_pixels, engine, drawn, exact).result()
+            rows += pool.submit(_pixel_rows, engine, drawn, exact).result()
     needed = sampling.PIXELS * np.quantile([row.pop("ratios") for row in rows], [0.95, 0.98])
     return Report(
         f"Bounds that images of pixels state, in {views} random views: any aspect, depression 0.5 "
@@ -209,26 +209,28 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
     )
 
 
-def _by_pixels(
-    engine: str, drawn: Sequence[Asked], exact: Sequence[Floats]
+def _pixel_rows(
+    engine: str, drawn: Sequence[ViewCase], exact: Sequence[Floats]
 ) -> list[dict[str, Any]]:
     """Return a row for each pixel, of some views and their exact extents after the pulse."""
     spent: list[float] = []
     strands = pixels.strands
 
-    def timed(*arguments: Any) -> Floats:
+    def time_strands(*arguments: Any) -> Floats:
         before = time.process_time()
         result = strands(*arguments)
         spent.append(time.process_time() - before)
         return result
 
     rows = []
-    with threadpool_limits(1), patched(pixels, "strands", timed):
+    with threadpool_limits(1), patch_constant(pixels, "strands", time_strands):
         for pixel in PIXELS:
             figures = []
             for case, blurred in zip(drawn, exact, strict=True):
-                drawing, extent = _timed(partial(_drawn, case, pixel=pixel, engine=engine))
-                bounding, bound = _timed(partial(extent.error_after, case.pulse_width))
+                drawing, extent = _time_call(
+                    partial(_draw_extent, case, pixel=pixel, engine=engine)
+                )
+                bounding, bound = _time_call(partial(extent.error_after, case.pulse_width))
                 cost = (1e3 * min(spent[-2:]) + bounding) / (drawing + bounding)
                 figures.append((_error(extent, case, blurred), bound, cost))
             true, bounds, costs = np.array(figures).T
@@ -246,17 +248,17 @@ def _by_pixels(
     return rows
 
 
-def _drawn(case: Asked, **sampling: Any) -> RangeExtent:
+def _draw_extent(case: ViewCase, **sampling: Any) -> RangeExtent:
     image = range_image(ncti.ships.load(case.ship), **case.view, **sampling)
     return range_extent(image, **case.binning)
 
 
-def _truth(mesh: trimesh.Trimesh, case: Asked) -> Callable[[RangeExtent], float]:
+def _error_function(mesh: trimesh.Trimesh, case: ViewCase) -> Callable[[RangeExtent], float]:
     """Return the function that gives the true error of an extent of a view."""
-    return partial(_error, case=case, exact=_reference(mesh, case))
+    return partial(_error, case=case, exact=_reference_extent(mesh, case))
 
 
-def _reference(mesh: trimesh.Trimesh, case: Asked) -> Floats:
+def _reference_extent(mesh: trimesh.Trimesh, case: ViewCase) -> Floats:
     """Return the exact extent of a view after the pulse [m2]."""
     coarse = range_extent(line_image(mesh, spacing=1.0, **case.view), **case.binning)
     edges = np.append(coarse.down_range, coarse.down_range[-1] + case.bin_width)
@@ -264,22 +266,22 @@ def _reference(mesh: trimesh.Trimesh, case: Asked) -> Floats:
     return _after_pulse(exact.area.sum(axis=0), case)
 
 
-def _error(extent: RangeExtent, case: Asked, exact: Floats) -> float:
+def _error(extent: RangeExtent, case: ViewCase, exact: Floats) -> float:
     """Return the error of an extent, by the exact one after the pulse [m2]."""
     side = extent.ifov * extent.slant_range
     area = _after_pulse(extent.fraction.sum(axis=0) * side**2, case)
     return float(np.abs(area - exact).sum() / exact.sum())
 
 
-def _after_pulse(area: Floats, case: Asked) -> Floats:
+def _after_pulse(area: Floats, case: ViewCase) -> Floats:
     if case.pulse_width == 0.0:
         return area
     response = target_response(pulse_width=case.pulse_width, bin_width=case.bin_width) ** 2
     return np.convolve(area, response)
 
 
-def _fixed(
-    mesh: trimesh.Trimesh, case: Asked, error: Callable[[RangeExtent], float]
+def _fixed_spacings(
+    mesh: trimesh.Trimesh, case: ViewCase, error: Callable[[RangeExtent], float]
 ) -> list[tuple[float, float]]:
     """Return true error and time [ms] of fixed spacings, widest first, to below any tolerance."""
     costs = []
@@ -288,22 +290,22 @@ def _fixed(
         return range_extent(line_image(mesh, spacing=spacing, **case.view), **case.binning)
 
     for spacing in SPACINGS:
-        elapsed, extent = _timed(partial(lines_at, spacing))
+        elapsed, extent = _time_call(partial(lines_at, spacing))
         costs.append((error(extent), elapsed))
         if costs[-1][0] <= min(TOLERANCES):
             break
     return costs
 
 
-def _tolerated(
+def _tolerance_cost(
     mesh: trimesh.Trimesh,
-    case: Asked,
+    case: ViewCase,
     tolerance: float,
     error: Callable[[RangeExtent], float],
     fixed: list[tuple[float, float]],
 ) -> dict[str, float]:
     """Return true error, bound and time of the extent within a tolerance."""
-    elapsed, extent = _timed(
+    elapsed, extent = _time_call(
         lambda: extent_within(
             mesh,
             View(**case.view),
@@ -322,7 +324,7 @@ def _tolerated(
     }
 
 
-def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
+def _time_call(work: Callable[[], Any]) -> tuple[float, Any]:
     """Return the lesser processor time [ms] of two calls, and the result."""
     times = []
     for _ in range(2):

@@ -225,7 +225,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         be presented in several calls.
         """
         check_is_fitted(self)
-        memory = _Memory.holding(self.categories_, self.learning_rate)
+        memory = _Memory.from_traces(self.categories_, self.learning_rate)
 
         def match(X: ArrayLike) -> tuple[Indices, Floats]:
             vectors = validate_data(self, X, dtype=np.float64, reset=False)
@@ -262,7 +262,7 @@ class _Memory:
         self.lengths: list[float] = []
 
     @classmethod
-    def holding(cls, traces: Floats, learning_rate: float) -> _Memory:
+    def from_traces(cls, traces: Floats, learning_rate: float) -> _Memory:
         """Return a memory that holds a copy of `traces`."""
         memory = cls(traces.shape[1], learning_rate)
         memory.directions, lengths = polar(traces)
@@ -284,7 +284,7 @@ class _Memory:
             if similarity > vigilance:
                 self._learn(k, x, length)
             else:
-                k = self._found(x, length)
+                k = self._add_category(x, length)
             assigned[i] = k
         return assigned
 
@@ -318,7 +318,7 @@ class _Memory:
             w /= norm
         self.lengths[k] = (a + b) * norm
 
-    def _found(self, x: Floats, length: float) -> int:
+    def _add_category(self, x: Floats, length: float) -> int:
         """Found a category at the vector X = length x, and return its number."""
         if self.count == len(self.directions):
             self.directions = np.concatenate([self.directions, np.empty_like(self.directions)])

@@ -105,7 +105,7 @@ def lower_band(covariance: ArrayLike) -> Floats:
     return np.where(inside, dense[..., np.where(inside, lag + n, 0), n], 0.0)
 
 
-def factored(bands: Floats, diagonal_loading: float) -> Floats:
+def cholesky_factors(bands: Floats, diagonal_loading: float) -> Floats:
     """Return the lower Cholesky factors of (template, lag, bin) bands that include the loading.
 
     Raises `ValueError` if a band is not positive definite; a larger diagonal loading helps.
@@ -153,7 +153,7 @@ def whiten(factor: Floats, columns: Floats) -> Floats:
     return solve_band(np.ascontiguousarray(factor), np.ascontiguousarray(columns.T)).T
 
 
-def coloured(factor: Floats, white: Floats) -> Floats:
+def colour(factor: Floats, white: Floats) -> Floats:
     """Return L times a (bin,) vector, with L a lower band."""
     product = np.zeros_like(white)
     for lag, band in enumerate(factor):

@@ -142,7 +142,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         for rows in row_blocks(shape[0]):
             # A single row of flags serves all samples.
             flags = full[rows] if excluded.ndim == 2 else full[:1]
-            template[rows], similarity[rows] = self._nearest(vectors[rows], flags)
+            template[rows], similarity[rows] = self._nearest_templates(vectors[rows], flags)
         return template, similarity
 
     def predict(self, X: ArrayLike) -> NDArray:
@@ -162,7 +162,9 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         template, _ = self.match(X)
         return self.labels_[np.maximum(template, 0)]
 
-    def _nearest(self, vectors: Floats, excluded: NDArray[np.bool_]) -> tuple[Indices, Floats]:
+    def _nearest_templates(
+        self, vectors: Floats, excluded: NDArray[np.bool_]
+    ) -> tuple[Indices, Floats]:
         """Return `match` of a block of (sample, feature) vectors, whose cosines fit in memory.
 
         `excluded` (sample or 1, template) flags templates to leave out.

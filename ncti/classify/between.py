@@ -89,12 +89,12 @@ def cells(
     for angles, square in curvature:
         distance = np.abs(aspects[:, None] - angles) % CIRCLE
         nearest = np.minimum(distance, CIRCLE - distance).argmin(axis=1)
-        smooth = np.stack([_smoothed(row, symmetric) for row in square])
+        smooth = np.stack([_smooth_row(row, symmetric) for row in square])
         pooled += smooth[nearest] / len(curvature)
     return TemplateCells(tangent, np.sqrt(pooled) * (step**2 / 2)[:, None])
 
 
-def every_other(
+def alternate_templates(
     labels: ArrayLike, aspect: ArrayLike
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return every second template of each label (template,), to leave out, and its neighbours.
@@ -122,11 +122,11 @@ def every_other(
 def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
     """Return two masks (template,) of templates to leave out in turn, or none.
 
-    The first mask is of `every_other`, the second has the other templates except the ends of each
-    label; there are none if no label has enough templates.
+    The first mask is of `alternate_templates`, the second has the other templates except the ends
+    of each label; there are none if no label has enough templates.
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
-    second, _ = every_other(names, aspects)
+    second, _ = alternate_templates(names, aspects)
     between = np.zeros(len(names), dtype=bool)
     for name in np.unique(names[second]):
         rows = np.flatnonzero(names == name)
@@ -175,7 +175,7 @@ def _parabolas(
     return slope, bend, before, behind
 
 
-def _smoothed(row: Floats, kernel: Floats) -> Floats:
+def _smooth_row(row: Floats, kernel: Floats) -> Floats:
     """Return a row convolved with a symmetric kernel, which may be wider than the row."""
     half = len(kernel) // 2
     return np.convolve(row, kernel)[half : half + len(row)]

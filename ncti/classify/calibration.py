@@ -67,7 +67,7 @@ def fit_outlier_fraction(
     # Probabilities of the true labels of held-out templates, for each gain prior.
     true = []
     for out in sets:
-        samples, rest = templates.drawn(out, frame_count, rng), templates.without(out)
+        samples, rest = templates.draw_averages(out, frame_count, rng), templates.without(out)
         truth = templates.labels_[out]  # every label keeps templates
         logs = rest.log_likelihood(samples, frame_count, gain_sigma=gains.ravel())
         posteriors = [label_posterior(log, rest.labels_)[1] for log in logs]
@@ -139,12 +139,12 @@ def fit_temperature_and_outliers(
             f"{len(values)} samples, one or more"
         )
     pieces = [partial(values.__getitem__, rows) for rows in row_blocks(len(values))]
-    return _likeliest(
+    return _fit_by_pieces(
         pieces, np.searchsorted(classes, names), np.searchsorted(classes, true), weights
     )
 
 
-def _likeliest(
+def _fit_by_pieces(
     pieces: Sequence[Callable[[], Floats]],
     labels: NDArray[np.intp],
     truth: NDArray[np.intp],
@@ -161,7 +161,7 @@ def _likeliest(
         return 0.0, 0.0
     member, included = members(labels), np.ones((1, labels.size), np.bool_)
 
-    def fitted(log_inverse_temperature: float) -> tuple[float, float]:
+    def fraction_and_loss(log_inverse_temperature: float) -> tuple[float, float]:
         """Return the best outlier fraction at an inverse temperature, and the loss."""
         factor = math.exp(log_inverse_temperature)
         posterior = np.concatenate(
@@ -173,11 +173,13 @@ def _likeliest(
         mixed = (1 - outlier_fraction) * answers + outlier_fraction / classes
         return outlier_fraction, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
 
-    logarithm = least_at(lambda log_inverse_temperature: fitted(log_inverse_temperature)[1], spread)
-    return math.exp(logarithm), fitted(logarithm)[0]
+    logarithm = minimise_loss(
+        lambda log_inverse_temperature: fraction_and_loss(log_inverse_temperature)[1], spread
+    )
+    return math.exp(logarithm), fraction_and_loss(logarithm)[0]
 
 
-def least_at(loss: Callable[[float], float], spread: float) -> float:
+def minimise_loss(loss: Callable[[float], float], spread: float) -> float:
     """Return the logarithm of the inverse temperature that minimises a loss, a function of it.
 
     It refines the best of `STEPS` over `spread`, the mean spread of a sample's scores, between its
@@ -218,5 +220,5 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     for phase in range(phases):
         parts = product((False, True), np.delete(np.arange(phases), phase), row_blocks(views))
         pieces = [partial(piece, other, rows, left_out) for left_out, other, rows in parts]
-        constants[:, phase] = _likeliest(pieces, names, truth, weight)
+        constants[:, phase] = _fit_by_pieces(pieces, names, truth, weight)
     return constants

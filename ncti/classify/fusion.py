@@ -66,7 +66,7 @@ def label_posterior(
     >>> classes.tolist(), posterior.round(2).tolist()
     (['duncan', 'roberts'], [[0.75, 0.25]])
     """
-    values, names, left_out = _checked(scores, labels, exclude)
+    values, names, left_out = _checked_scores(scores, labels, exclude)
     # One row if all samples have the same templates.
     answers = ~np.broadcast_to(left_out, values.shape if left_out.ndim == 2 else (1, names.size))
     if not answers.any(axis=1).all():
@@ -76,11 +76,13 @@ def label_posterior(
     priors = require_all("log_prior", log_prior)
     require_shape("log_prior", priors, (), names.shape, values.shape)
     if priors.ndim:
-        values = values + _normalised(np.atleast_2d(priors), label, answers)
+        values = values + _normalised_priors(np.atleast_2d(priors), label, answers)
     return classes, posterior_of(values, member, answers)
 
 
-def _normalised(priors: Floats, label: NDArray[np.integer], answers: NDArray[np.bool_]) -> Floats:
+def _normalised_priors(
+    priors: Floats, label: NDArray[np.integer], answers: NDArray[np.bool_]
+) -> Floats:
     """Return log priors, normalised so that answering templates of a label have mean prior 1."""
     masked = np.where(answers, priors, -np.inf)
     mean = np.zeros_like(masked)
@@ -114,7 +116,7 @@ def posterior_of(values: Floats, member: Floats, answers: NDArray[np.bool_]) -> 
     return by_class / by_class.sum(axis=1, keepdims=True)
 
 
-def with_outliers(scores: ArrayLike, labels: ArrayLike, *, outlier_fraction: ArrayLike) -> Floats:
+def add_outliers(scores: ArrayLike, labels: ArrayLike, *, outlier_fraction: ArrayLike) -> Floats:
     """Return log densities (sample, template) of a sensor that sometimes carries no information.
 
     `scores` (sample, template) are log densities up to a constant for each sample, `labels`
@@ -122,7 +124,7 @@ def with_outliers(scores: ArrayLike, labels: ArrayLike, *, outlier_fraction: Arr
     log((1 - e) p + e), with p the density over its mean over all labels. If e is common, the most
     probable label remains, but its lead is bounded.
     """
-    values, names, _ = _checked(scores, labels)
+    values, names, _ = _checked_scores(scores, labels)
     share = require_all("outlier_fraction", outlier_fraction, minimum=0, maximum=1)
     require_shape("outlier_fraction", share, (), names.shape)
     best = values.max(axis=1, keepdims=True, initial=-np.inf)
@@ -219,7 +221,7 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(vectors / np.where(norm > 0, norm, np.float32(1)), dtype=np.float32)
 
 
-def _checked(
+def _checked_scores(
     scores: ArrayLike, labels: ArrayLike, exclude: ArrayLike = False
 ) -> tuple[Floats, NDArray, NDArray[np.bool_]]:
     """Return scores, labels and excluded templates as arrays of matching shapes."""

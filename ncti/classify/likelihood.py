@@ -17,14 +17,14 @@ from ncti.checks import require, require_all, require_flags
 from ncti.classify.bands import (
     checked_averages,
     checked_moments,
-    coloured,
+    cholesky_factors,
+    colour,
     densities,
-    factored,
     mean_correlation,
     residual_band,
     whiten,
 )
-from ncti.classify.between import cells, every_other
+from ncti.classify.between import alternate_templates, cells
 from ncti.classify.constraints import Interval, fit_context
 from ncti.classify.fusion import label_posterior
 
@@ -206,7 +206,7 @@ class GaussianTemplates(BaseEstimator):
         variance = float(bands[:, 0].mean())
         self._whole = bands.copy()
         self._whole[:, 0] += self.diagonal_loading * variance
-        self.cholesky_ = factored(self._whole, self.diagonal_loading)
+        self.cholesky_ = cholesky_factors(self._whole, self.diagonal_loading)
         # Steps between places, and directions of a unit of gain and of the prior of the floor. The
         # likelihood needs them whitened, which for exact templates is done once.
         shift = np.full((len(means), 1, means.shape[2]), math.sqrt(variance))
@@ -399,11 +399,13 @@ class GaussianTemplates(BaseEstimator):
         best = self.posterior(X, frame_count, log_prior=log_prior).argmax(axis=1)
         return self.classes_[best]
 
-    def drawn(self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator) -> Floats:
+    def draw_averages(
+        self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator
+    ) -> Floats:
         """Return (sample, bin) averages, one from each chosen template, at a random place."""
         factors, means = self.cholesky_[which], self.mean_[which]
         noise = rng.standard_normal((len(factors), means.shape[2]))
-        deviations = np.array([coloured(*pair) for pair in zip(factors, noise, strict=True)])
+        deviations = np.array([colour(*pair) for pair in zip(factors, noise, strict=True)])
         place = rng.integers(means.shape[1], size=len(means))
         return means[np.arange(len(means)), place] + deviations / math.sqrt(frames)
 
@@ -412,11 +414,11 @@ class GaussianTemplates(BaseEstimator):
 
         With a template error the number of frames must be the same in all averages.
         """
-        factor, unit = self._whitened(template, float(frames[0]))
+        factor, unit = self._whitening(template, float(frames[0]))
         means = self.mean_[template]
         return densities(factor, unit, samples, means[0], frames, priors, places=len(means))
 
-    def _whitened(self, template: int, frames: float) -> tuple[Floats, Floats]:
+    def _whitening(self, template: int, frames: float) -> tuple[Floats, Floats]:
         """Return the factor of the covariance of a frame, and the unknown directions whitened."""
         if not self.template_error_:
             return self.cholesky_[template], self._nuisance[template]
@@ -435,10 +437,10 @@ def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> 
     # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
-    out, beside = every_other(templates.labels_, templates.aspect_)
+    out, beside = alternate_templates(templates.labels_, templates.aspect_)
     if not out.any():
         return UNKNOWN_ERROR
-    samples, rest = templates.drawn(out, CALIBRATED_AT, rng), templates.without(out)
+    samples, rest = templates.draw_averages(out, CALIBRATED_AT, rng), templates.without(out)
     priors = np.array([[templates.gain_sigma, templates.floor_sigma]])
     answering = [(t, rows) for t, rows in enumerate(beside.T) if rows.any()]
 

@@ -75,9 +75,9 @@ class Similarities:
             raise ValueError("training has only zero vectors, but must have one with a direction")
         none = np.zeros((0, min(learned.shape)))
         similarities = cls(directions, lengths, none, np.zeros(0, dtype=bool))
-        return similarities if tests is None else similarities.to(tests)
+        return similarities if tests is None else similarities.with_tests(tests)
 
-    def to(self, tests: ArrayLike) -> Similarities:
+    def with_tests(self, tests: ArrayLike) -> Similarities:
         """Return the similarities of the same training vectors to other (test, feature) vectors.
 
         Raises
@@ -258,11 +258,11 @@ def cluster(
     require("learning_rate", learning_rate, positive=True, maximum=1.0)
     require("max_passes", max_passes, minimum=1, whole=True)
     count = len(similarities.lengths)
-    turn = _presented(similarities, order)
+    turn = _presentation_order(similarities, order)
     few = similarities.are_few
     blocks = [np.arange(count)] if few else np.split(turn, range(BLOCK, len(turn), BLOCK))
     width = min(count, BLOCK)
-    singles = _single(similarities, blocks, width)
+    singles = _single_sample_rows(similarities, blocks, width)
     rows = np.zeros((32, singles[0].shape[1]))
     lengths: list[float] = []
     threshold = min(vigilance, SAME_DIRECTION)
@@ -307,17 +307,19 @@ def cluster(
     return Clustering(labels, rows[live, width:], passes, converged)
 
 
-def _presented(similarities: Similarities, order: Indices | None) -> Indices:
+def _presentation_order(similarities: Similarities, order: Indices | None) -> Indices:
     """Return the samples that have a direction in order of presentation."""
     count = len(similarities.lengths)
-    turn = np.arange(count) if order is None else _places(order, count)
+    turn = np.arange(count) if order is None else _checked_order(order, count)
     turn = turn[similarities.lengths[turn] > 0]
     if not turn.size:
         raise ValueError("order holds no vector with a direction, but must hold at least one")
     return turn
 
 
-def _single(similarities: Similarities, blocks: list[Indices], width: int) -> list[Floats]:
+def _single_sample_rows(
+    similarities: Similarities, blocks: list[Indices], width: int
+) -> list[Floats]:
     """Return the rows of single-sample categories, block by block.
 
     A row holds the cosines of a category to a block of samples, then its coordinates, which follow
@@ -333,7 +335,7 @@ def _single(similarities: Similarities, blocks: list[Indices], width: int) -> li
     return singles
 
 
-def _places(order: ArrayLike, count: int) -> Indices:
+def _checked_order(order: ArrayLike, count: int) -> Indices:
     """Return the order of presentation as integers, or raise `ValueError` if samples repeat."""
     places = require_all("order", order, whole=True, minimum=0, below=count).astype(np.intp)
     if places.ndim != 1:

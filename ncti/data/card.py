@@ -159,14 +159,14 @@ def _lines(rows: xr.Dataset) -> Iterator[bytes]:
     columns = _columns(rows)
     for k in range(rows.sizes["row"]):
         values = {name: rows[name].values[k] for name in columns}
-        texts = (f"{json.dumps(name)}: {_as_json(value)}" for name, value in values.items())
+        texts = (f"{json.dumps(name)}: {_json_value(value)}" for name, value in values.items())
         yield f"{{{', '.join(texts)}}}\n".encode()
 
 
-def _as_json(value: Any) -> str:
+def _json_value(value: Any) -> str:
     """Return a value of a row as JSON."""
     if np.ndim(value):
-        return "[" + ",".join(map(_as_json, value)) + "]"
+        return "[" + ",".join(map(_json_value, value)) + "]"
     return f"{value:.9g}" if value.dtype == np.float32 else json.dumps(value.item())
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.data.views import drawn_at, drawn_lines
-from ncti.labels import labelled
+from ncti.data.views import draw_view_lines, drawing_range
+from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import power_ratio
 from ncti.ladar.expected import expected_profile
@@ -77,10 +77,10 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
     coords["down_range"] = rows.down_range
     return xr.Dataset(
         {
-            "mean": labelled(
+            "mean": labelled_array(
                 ("view", "place", "down_range"), np.array(means), "1", "mean of a frame"
             ),
-            "covariance": labelled(
+            "covariance": labelled_array(
                 ("view", "lag", "down_range"), covariance, "1", "covariance of bins a lag apart"
             ),
         },
@@ -97,12 +97,12 @@ def _moments(row: xr.Dataset, places: int) -> tuple[list[Floats], Floats]:
     mesh = mesh_of(row["variant" if "variant" in row.coords else "ship"].item())
     beam = Beam(attributes["ifov_urad"] * 1e-6, bin_width, bin_width * len(centres))
     signal = vars(Signal(pulse_width, power_ratio(cnr), attributes["target_free_ifovs"]))
-    image = drawn_lines(
+    image = draw_view_lines(
         mesh,
         aspect=aspect,
         depression=depression,
         slant_range=slant_range,
-        range_drawn=drawn_at(mesh, slant_range, attributes["far_field_error"]),
+        range_drawn=drawing_range(mesh, slant_range, attributes["far_field_error"]),
         spacing=attributes["spacing_m"],
         ifov=beam.ifov,
     )

@@ -30,7 +30,7 @@ from ncti.data.views import (
 from ncti.features.map_vector import map_cells
 from ncti.infrared import IFOV, Imager
 from ncti.infrared.imager import IMAGER
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
 from ncti.ladar.extent import bin_centres
@@ -259,9 +259,9 @@ def dataset(
     rows = np.arange(first, first + count)
     drawn = parameters(rows, len(names), seed=seed, rows_per_view=rows_per_view, **drawable)
     _check_views(recipe, names, drawn)
-    arrays = _gathered(recipe, drawn, workers)
+    arrays = _simulate_batches(recipe, drawn, workers)
     drawn["ship"] = np.array(names)[drawn["ship"]]
-    return _labelled(recipe, drawn | arrays, rows_per_view)
+    return _labelled_rows(recipe, drawn | arrays, rows_per_view)
 
 
 def _check_numbers(**numbers: float) -> None:
@@ -368,7 +368,7 @@ def parameters(
     return drawn
 
 
-def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
+def _simulate_batches(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
     """Return the arrays of all rows, simulated in batches of views by `workers` processes."""
     # Sort equal views together, and all ranges of a ship and aspect.
     order = np.lexsort([drawn["row"], *(drawn[name] for name in reversed(VIEW))])
@@ -386,7 +386,7 @@ def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
         results = list(map(simulate, batches))
     else:
         context = get_context("spawn")
-        with ProcessPoolExecutor(workers, context, initializer=_lines_alone) as pool:
+        with ProcessPoolExecutor(workers, context, initializer=_limit_line_threads) as pool:
             results = list(pool.map(simulate, batches))
     arrays = {}
     for name in list(results[0]):
@@ -396,12 +396,12 @@ def _gathered(recipe: Recipe, drawn: Arrays, workers: int) -> Arrays:
     return arrays
 
 
-def _lines_alone() -> None:
+def _limit_line_threads() -> None:
     """Limit this process to one thread of lines, since other processes use the cores."""
     os.environ["OMP_NUM_THREADS"] = "1"
 
 
-def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
+def _labelled_rows(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
     """Return rows as an xarray data set."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
@@ -420,23 +420,23 @@ def _labelled(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
     if "range" in SENSORS[recipe.sensor]:
         attributes["target_free_ifovs"] = recipe.target_free_ifovs
         bins = bin_centres(beam.window, beam.bin_width)
-        coords["down_range"] = labelled("down_range", bins, "m", "down-range")
+        coords["down_range"] = labelled_array("down_range", bins, "m", "down-range")
     else:
         rows = {name: meaning for name, meaning in ROWS.items() if name not in ONLY_RADAR}
     if "infrared" in SENSORS[recipe.sensor]:
         attributes |= {**vars(recipe.imager), "super_resolution": recipe.super_resolution}
         angle, radius = map_cells()
-        coords["angle"] = labelled("angle", angle, "degree", "angle about the centroid")
-        coords["radius"] = labelled(
+        coords["angle"] = labelled_array("angle", angle, "degree", "angle about the centroid")
+        coords["radius"] = labelled_array(
             "radius", radius, "1", "place between inner and outer log radius"
         )
     for name, meaning in rows.items():
         if isinstance(meaning, str):
             coords[name] = "row", arrays[name], {"long_name": meaning}
         else:
-            coords[name] = labelled("row", arrays[name], *meaning)
+            coords[name] = labelled_array("row", arrays[name], *meaning)
     variables = {
-        name: labelled(dims, arrays[name], "1", label)
+        name: labelled_array(dims, arrays[name], "1", label)
         for name, (dims, label) in VARIABLES.items()
         if name in arrays
     }

@@ -231,11 +231,11 @@ def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[li
             f"{STRANGER}, which are unknown"
         )
     arguments = NOMINAL | _changes(name, part, seed)
-    arguments |= {"seed": _drawn_by(name, part, seed), "rows_per_view": PER_VIEW[part]}
+    arguments |= {"seed": _row_seed(name, part, seed), "rows_per_view": PER_VIEW[part]}
     return _ships(name, part, seed, ships), arguments
 
 
-def trained_as(name: str) -> str:
+def same_training_split(name: str) -> str:
     """Return the first split with the same training as another."""
     return name if name in ("aspect-gap", "range-shift", "variant") else "aspect-random"
 
@@ -249,13 +249,13 @@ def gap(seed: int) -> tuple[float, float]:
     return low, low + SECTOR
 
 
-def _drawn_by(name: str, part: str, seed: int) -> int:
+def _row_seed(name: str, part: str, seed: int) -> int:
     """Return the seed of the rows of a part.
 
     Parts share it only if they have the same training, or the same views and noise under other
     conditions.
     """
-    training = [*SPLITS].index(trained_as(name))
+    training = [*SPLITS].index(same_training_split(name))
     key = {TRAIN: (0, training), TEST: (1, 0), UNKNOWN: (2, [*SPLITS].index(name))}[part]
     words = np.random.SeedSequence(seed, spawn_key=key).generate_state(1, np.uint64)
     return int(words[0] >> np.uint64(1))

@@ -114,11 +114,11 @@ def load_xy(
         # One piece is read at once, a whole store block by block.
         return _vectors(open_rows(store, chunks=None if "piece" in where else {}, **where))
     sensor = _sensor(store, classifier_group)
-    group = _opened(store, sensor)
+    group = _open_group(store, sensor)
     if group is None:
         raise ValueError(f"classifier_group is {classifier_group!r}, but the store lacks {sensor}")
     layout = SENSORS[sensor]
-    views = _selected(group, where)
+    views = _select_views(group, where)
     if views.learned.ndim > 1:
         spacing = next(str(dim) for dim in views.learned.dims if dim != "aspect")
         raise ValueError(f"{spacing} is not given, but must be: the aspects learned depend on it")
@@ -148,7 +148,7 @@ def load_xy(
     ]
     groups = np.ravel_multi_index(view_indices, (group.sizes["ship"], group.sizes["aspect"]))
     return (
-        _as_vectors(values[valid], layout.kind, classifier_group),
+        _classifier_vectors(values[valid], layout.kind, classifier_group),
         rows.ship.values[valid].astype(str),
         groups.astype(np.int64),
     )
@@ -195,9 +195,9 @@ def open_rows(
     import xarray as xr
 
     parts = [
-        _row_by_row(_selected(group, where))
+        _flatten_pieces(_select_views(group, where))
         for name in ROWS
-        if (group := _opened(store, name, chunks)) is not None
+        if (group := _open_group(store, name, chunks)) is not None
     ]
     if not parts:
         raise ValueError(f"store is {str(store)!r}, but must have a group {' or '.join(ROWS)}")
@@ -206,19 +206,19 @@ def open_rows(
 
 def has_rows(store: str | Path) -> bool:
     """Return whether a store holds rows; `ValueError` if it is no store of a sweep."""
-    return any(_opened(store, name) is not None for name in ROWS)
+    return any(_open_group(store, name) is not None for name in ROWS)
 
 
 def ships_of(store: str | Path) -> list[str]:
     """Return the names of a store's ships, known or not."""
     names = (*ROWS, *SENSORS)
-    groups = (group for name in names if (group := _opened(store, name)) is not None)
+    groups = (group for name in names if (group := _open_group(store, name)) is not None)
     return next(groups).ship.values.astype(str).tolist()
 
 
 def pieces_of(store: str | Path) -> dict[int, int]:
     """Return the completed pieces of a store of rows, and the number of rows of each."""
-    group = next(group for name in ROWS if (group := _opened(store, name)) is not None)
+    group = next(group for name in ROWS if (group := _open_group(store, name)) is not None)
     other = [dim for dim in group.row_view.dims if dim != "piece"]
     counts = (group.row_view >= 0).sum(other).values.tolist()
     return {k: n for k, n in zip(group.piece.values.tolist(), counts, strict=True) if n}
@@ -239,7 +239,7 @@ def _vectors(rows: xr.Dataset) -> Vectors:
     return vectors, coords.ship.values.astype(str), groups_of(coords)
 
 
-def _row_by_row(pieces: xr.Dataset) -> xr.Dataset:
+def _flatten_pieces(pieces: xr.Dataset) -> xr.Dataset:
     """Return the rows of all pieces, with the names and types of `dataset`."""
     import xarray as xr
 
@@ -268,7 +268,7 @@ NOTHING = {
 """Reasons why a split has no views."""
 
 
-def _as_vectors(values: NDArray[Any], kind: str, classifier: str | None) -> NDArray[Any]:
+def _classifier_vectors(values: NDArray[Any], kind: str, classifier: str | None) -> NDArray[Any]:
     """Return signatures as the vectors that a classifier takes."""
     if kind == "silhouette":
         return VECTORS[kind](values.astype(np.uint8))
@@ -276,7 +276,7 @@ def _as_vectors(values: NDArray[Any], kind: str, classifier: str | None) -> NDAr
     return values if as_stored else VECTORS[kind](values)
 
 
-def _opened(
+def _open_group(
     store: str | Path, group: str, chunks: dict[str, int] | None = None
 ) -> xr.Dataset | None:
     """Return a group of a store with undecoded integers; None if there is no such group."""
@@ -298,10 +298,12 @@ def _opened(
 def _sensor(store: str | Path, classifier: str | None) -> str:
     """Return the group of the sensor whose signatures a classifier takes."""
     if classifier is None:
-        return next((name for name in SENSORS if _opened(store, name) is not None), "range_profile")
+        return next(
+            (name for name in SENSORS if _open_group(store, name) is not None), "range_profile"
+        )
     if classifier in SENSORS:
         return classifier
-    answers = _opened(store, CLASSIFIERS.format(classifier.removeprefix(CLASSIFIERS[:-2])))
+    answers = _open_group(store, CLASSIFIERS.format(classifier.removeprefix(CLASSIFIERS[:-2])))
     sensors = [
         name
         for name, layout in SENSORS.items()
@@ -315,7 +317,7 @@ def _sensor(store: str | Path, classifier: str | None) -> str:
     return sensors[0]
 
 
-def _selected(views: xr.Dataset, where: dict[str, Any]) -> xr.Dataset:
+def _select_views(views: xr.Dataset, where: dict[str, Any]) -> xr.Dataset:
     """Return the views with the given values of dimensions, without dropping any dimension."""
     for name, value in where.items():
         if name not in views.coords:

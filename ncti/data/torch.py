@@ -86,7 +86,7 @@ class StoredRows:
 
     def piece(self, number: int) -> Batch:
         """Return the vectors and labels of one piece."""
-        return _read(self.store, self._selection, self.classes, number)
+        return _read_piece(self.store, self._selection, self.classes, number)
 
 
 class RowStream(IterableDataset):
@@ -137,7 +137,9 @@ class RowStream(IterableDataset):
 
 
 @lru_cache(maxsize=ASIDE)
-def _read(store: str, selection: tuple[Any, ...], classes: tuple[str, ...], number: int) -> Batch:
+def _read_piece(
+    store: str, selection: tuple[Any, ...], classes: tuple[str, ...], number: int
+) -> Batch:
     """Return vectors and labels of a piece of a store, or of a store without pieces."""
     classifier, split, where = selection
     piece = {} if number == WHOLE else {"piece": number}

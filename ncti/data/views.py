@@ -99,11 +99,11 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
     for rows in equal_rows(drawn, VIEW):
         ship, aspect, depression, slant_range = (drawn[name][rows.start].item() for name in VIEW)
         mesh = mesh_of(recipe.ships[ship])
-        sight = (ship, aspect, depression, drawn_at(mesh, slant_range, recipe.far_field_error))
+        sight = (ship, aspect, depression, drawing_range(mesh, slant_range, recipe.far_field_error))
         # Ranges of a far field share its image.
         if image is None or sight != last_sight:
             last_sight = sight
-            image = drawn_lines(
+            image = draw_view_lines(
                 mesh,
                 aspect=aspect,
                 depression=depression,
@@ -121,12 +121,12 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
         yield signatures
 
 
-def drawn_at(mesh: Mesh, slant_range: float, error: float) -> float | None:
+def drawing_range(mesh: Mesh, slant_range: float, error: float) -> float | None:
     """Return the slant range [m] to draw a ship at; None if the far field is accurate enough."""
     return drawn_range(reach_of(mesh.vertices), slant_range, tolerance=error / SHARE)
 
 
-def drawn_lines(
+def draw_view_lines(
     mesh: Mesh,
     *,
     aspect: float,

@@ -18,7 +18,7 @@ OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are dra
 DRAWS = ("replicate", "phase", "order", "draw")
 
 
-def formed(classified: xr.Dataset, shown: str) -> xr.Dataset:
+def count_categories(classified: xr.Dataset, shown: str) -> xr.Dataset:
     """Return the number of categories and of views of every training."""
     category = classified.training_category
     columns = {
@@ -59,7 +59,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
     >>> float(table.categories), float(table.compression), bool(table.settled)
     (2.5, 1.6, True)
     """
-    arrays = formed(classified, "")
+    arrays = count_categories(classified, "")
     draws = [name for name in DRAWS if name in arrays["category_count"].dims]
     trained = arrays["view_count"] > 0
     counts = arrays["category_count"].where(trained)
@@ -80,7 +80,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
     )
 
 
-def scored(
+def accuracy_columns(
     correct: xr.DataArray, prefix: str, what: str, aspects: Mapping[str, xr.DataArray] | None = None
 ) -> xr.Dataset:
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
@@ -92,7 +92,9 @@ def scored(
     import xarray as xr
 
     if aspects and len(aspects) > 1:
-        parts = [scored(correct.where(kind, -1), prefix, what) for kind in aspects.values()]
+        parts = [
+            accuracy_columns(correct.where(kind, -1), prefix, what) for kind in aspects.values()
+        ]
         kinds = xr.DataArray(list(aspects), dims="aspects", attrs=OF_ASPECTS, name="aspects")
         return xr.concat(parts, kinds)
     draws = tuple(name for name in DRAWS if name in correct.dims)
@@ -111,10 +113,10 @@ def scored(
         label = f"standard deviation of that fraction over {' and '.join(draws)}"
         figures["spread"] = spread.values, label
     prefixed = {prefix + name: figure for name, figure in figures.items()}
-    return by_bin(answers, score.labels, prefixed)
+    return label_bins(answers, score.labels, prefixed)
 
 
-def by_bin(
+def label_bins(
     answers: xr.DataArray, labels: Sequence[str], figures: Mapping[str, tuple[Any, str]]
 ) -> xr.Dataset:
     """Return (..., aspect_bin) figures with labels, on the axes of (..., draw, ship, aspect)."""
@@ -173,18 +175,18 @@ def tabulate_scores(
 
     arrays: dict[Any, xr.DataArray] = {}
     if "training_category" in classified:
-        arrays |= formed(classified, shown).data_vars.items()
+        arrays |= count_categories(classified, shown).data_vars.items()
     for name, prefix, what, kinds in (
         ("training_correct", "training_", f"training {shown}", None),
         ("ship_correct", "ship_", f"ships of test {shown}", aspects),
         ("correct", "", f"test {shown}", aspects),
     ):
         if name in classified:
-            arrays |= scored(classified[name], prefix, what, kinds).data_vars.items()
-    return with_bins(xr.Dataset(arrays), classified.aspect)
+            arrays |= accuracy_columns(classified[name], prefix, what, kinds).data_vars.items()
+    return add_bin_attribute(xr.Dataset(arrays), classified.aspect)
 
 
-def with_bins(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
+def add_bin_attribute(table: xr.Dataset, aspect: xr.DataArray) -> xr.Dataset:
     """Return a table with the lowest aspect [deg] of each bin as an attribute."""
     _, index = aspect_bins(aspect.values)
     lowest = [float(aspect.values[index == k].min()) for k in range(index.max() + 1)]

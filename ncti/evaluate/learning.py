@@ -130,9 +130,9 @@ def learning_curve(
         raise ValueError("groups has a view of several classes, but a view must be of one")
     shuffled = rng.permutation(len(distinct))
     turn = np.empty(len(distinct), dtype=np.intp)
-    turn[shuffled] = _places(class_index[first][shuffled])
+    turn[shuffled] = _occurrence_numbers(class_index[first][shuffled])
     rank = turn[view_index]
-    order = _places(view_index)
+    order = _occurrence_numbers(view_index)
     class_sizes, view_sizes = np.bincount(class_index[first]), np.bincount(view_index)
     for name, values, most in (("views", views, class_sizes), ("draws", draws, view_sizes)):
         for value in values:
@@ -151,7 +151,7 @@ def learning_curve(
     return LearningCurve(tuple(views), tuple(draws), fraction, low, high, rows)
 
 
-def _places(kinds: NDArray[np.intp]) -> NDArray[np.intp]:
+def _occurrence_numbers(kinds: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return for each element the number of equal elements before it."""
     by_kind = np.argsort(kinds, kind="stable")
     counts = np.bincount(kinds)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, scored
+from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, accuracy_columns
 from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
@@ -138,7 +138,7 @@ def _shares(
     answered: xr.DataArray,
     name: str,
 ) -> xr.Dataset:
-    """Return `scored` of all aspects together at each level, NaN without a level.
+    """Return `accuracy_columns` of all aspects together at each level, NaN without a level.
 
     `hits` gives the hits at levels, and `answered` masks the answers. It scores levels, on the last
     axis of `levels`, in blocks.
@@ -153,7 +153,9 @@ def _shares(
         # One common aspect pools them all.
         answers = hit.astype("i1").where(counted, np.int8(-1))
         answers = answers.assign_coords(aspect=np.zeros(hit.sizes["aspect"]))
-        parts.append(scored(answers, f"{name}_", name).sel(aspect_bin="overall", drop=True))
+        parts.append(
+            accuracy_columns(answers, f"{name}_", name).sel(aspect_bin="overall", drop=True)
+        )
     return xr.concat(parts, dim) if len(parts) > 1 else parts[0]
 
 

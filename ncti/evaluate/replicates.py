@@ -149,17 +149,17 @@ def _accuracy(
     hits = right * count
     kinds = tuple(range(-2 - draws, -2))
 
-    def by_level(kind: int | None) -> tuple[Floats, Floats]:
+    def count_by_level(kind: int | None) -> tuple[Floats, Floats]:
         """Return (..., level, bin) counts of answers and of right ones by view or by draw."""
         if kind is None:
             return _views(count.sum(axis=kinds), member), _views(hits.sum(axis=kinds), member)
         axes = (*(other for other in kinds if other != kind), -2)
         return count.sum(axis=axes) @ member, hits.sum(axis=axes) @ member
 
-    return _of_levels([by_level(kind) for kind in (None, *kinds)], confidence)
+    return _level_accuracy([count_by_level(kind) for kind in (None, *kinds)], confidence)
 
 
-def _of_levels(
+def _level_accuracy(
     levels: list[tuple[Floats, Floats]], confidence: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return (..., bin) fractions of right answers, the ends of their intervals, and answers.
@@ -234,7 +234,7 @@ def grouped_accuracy(correct: ArrayLike, aspects: ArrayLike, groups: ArrayLike) 
     for array, rows in ((count, slice(None)), (hits, right)):
         np.add.at(array, (view[rows], index[rows]), 1.0)
         array[:, -1] = array[:, :-1].sum(axis=1)
-    fraction, low, high, n = _of_levels([(count, hits)], CONFIDENCE)
+    fraction, low, high, n = _level_accuracy([(count, hits)], CONFIDENCE)
     return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
 
 
@@ -325,12 +325,16 @@ def paired_difference(
         product = np.where(product > 0, np.maximum(product - 0.5 / answers, 0.0), product)
         phi[..., k] = np.where(squares > 0, product / np.sqrt(np.maximum(squares, 1e-300)), 0.0)
 
-    def reach(up: Floats, down: Floats) -> Floats:
+    def interval_reach(up: Floats, down: Floats) -> Floats:
         return np.sqrt(np.maximum(up**2 - 2.0 * phi * up * down + down**2, 0.0))
 
     difference = other.fraction - former.fraction
-    low = difference - reach(other.fraction - other.ci_low, former.ci_high - former.fraction)
-    high = difference + reach(other.ci_high - other.fraction, former.fraction - former.ci_low)
+    low = difference - interval_reach(
+        other.fraction - other.ci_low, former.ci_high - former.fraction
+    )
+    high = difference + interval_reach(
+        other.ci_high - other.fraction, former.fraction - former.ci_low
+    )
     return AspectAccuracy(former.labels, difference, low, high, former.n)
 
 

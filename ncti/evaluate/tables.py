@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,8 +32,11 @@ def accuracy_dataset(accuracy: AspectAccuracy) -> xr.Dataset:
         "n": (accuracy.n, "answers"),
     }
     return xr.Dataset(
-        {name: labelled(dims, values, "1", label) for name, (values, label) in columns.items()},
-        {BIN: labelled(BIN, np.array(accuracy.labels), "1", "aspects of the bin [deg]")},
+        {
+            name: labelled_array(dims, values, "1", label)
+            for name, (values, label) in columns.items()
+        },
+        {BIN: labelled_array(BIN, np.array(accuracy.labels), "1", "aspects of the bin [deg]")},
     )
 
 

@@ -114,7 +114,7 @@ def log_polar(
     require_word("interpolation", interpolation, INTERPOLATIONS)
 
     # Sample points for a silhouette of unit radius, the same for all silhouettes.
-    cover = _checked(mask)
+    cover = _checked_mask(mask)
     stack = cover.reshape(-1, *cover.shape[-2:])
     nearest = interpolation == "nearest"
     across, down = _unit_grid(
@@ -128,7 +128,7 @@ def log_polar(
     unit, row, column, first_row, first_column = np.array([_disc(image) for image in stack]).T[
         ..., None, None
     ]
-    sample = _nearest if nearest else _bilinear
+    sample = _nearest_samples if nearest else _bilinear_samples
     samples = sample(
         stack, row + unit * down, column + unit * across, corner=(first_row, first_column)
     )
@@ -211,7 +211,7 @@ def cyclic_similarity(a: ArrayLike, b: ArrayLike) -> tuple[Floats, Floats]:
     return similarity, turns * (360.0 / shifts)
 
 
-def _checked(mask: ArrayLike) -> Images:
+def _checked_mask(mask: ArrayLike) -> Images:
     """Return the mask as a bool or float64 array in [0, 1], or raise `ValueError`."""
     # In C order, so that area and centroid are always summed in the same order.
     flags = isinstance(mask, np.ndarray) and mask.dtype == np.bool_
@@ -266,7 +266,7 @@ def _unit_grid(
     return grids[0], grids[1]
 
 
-def _bilinear(
+def _bilinear_samples(
     stack: Images, row: Floats, column: Floats, *, corner: tuple[Floats, Floats]
 ) -> Floats:
     """Return bilinear samples of each image, relative to `corner`; zero outside the image."""
@@ -283,7 +283,7 @@ def _bilinear(
     x -= left
     top += corner[0].reshape(-1)[image] + 1
     left += corner[1].reshape(-1)[image] + 1
-    flat, width = _bordered(stack)
+    flat, width = _add_border(stack)
     place = (image * (rows + 2) + top.astype(np.intp)) * width + left.astype(np.intp)
     # Interpolate along the row above and the row below, then between them.
     upper, lower = flat[place], flat[place + width]
@@ -295,12 +295,12 @@ def _bilinear(
     return values.reshape(row.shape)
 
 
-def _nearest(
+def _nearest_samples(
     stack: Images, row: Floats, column: Floats, *, corner: tuple[Floats, Floats]
 ) -> Floats:
     """Return the nearest pixels of each image, relative to `corner`; zero outside the image."""
     images, rows, columns = stack.shape
-    flat, width = _bordered(stack)
+    flat, width = _add_border(stack)
     # In the bordered image, whose border represents everything outside.
     y = np.floor(row + 0.5)
     x = np.floor(column + 0.5)
@@ -314,7 +314,7 @@ def _nearest(
     return flat.take(y.astype(np.intp))
 
 
-def _bordered(stack: Images) -> tuple[Floats, int]:
+def _add_border(stack: Images) -> tuple[Floats, int]:
     """Return the images with a border of zeros, flattened, and the length of a row."""
     images, rows, columns = stack.shape
     bordered = np.zeros((images, rows + 2, columns + 2))

@@ -68,7 +68,7 @@ def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDA
     >>> np.allclose(profile_vector(3.0 * profile + 100.0), profile_vector(profile))
     True
     """
-    values = _checked(profile)
+    values = _checked_profiles(profile)
     if floor is None:
         level = estimated_floor(values)
     else:
@@ -89,14 +89,14 @@ def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDA
 
 def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
     """Return the noise floor (..., 1) of profiles (..., bin), their mean at both edges."""
-    values = _checked(profile)
+    values = _checked_profiles(profile)
     count = max(1, round(EDGE * values.shape[-1]))
     outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
     level: NDArray[np.float64] = outer.mean(axis=-1, keepdims=True)
     return level
 
 
-def _checked(profile: ArrayLike) -> NDArray[np.float64]:
+def _checked_profiles(profile: ArrayLike) -> NDArray[np.float64]:
     """Return profiles as an array, or raise `ValueError`."""
     checked = require_all("profile", profile, minimum=-LARGEST, maximum=LARGEST)
     if checked.ndim == 0 or checked.shape[-1] == 0:

@@ -130,11 +130,13 @@ def segment(
     stack = values.reshape(-1, *values.shape[-2:])
     if method == "matched":
         known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
-        parameters = {name: _each(name, value, values.shape[:-2]) for name, value in known.items()}
-        return _matched(stack, **parameters).reshape(values.shape)
+        parameters = {
+            name: _parameter_stack(name, value, values.shape[:-2]) for name, value in known.items()
+        }
+        return _matched_silhouettes(stack, **parameters).reshape(values.shape)
     threshold = _threshold(method)
-    target = np.array([_above(threshold, image) for image in stack])
-    return _whole(target, weights=None).reshape(values.shape)
+    target = np.array([_pixels_above(threshold, image) for image in stack])
+    return _largest_region(target, weights=None).reshape(values.shape)
 
 
 def _threshold(method: str) -> Callable[[Floats], float]:
@@ -150,7 +152,7 @@ def _threshold(method: str) -> Callable[[Floats], float]:
     return thresholds[method]
 
 
-def _above(threshold: Callable[[Floats], float], image: Floats) -> Mask:
+def _pixels_above(threshold: Callable[[Floats], float], image: Floats) -> Mask:
     """Return the pixels of one image above the threshold derived from it."""
     lowest, highest = image.min(), image.max()
     span = highest / 2 - lowest / 2  # halves, because the difference of huge values may overflow
@@ -160,7 +162,7 @@ def _above(threshold: Callable[[Floats], float], image: Floats) -> Mask:
     return np.asarray(unit > threshold(unit))
 
 
-def _each(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
+def _parameter_stack(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
     """Return a parameter of `matched` for every image of a stack, (image, 1, 1)."""
     if value is None:
         raise ValueError(f"{name} is None, but must be given in K for the method matched")
@@ -176,7 +178,9 @@ def _each(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> Floats:
     return full.reshape(-1, 1, 1)
 
 
-def _matched(stack: Floats, *, contrast: Floats, target_sigma: Floats, sea_sigma: Floats) -> Mask:
+def _matched_silhouettes(
+    stack: Floats, *, contrast: Floats, target_sigma: Floats, sea_sigma: Floats
+) -> Mask:
     """Return the silhouettes of a (image, row, col) stack by the method `matched`."""
     ratio = _log_likelihood_ratio(
         stack, contrast=contrast, target_sigma=target_sigma, sea_sigma=sea_sigma
@@ -188,7 +192,9 @@ def _matched(stack: Floats, *, contrast: Floats, target_sigma: Floats, sea_sigma
     if not target.any():
         return target
     has_ship = target.any(axis=(1, 2), keepdims=True)
-    return _whole(_conditional_modes(target, np.where(has_ship, ratio, -np.inf)), weights=ratio)
+    return _largest_region(
+        _conditional_modes(target, np.where(has_ship, ratio, -np.inf)), weights=ratio
+    )
 
 
 def _log_likelihood_ratio(
@@ -248,7 +254,7 @@ def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
     return labels[:, 1:-1, 1:-1].astype(bool)
 
 
-def _whole(target: Mask, *, weights: Floats | None) -> Mask:
+def _largest_region(target: Mask, *, weights: Floats | None) -> Mask:
     """Return the 8-connected region of largest weight, by default of most pixels, without holes."""
     from scipy import ndimage
 

@@ -56,8 +56,8 @@ def band_radiance(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
     Bull. Amer. Meteor. Soc. 57, 1217 (1976)). Over all wavelengths it is the Stefan-Boltzmann law,
     sigma T^4 / pi.
     """
-    kelvin, near, far = _reduced(temperature, band)
-    return _RADIANCE * kelvin**4 * (_tail(far) - _tail(near))
+    kelvin, near, far = _reduced_energies(temperature, band)
+    return _RADIANCE * kelvin**4 * (_tail_integral(far) - _tail_integral(near))
 
 
 def radiance_slope(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
@@ -66,8 +66,8 @@ def radiance_slope(temperature: ArrayLike, *, band: tuple[float, float]) -> Any:
     With F(x) the integral of t^3 / (exp(t) - 1) from x on, the derivative of T^4 F(a / T) is T^3 (4
     F(x) + x^4 / (exp(x) - 1)).
     """
-    kelvin, near, far = _reduced(temperature, band)
-    parts = [4 * _tail(x) + x**4 * np.exp(-x) / -np.expm1(-x) for x in (near, far)]
+    kelvin, near, far = _reduced_energies(temperature, band)
+    parts = [4 * _tail_integral(x) + x**4 * np.exp(-x) / -np.expm1(-x) for x in (near, far)]
     return _RADIANCE * kelvin**3 * (parts[1] - parts[0])
 
 
@@ -148,7 +148,9 @@ def band_contrast(
     return apparent
 
 
-def _reduced(temperature: ArrayLike, band: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
+def _reduced_energies(
+    temperature: ArrayLike, band: tuple[float, float]
+) -> tuple[Floats, Floats, Floats]:
     """Return temperatures, and h c / (lambda k T) at the shortest and the longest wavelength."""
     kelvin = require_all("temperature", temperature, positive=True)
     shortest, longest = require_all("band", band, positive=True)
@@ -161,7 +163,7 @@ def _reduced(temperature: ArrayLike, band: tuple[float, float]) -> tuple[Floats,
     return kelvin, scale / shortest, scale / longest
 
 
-def _tail(x: Floats) -> Floats:
+def _tail_integral(x: Floats) -> Floats:
     """Return the integral of t^3 / (exp(t) - 1) from x to infinity, for x above 0."""
     far = np.maximum(x, _NEAR_ZERO)
     series = np.zeros_like(far)

@@ -159,14 +159,14 @@ class DetectorView:
         return across, up
 
     @cached_property
-    def covered(self) -> Callable[[int], Silhouette]:
+    def coverage_at(self) -> Callable[[int], Silhouette]:
         """Coverage of half pixels by the ship at one of its places on the detector, by number."""
         covering = partial(self.patches.covering, self.footprint, subdivision=2)
         return cache(lambda offset: covering(self.place(offset)))
 
-    def shown(self, offset: int, halves: int) -> NDArray[np.bool_]:
+    def mask(self, offset: int, halves: int) -> NDArray[np.bool_]:
         """Return the (row, col) mask of the ship, in pixels 1 or 2 half pixels wide."""
-        pixels = self.covered(offset).coverage
+        pixels = self.coverage_at(offset).coverage
         if halves > 1:
             rows, cols = (size // halves for size in pixels.shape)
             pixels = pixels.reshape(rows, halves, cols, halves).mean(axis=(1, 3))
@@ -186,7 +186,7 @@ class DetectorView:
         rng, drawn = self._drawn[key]
         for offset in range(len(drawn), max(subpixel_offsets) + 1):
             images = self.imager.images(
-                self.shown(offset, HALVES[super_resolution]),
+                self.mask(offset, HALVES[super_resolution]),
                 contrast=self.contrast,
                 frame_counts=frame_count,
                 rng=rng,
@@ -203,7 +203,7 @@ class DetectorView:
         NaN outside the synthesised surroundings of the ship.
         """
         (images,) = self.images(super_resolution, (0,), frame_count)
-        full, origin = window.half_pixels(self.place(0)), self.covered(0).origin
+        full, origin = window.half_pixels(self.place(0)), self.coverage_at(0).origin
         cells = HALVES[super_resolution]
         rows, cols = (n // cells for n in full.coverage.shape)
         row, col = (
@@ -222,7 +222,7 @@ class DetectorView:
 
         A pixel of sea exceeds the threshold with the false-alarm probability.
         """
-        pixels = [np.count_nonzero(self.shown(offset, WHOLE)) for offset in subpixel_offsets]
+        pixels = [np.count_nonzero(self.mask(offset, WHOLE)) for offset in subpixel_offsets]
         return np.vectorize(detection_probability)(
             np.array(pixels)[:, None],
             contrast=self.contrast,
@@ -243,7 +243,7 @@ class DetectorView:
         finer = enlarge(images) if HALVES[super_resolution] == WHOLE else images
         return np.array(
             [
-                reconstruction_error(image, self.shown(offset, 1), contrast=self.contrast)
+                reconstruction_error(image, self.mask(offset, 1), contrast=self.contrast)
                 for offset, image in zip(subpixel_offsets, finer, strict=True)
             ]
         )

@@ -101,7 +101,7 @@ def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, F
     first, start = 0, np.zeros_like(anchor)
     last, end = ANCHOR, anchor
     while True:
-        yield from _between((first, start), (last, end), counts, node)
+        yield from _sums_between((first, start), (last, end), counts, node)
         if last in counts:
             yield last, end
         if last >= counts[-1]:
@@ -111,7 +111,7 @@ def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, F
         end = start + math.sqrt(last - first) * node(last)
 
 
-def _between(
+def _sums_between(
     before: tuple[int, Field], after: tuple[int, Field], counts: list[int], node: Node
 ) -> Iterator[tuple[int, Field]]:
     """Yield the sums at the counts between two counts with known sums."""
@@ -124,15 +124,15 @@ def _between(
     # Given both ends, the middle is normal about the chord.
     total = (right / (last - first)) * start + (left / (last - first)) * end
     total += math.sqrt(left * right / (last - first)) * node(middle)
-    yield from _between(before, (middle, total), inside, node)
+    yield from _sums_between(before, (middle, total), inside, node)
     if middle in inside:
         yield middle, total
-    yield from _between((middle, total), after, inside, node)
+    yield from _sums_between((middle, total), after, inside, node)
 
 
 def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Node:
     """Return a function that draws the normals of each count from its own stream."""
-    family = _family(rng)
+    family = _spawn_family(rng)
 
     def node(count: int) -> Field:
         """Return the normals of one count."""
@@ -144,7 +144,7 @@ def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Nod
     return node
 
 
-def _family(rng: np.random.Generator) -> np.random.SeedSequence:
+def _spawn_family(rng: np.random.Generator) -> np.random.SeedSequence:
     """Return a new child of the generator's seed sequence, so that no two calls share noise."""
     sequence = getattr(rng.bit_generator, "seed_seq", None)
     if not isinstance(sequence, np.random.SeedSequence):
@@ -167,9 +167,9 @@ def _draw(
     halo = HALO if bottom else 0
     box = top - halo, bottom + halo, left - halo, right + halo
     shape = box[1] - box[0], box[3] - box[2]
-    window = rows * columns - _shared(box, (0, rows, 0, columns))
+    window = rows * columns - _count_shared(box, (0, rows, 0, columns))
     total = (rows + 2 * rim) * (columns + 2 * rim)
-    around = total - _shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
+    around = total - _count_shared(box, (-rim, rows + rim, -rim, columns + rim)) - window
     # One draw for box, window and rim, which are then arranged into images.
     all_normals = rng.standard_normal(count * (math.prod(shape) + window + around))
     ends = count * math.prod(shape), count * (math.prod(shape) + window)
@@ -181,7 +181,7 @@ def _draw(
     return normals
 
 
-def _shared(box: Box, window: Box) -> int:
+def _count_shared(box: Box, window: Box) -> int:
     """Return the number of pixels that two boxes share."""
     rows = min(box[1], window[1]) - max(box[0], window[0])
     columns = min(box[3], window[3]) - max(box[2], window[2])

@@ -45,7 +45,7 @@ def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     half pixel to half pixel, so its algebraic inverse needs a known border, and amplifies noise
     without bound.
     """
-    fine = _image("fine", fine, least=2)
+    fine = _checked_images("fine", fine, least=2)
     pairs = fine[..., :-1] + fine[..., 1:]
     return (pairs[..., :-1, :] + pairs[..., 1:, :]) / 4
 
@@ -83,7 +83,7 @@ def shift_and_add(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     up to 39 % in one iteration: sharpening amplifies noise and the sea's own pattern more than it
     removes blur.
     """
-    samples = _image("samples", samples, least=2)
+    samples = _checked_images("samples", samples, least=2)
     fine = samples[..., 1:, 1:] + samples[..., 1:, :-1]
     fine += samples[..., :-1, 1:]
     fine += samples[..., :-1, :-1]
@@ -166,7 +166,7 @@ def shifted_images(
     >>> print(f"{images.std():.2f} K")
     0.05 K
     """
-    fine_target = _image("fine_target", fine_target, bool, axes=2)
+    fine_target = _checked_images("fine_target", fine_target, bool, axes=2)
     require_generator("rng", rng)
     require("target_spread", target_spread, minimum=0.0)
     require("sea_spread", sea_spread, minimum=0.0)
@@ -186,7 +186,7 @@ def shifted_images(
 
 def enlarge(image: NDArray[Any]) -> NDArray[Any]:
     """Repeat each pixel of (..., row, col) images twice by twice, onto the half-pixel grid."""
-    return _image("image", image, None).repeat(2, axis=-2).repeat(2, axis=-1)
+    return _checked_images("image", image, None).repeat(2, axis=-2).repeat(2, axis=-1)
 
 
 def reconstruction_error(
@@ -234,7 +234,10 @@ def reconstruction_error(
     0.5
     """
     require("contrast", contrast, minimum=LEAST_CONTRAST)
-    image, fine_target = _image("image", image), _image("fine_target", fine_target, bool, axes=2)
+    image, fine_target = (
+        _checked_images("image", image),
+        _checked_images("fine_target", fine_target, bool, axes=2),
+    )
     if image.shape[-2:] != fine_target.shape:
         raise ValueError(
             f"image has shape {image.shape}, but must end in the target's {fine_target.shape}"
@@ -243,7 +246,7 @@ def reconstruction_error(
     return float(rms) if rms.ndim == 0 else rms
 
 
-def _image(
+def _checked_images(
     name: str, values: Any, dtype: Any = np.float64, *, least: int = 1, axes: int | None = None
 ) -> NDArray[Any]:
     """Return values as an array of images, or of one if `axes` is 2, of at least `least` pixels."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ncti.checks import NothingSeenError, require
 from ncti.irar.chain import Correction, correct, segmented
 from ncti.irar.flight import Flight
-from ncti.irar.mirror import compass
+from ncti.irar.mirror import compass_directions
 from ncti.irar.scan import Scan
 
 Floats = NDArray[np.float64]
@@ -118,7 +118,7 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
 
 def closing_per_speed(flight: Flight) -> float:
     """Return the derivative of the closing speed by the aircraft speed."""
-    gain = float(compass(flight.track, 0.0) @ compass(flight.sight, 0.0))
+    gain = float(compass_directions(flight.track, 0.0) @ compass_directions(flight.sight, 0.0))
     return math.copysign(max(abs(gain), 1e-3), gain)
 
 

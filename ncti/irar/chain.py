@@ -18,7 +18,7 @@ from ncti.irar.registration import (
     mirror_displacement,
     motion_displacement,
     raw_places,
-    rotated,
+    rotate,
 )
 from ncti.irar.scan import Scan
 from ncti.irar.segmentation import noise_threshold
@@ -121,7 +121,7 @@ def places(
     column = np.broadcast_to(column, row.shape)
     if correction.mirror == "rotation":
         lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle)
-        row, column = rotated(row, column, clockwise=-lean)
+        row, column = rotate(row, column, clockwise=-lean)
     return row, column, ranges
 
 

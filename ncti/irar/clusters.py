@@ -34,11 +34,11 @@ def histogram_cluster_average(ranges: NDArray[np.float64], *, window: float) -> 
     ordered = np.sort(ranges, axis=-1).reshape(-1, ranges.shape[-1])  # NaN last
     average = np.empty(len(ordered))
     for block in range(0, len(ordered), _BLOCK):
-        average[block : block + _BLOCK] = _densest(ordered[block : block + _BLOCK].T, window)
+        average[block : block + _BLOCK] = _densest_mean(ordered[block : block + _BLOCK].T, window)
     return average.reshape(ranges.shape[:-1])
 
 
-def _densest(looks: NDArray[np.float64], window: float) -> NDArray[np.float64]:
+def _densest_mean(looks: NDArray[np.float64], window: float) -> NDArray[np.float64]:
     """Return the mean of the densest window, (pixel,), of sorted ranges (look, pixel)."""
     looks = np.ascontiguousarray(looks)
     depth = len(looks)

@@ -150,7 +150,7 @@ class Chain(Correction):
         return window
 
 
-def navigated(flight: Flight, error: tuple[str, float]) -> Flight:
+def navigated_flight(flight: Flight, error: tuple[str, float]) -> Flight:
     """Return the flight that navigation measures, with one parameter wrong.
 
     `error` is the parameter's name and its error, in percent of the aircraft's speed, else in the
@@ -184,7 +184,7 @@ def measure_tilts(
     """
     pixels = whole.window
     # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
-    truths = [_widened(truth, values, pixels) for values in (truth.intensity, truth.infrared)]
+    truths = [_pad_values(truth, values, pixels) for values in (truth.intensity, truth.infrared)]
     images = [whole.intensity * shown, whole.infrared]
     tilt = partial(chain.tilt, estimate=estimate, window=pixels)
     noiseless = chain.correct(clean, estimate, pixels).infrared
@@ -235,7 +235,7 @@ def model_profiles(
     return np.stack([noiseless, *synthetic])
 
 
-def _widened(truth: Snapshot, values: Floats, window: Window) -> Floats:
+def _pad_values(truth: Snapshot, values: Floats, window: Window) -> Floats:
     """Return values of a truth padded from its own window to a larger one."""
     above = (window.rows - truth.window.rows) // 2 * CELLS
     aside = (window.columns - truth.window.columns) // 2 * CELLS
@@ -264,7 +264,7 @@ def compare_profiles(
         for k, (line, end) in enumerate(zip(profiles, ENDS.values(), strict=False)):
             with suppress(NothingSeenError):
                 marks[k] = landmarks(line, down_range, hangar=near, end=end)
-    figures = [_figures(mark, ship in PERRY) for mark in marks]
+    figures = [_landmark_values(mark, ship in PERRY) for mark in marks]
     correlate = partial(profile_correlation, measured, noiseless)
     near_spike = np.abs(down_range - spike) <= HANGAR
     return {
@@ -279,7 +279,7 @@ def compare_profiles(
     }
 
 
-def _figures(marks: Landmarks | None, perry: bool) -> dict[str, float]:
+def _landmark_values(marks: Landmarks | None, perry: bool) -> dict[str, float]:
     """Return the landmarks of one profile by name, and its hangar."""
     if marks is None:
         return {}

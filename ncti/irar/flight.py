@@ -17,7 +17,7 @@ from ncti.infrared.bands import (
     band_contrast,
 )
 from ncti.infrared.radiometry import CONTRAST_AT_ZERO
-from ncti.irar.mirror import compass, mirror_axes
+from ncti.irar.mirror import compass_directions, mirror_axes
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 
 Floats = NDArray[np.float64]
@@ -250,19 +250,19 @@ class Flight:
     @property
     def velocity(self) -> Floats:
         """Velocity of the aircraft relative to the ship, (3,) east, north, up [m/s]."""
-        aircraft = self.aircraft_speed * compass(self.track, 0.0)
-        ship: Floats = self.ship_speed * compass(self.ship_heading, 0.0)
+        aircraft = self.aircraft_speed * compass_directions(self.track, 0.0)
+        ship: Floats = self.ship_speed * compass_directions(self.ship_heading, 0.0)
         return aircraft - ship
 
     @property
     def closing_speed(self) -> float:
         """Rate at which the horizontal distance to the ship decreases in the snapshot [m/s]."""
-        return float(self.velocity @ compass(self.sight, 0.0))
+        return float(self.velocity @ compass_directions(self.sight, 0.0))
 
     @property
     def drift(self) -> float:
         """Velocity of the ship to the right across the line of sight, in the snapshot [m/s]."""
-        return float(-self.velocity @ compass(self.sight + 90.0, 0.0))
+        return float(-self.velocity @ compass_directions(self.sight + 90.0, 0.0))
 
     @property
     def climb(self) -> float:
@@ -288,13 +288,13 @@ class Flight:
     @property
     def snapshot_axes(self) -> Floats:
         """Right, up and away of the snapshot in the ship's axes, (3, 3)."""
-        away = compass(self.sight, -self.depression)
-        right = compass(self.sight + 90.0, 0.0)
+        away = compass_directions(self.sight, -self.depression)
+        right = compass_directions(self.sight + 90.0, 0.0)
         return np.stack([right, np.cross(right, away), away]) @ self.to_ship.T
 
     def position(self, time: NDArray[np.floating]) -> Floats:
         """Return places of the aircraft in the ship's axes, (..., 3) [m], at (...) times [s]."""
-        start = -self.slant_range * compass(self.sight, -self.depression)
+        start = -self.slant_range * compass_directions(self.sight, -self.depression)
         return (start + np.asarray(time)[..., None] * self.velocity) @ self.to_ship.T
 
     @property

@@ -179,9 +179,9 @@ def landmarks(
     >>> marks.hangar, marks.stern, marks.mast.offset, marks.forward.offset
     (-33.5, 28.0, 45.0, 60.0)
     """
-    values, centres, width = _profile(profile, down_range)
+    values, centres, width = _checked_profile(profile, down_range)
     require("end", end, positive=True, below=1.0)
-    low, high = (centres[0], centres[-1]) if hangar is None else _window("hangar", hangar)
+    low, high = (centres[0], centres[-1]) if hangar is None else _checked_window("hangar", hangar)
     inside = (centres >= low) & (centres <= high)
     if not inside.any() or not values[inside].max() > 0:
         raise NothingSeenError(
@@ -206,7 +206,7 @@ def landmarks(
 
     def highest(name: str, window: tuple[float, float]) -> Peak:
         """Return the highest peak in a window past the hangar."""
-        near, far = _window(name, window)
+        near, far = _checked_window(name, window)
         offsets = centres[tops] - spike
         peaks = tops[(offsets >= near) & (offsets <= far)]
         return peak(int(peaks[values[peaks].argmax()])) if peaks.size else Peak(math.nan, 0.0, 0.0)
@@ -277,11 +277,11 @@ def profile_correlation(
         included = ~excluded
     if included.sum() < 2:
         raise ValueError(f"exclude leaves {included.sum()} bins, but must leave at least 2")
-    a, b = _centred(a[..., included]), _centred(b[..., included])
+    a, b = _standardised_profiles(a[..., included]), _standardised_profiles(b[..., included])
     return np.asarray(np.clip((a * b).sum(axis=-1), -1.0, 1.0))
 
 
-def _centred(values: Floats) -> Floats:
+def _standardised_profiles(values: Floats) -> Floats:
     """Return profiles of mean 0 and norm 1, or zero."""
     deviation = values - values.mean(axis=-1, keepdims=True)
     norm = np.sqrt((deviation**2).sum(axis=-1, keepdims=True))
@@ -312,7 +312,7 @@ def _energy(values: Floats, centres: Floats, place: float, width: float) -> floa
     return float(values @ (np.maximum(high - low, 0.0) / width))
 
 
-def _profile(profile: ArrayLike, down_range: ArrayLike) -> tuple[Floats, Floats, float]:
+def _checked_profile(profile: ArrayLike, down_range: ArrayLike) -> tuple[Floats, Floats, float]:
     """Return values, centres and width of the bins, checked."""
     values = np.asarray(profile, dtype=np.float64)
     centres = np.asarray(down_range, dtype=np.float64)
@@ -330,7 +330,7 @@ def _profile(profile: ArrayLike, down_range: ArrayLike) -> tuple[Floats, Floats,
     return values, centres, width
 
 
-def _window(name: str, ends: tuple[float, float]) -> tuple[float, float]:
+def _checked_window(name: str, ends: tuple[float, float]) -> tuple[float, float]:
     """Return the ends of a window, checked."""
     low, high = ends
     require(f"{name}[0]", low)

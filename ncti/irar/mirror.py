@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 MIRROR_FORMS = ("exact", "printed")
 
 
-def compass(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
+def compass_directions(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
     """Return unit vectors (..., 3) east, north, up of azimuths (clockwise) and elevations [deg]."""
     a, e = np.broadcast_arrays(np.radians(azimuth), np.radians(elevation))
     return np.stack([np.cos(e) * np.sin(a), np.cos(e) * np.cos(a), np.sin(e)], axis=-1)
@@ -28,12 +28,18 @@ def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0
     article's sign. The scanner moves the beam in the horizontal plane, and the mirror, fixed during
     the pass, deflects it downwards, so that a line of the scan is not level.
     """
-    towards = compass(azimuth, -depression)
+    towards = compass_directions(azimuth, -depression)
     source = azimuth + 2 * mirror_angle  # azimuth of the source of the beam
-    normal = towards + compass(source, 0.0)
+    normal = towards + compass_directions(source, 0.0)
     normal /= np.linalg.norm(normal)
     # Right, up and ahead before the mirror; a reflection turns right into left.
-    axes = np.stack([compass(source + 90.0, 0.0), compass(0.0, 90.0), -compass(source, 0.0)])
+    axes = np.stack(
+        [
+            compass_directions(source + 90.0, 0.0),
+            compass_directions(0.0, 90.0),
+            -compass_directions(source, 0.0),
+        ]
+    )
     reflected: Floats = axes - 2 * (axes @ normal)[:, None] * normal
     return reflected
 

@@ -12,7 +12,7 @@ from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks
 from ncti.irar.mirror import mirror_rotation
-from ncti.irar.registration import Course, azimuth_shift, rotated
+from ncti.irar.registration import Course, azimuth_shift, rotate
 from ncti.irar.scan import Scan
 from ncti.irar.snapshot import Snapshot, Window, centres, window_of
 from ncti.irar.time_delay import time_delay_integrate
@@ -94,7 +94,7 @@ def correct_as_printed(
     scans = max(1, round(flight.lines_per_pixel))
     rows = len(scan.intensity) // scans
     used = slice(0, rows * scans)
-    closer = _approach(flight) * scan.time[used]
+    closer = _approach_rate(flight) * scan.time[used]
     looks = (scan.range[used] + closer).reshape(rows, scans, -1)
     ranges = histogram_cluster_average(np.moveaxis(looks, 1, -1), window=cluster_width(flight))
     intensity, infrared = (
@@ -120,7 +120,7 @@ def correct_as_printed(
     )
 
 
-def _approach(flight: Flight) -> float:
+def _approach_rate(flight: Flight) -> float:
     """Return the rate at which the slant range decreases in the snapshot [m/s]."""
     return flight.closing_speed * math.cos(math.radians(flight.depression))
 
@@ -134,7 +134,7 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
                 Course(flight.aircraft_speed, flight.track),
                 Course(flight.ship_speed, flight.ship_heading),
                 offset=flight.sight - flight.track,
-                slant_range=flight.slant_range - _approach(flight) * moment,
+                slant_range=flight.slant_range - _approach_rate(flight) * moment,
                 ifov=flight.ifov,
                 rate=frequency,
                 scans=scans,
@@ -151,4 +151,4 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
     along = np.arange(flight.samples) - (flight.samples - 1) / 2 + aside / flight.ifov
     row = np.broadcast_to((flight.climb * time / flight.pixel)[:, None], (len(time), len(along)))
     lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle, form="printed")
-    return rotated(row, along - total_shift[:, None], clockwise=-lean)
+    return rotate(row, along - total_shift[:, None], clockwise=-lean)

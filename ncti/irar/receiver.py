@@ -19,7 +19,7 @@ SAMPLES_AT_ONCE = 256
 """Samples per block, whose pairs of rays, 1 MB, fit into a processor's cache."""
 
 
-def noise_below(level: Floats, *, depth: float, pulse_length: float) -> Floats:
+def noise_probability(level: Floats, *, depth: float, pulse_length: float) -> Floats:
     """Return the probability (...) that the largest noise intensity in a gate stays below a level.
 
     `level` (...) is in noise powers; `depth` [m] that of the gate, `pulse_length` [m] c T / 2. The
@@ -43,15 +43,15 @@ def noise_peak(
 ) -> Floats:
     """Return the largest intensity (...) of noise for a probability of staying below it.
 
-    It is in noise powers. This inverse of `noise_below` turns `uniform` (...) random numbers into
-    peaks, to 0.001.
+    It is in noise powers. This inverse of `noise_probability` turns `uniform` (...) random numbers
+    into peaks, to 0.001.
     """
     levels = np.concatenate([np.geomspace(1e-9, 0.01, 100)[:-1], np.linspace(0.01, 40.0, 4000)])
     uniform, depth = np.broadcast_arrays(uniform, depth)
     level = np.empty(uniform.shape)
     for length in np.unique(depth):  # few: the gate, and the gate without a waveform
         same = depth == length
-        below = noise_below(levels, depth=length, pulse_length=pulse_length)
+        below = noise_probability(levels, depth=length, pulse_length=pulse_length)
         level[same] = np.interp(uniform[same], below, levels)
     return level
 
@@ -115,7 +115,7 @@ def peaks(
             low = np.maximum(np.ceil((gate[visible[chosen]] - edge) / step), 0)
             high = (gate[visible[chosen]] + flight.range_gate - edge) / step
             high = np.minimum(np.floor(high) + 1, size)
-            value, peak = _strongest(wave, low, high)
+            value, peak = _strongest_sample(wave, low, high)
             intensity[visible[chosen]] = value
             ranges[visible[chosen]] = edge + peak * step
             begin[visible[chosen]] = edge + (low - 0.5) * step
@@ -132,7 +132,7 @@ def peaks(
     return intensity.reshape(returns.shape).astype(np.float32), ranges.reshape(returns.shape)
 
 
-def noiseless(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32], Floats]:
+def mean_return(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32], Floats]:
     """Return intensity and range (line, column) of the receiver's mean over speckle, without noise.
 
     The intensity is the largest over range, in noise powers, at the rays' ranges, and the range [m]
@@ -200,7 +200,9 @@ def _waveforms(
     return wave.astype(np.complex64)
 
 
-def _strongest(wave: NDArray[np.complex64], low: Floats, high: Floats) -> tuple[Floats, Floats]:
+def _strongest_sample(
+    wave: NDArray[np.complex64], low: Floats, high: Floats
+) -> tuple[Floats, Floats]:
     """Return the largest intensity of each waveform in its gate and its place, by a parabola."""
     power = (wave.real**2 + wave.imag**2).astype(np.float64)
     size = power.shape[1]

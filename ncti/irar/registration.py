@@ -163,7 +163,7 @@ def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Float
     reach = np.where(np.isnan(ranges), nominal, ranges)
     point = now + reach[..., None] * _beams(flight, time.shape)
     sight = point - flight.position(np.zeros(()))
-    row, column = _image(flight, sight)
+    row, column = _image_places(flight, sight)
     distance = np.linalg.norm(sight, axis=-1)
     return row, column, np.where(np.isnan(ranges), np.nan, distance)
 
@@ -173,7 +173,7 @@ def raw_places(flight: Flight, samples: NDArray[np.integer]) -> tuple[Floats, Fl
 
     There is one column per sample, centred on the scan's pointing.
     """
-    row, column = _image(flight, flight.directions(np.zeros(()), np.zeros(())))
+    row, column = _image_places(flight, flight.directions(np.zeros(()), np.zeros(())))
     along: Floats = np.asarray(samples) - (flight.samples - 1) / 2
     return np.full_like(along, row), along + column
 
@@ -186,7 +186,7 @@ def mirror_displacement(
     By `exact`, every sample's beam is reflected; `printed` is a shear by the article's small-angle
     form.
 
-    The article's 'Data Processing' prescribes a rotation (`rotated`). With one scanned detector the
+    The article's 'Data Processing' prescribes a rotation (`rotate`). With one scanned detector the
     lines lean while the rows still climb straight up with the aircraft: a shear. The rotation
     levels the waterline, but tilts the mast by the same angle. A sample of a line that leans by L
     is sin(L) higher than the one before it, and cos(L) to its right. At psi = 45 deg the printed
@@ -197,13 +197,13 @@ def mirror_displacement(
     level_row, level_column = raw_places(flight, samples)
     angles = flight.scan_angles(samples)
     if form == "exact":
-        row, column = _image(flight, flight.directions(angles, np.zeros_like(angles)))
+        row, column = _image_places(flight, flight.directions(angles, np.zeros_like(angles)))
         return row - level_row, column - level_column
     lean = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle, form=form)
     return math.tan(math.radians(lean)) * angles / flight.ifov, np.zeros_like(angles)
 
 
-def rotated(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, Floats]:
+def rotate(row: Floats, column: Floats, *, clockwise: float) -> tuple[Floats, Floats]:
     """Return (...) rows and columns [pixel] rotated about the ship's origin, as in the article.
 
     `clockwise` [deg]; minus the angle of `mirror_rotation` undoes the mirror's rotation.
@@ -241,11 +241,11 @@ def motion_displacement(
     # By the true geometry: of the ship's origin (`line`), or of each sample (`pixel`).
     now, then = flight.position(time), flight.position(np.zeros(()))
     if method == "line":
-        row, column = _image(flight, -now)
+        row, column = _image_places(flight, -now)
         nominal = np.linalg.norm(now, axis=-1)
         return -row, -column, flight.slant_range - nominal
     row, column, distance = snapshot_places(flight, time, ranges)
-    row_now, column_now = _image(flight, _beams(flight, time.shape))
+    row_now, column_now = _image_places(flight, _beams(flight, time.shape))
     nominal = np.linalg.norm(now, axis=-1)
     closer = np.where(np.isnan(ranges), np.linalg.norm(then) - nominal, distance - ranges)
     return row - row_now, column - column_now, closer
@@ -257,7 +257,7 @@ def _beams(flight: Flight, shape: tuple[int, ...]) -> Floats:
     return np.broadcast_to(flight.directions(angles, np.zeros_like(angles)), (*shape, 3))
 
 
-def _image(flight: Flight, directions: Floats) -> tuple[Floats, Floats]:
+def _image_places(flight: Flight, directions: Floats) -> tuple[Floats, Floats]:
     """Return rows and columns of directions in the snapshot [pixel]."""
     right, up, away = np.moveaxis(directions @ flight.snapshot_axes.T, -1, 0)
     return up / away / flight.ifov, right / away / flight.ifov

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ncti.checks import require_generator
 from ncti.irar.clutter import clutter, sea_places
 from ncti.irar.flight import PARAMETERS, Flight
-from ncti.irar.receiver import noiseless, peaks
+from ncti.irar.receiver import mean_return, peaks
 from ncti.irar.scene import Returns, ScanPlan, plan_scan, scan_scene
 from ncti.irar.speckle import speckle, speckle_correlation
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 
 if TYPE_CHECKING:
     import trimesh
@@ -98,7 +98,7 @@ class Scan:
             "sample": ("sample", sample, "1", "sample of a line, from the left"),
             "detector": ("detector", detectors, "1", "passive detector, 0 the leading one"),
         }
-        labels = {name: labelled(*array) for name, array in arrays.items()}
+        labels = {name: labelled_array(*array) for name, array in arrays.items()}
         return xr.Dataset(labels, attrs=attributes).set_coords("time")
 
 
@@ -135,11 +135,11 @@ class Pass:
     attitude: Floats | None = None
 
     @property
-    def _active(self) -> Returns:
+    def _sample_returns(self) -> Returns:
         """Returns of the samples, without leading columns."""
-        return self.returns.without_leading(self.plan.flight.detectors - 1)
+        return self.returns.drop_leading(self.plan.flight.detectors - 1)
 
-    def _sea(self, rng: np.random.Generator) -> Floats:
+    def _sea_temperature(self, rng: np.random.Generator) -> Floats:
         """Return the sea's temperature at each sample, (line, column) with leading columns [K]."""
         flight = self.plan.flight
         columns = np.arange(1 - flight.detectors, flight.samples)
@@ -149,7 +149,7 @@ class Pass:
         places = sea_places(flight, time, along, np.broadcast_to(errors[:, 1:], along.shape))
         return clutter(places, deviation=flight.clutter, length=flight.clutter_length, rng=rng)
 
-    def _infrared(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
+    def _passive_samples(self, rng: np.random.Generator | None) -> NDArray[np.float32]:
         """Return the passive samples, (detector, line, sample) [K]; no noise if `rng` is None."""
         flight = self.plan.flight
         covered = self.returns.coverage()
@@ -160,7 +160,7 @@ class Pass:
         if rng is not None:
             images += np.float32(flight.nedt) * rng.standard_normal(shape, dtype=np.float32)
             if flight.clutter > 0:  # drawn last, so that it does not change the other draws
-                temperature += (1 - covered) * self._sea(rng)
+                temperature += (1 - covered) * self._sea_temperature(rng)
         # Detector k sees column j - k at sample j, with the scene at the leading detector's time:
         # in the k samples between, half a millisecond, the ship drifts by millimetres.
         for k, image in enumerate(images):
@@ -169,8 +169,8 @@ class Pass:
 
     def noiseless(self) -> Scan:
         """Return the scan without speckle, noise, range error or dropouts."""
-        intensity, range_ = noiseless(self._active, flight=self.plan.flight)
-        return Scan(self.plan, intensity, range_, self._infrared(None))
+        intensity, range_ = mean_return(self._sample_returns, flight=self.plan.flight)
+        return Scan(self.plan, intensity, range_, self._passive_samples(None))
 
     def record(self, rng: np.random.Generator) -> Scan:
         """Draw one scan, with speckle, noise, false ranges and dropouts.
@@ -192,14 +192,14 @@ class Pass:
         """
         require_generator("rng", rng)
         flight = self.plan.flight
-        returns = self._active
+        returns = self._sample_returns
         amplitudes = speckle(
             (*returns.shape, returns.rays), correlation=speckle_correlation(flight), rng=rng
         )
         time = self.plan.time(np.arange(flight.samples))
         nominal = np.linalg.norm(flight.position(time), axis=-1)
         intensity, range_ = peaks(returns, amplitudes, nominal, flight=flight, rng=rng)
-        return Scan(self.plan, intensity, range_, self._infrared(rng))
+        return Scan(self.plan, intensity, range_, self._passive_samples(rng))
 
 
 def fly(
@@ -261,7 +261,7 @@ def fly(
     if flight.jitter > 0:
         require_generator("rng", rng)
         assert rng is not None
-        attitude = wander(plan, rng)
+        attitude = draw_attitude_errors(plan, rng)
     returns = scan_scene(
         mesh,
         plan,
@@ -273,7 +273,7 @@ def fly(
     return Pass(plan, returns, attitude)
 
 
-def wander(plan: ScanPlan, rng: np.random.Generator) -> Floats:
+def draw_attitude_errors(plan: ScanPlan, rng: np.random.Generator) -> Floats:
     """Draw attitude errors (line, 2) [rad] of the line of sight, a first-order Markov sequence.
 
     They lie to the right and up, in the scanner.

@@ -52,7 +52,7 @@ class Returns:
         count = np.bincount(self.place, minlength=math.prod(self.shape))
         return count.reshape(self.shape) / self.rays
 
-    def without_leading(self, columns: int) -> Returns:
+    def drop_leading(self, columns: int) -> Returns:
         """Return the returns without the first columns."""
         line, column = np.divmod(self.place, self.shape[1])
         inside = column >= columns
@@ -114,7 +114,7 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
             "twice the distance that the aircraft approaches"
         )
     # Times at which lines meet the ship's corners, with a margin.
-    aimed = flight if flight.pointing is not None else _aimed(flight, corners)
+    aimed = flight if flight.pointing is not None else _aim_scan(flight, corners)
     name = "offset" if flight.pointing is None else "pointing"
     meets, along, pace = _crossings(aimed, corners, name=name)
     margin = MARGIN * flight.ifov + 4 * flight.jitter
@@ -157,7 +157,7 @@ def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, F
     return time, along, pace
 
 
-def _aimed(flight: Flight, corners: Floats) -> Flight:
+def _aim_scan(flight: Flight, corners: Floats) -> Flight:
     """Return the flight with its scan centred on the passage of the ship's middle."""
     pointing = [flight.offset, flight.offset + 0.1]
     middles: list[float] = []

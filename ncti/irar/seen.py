@@ -46,7 +46,7 @@ class Looks:
             shape,
         )
 
-    def within(self, rows: slice, columns: slice) -> Looks:
+    def block(self, rows: slice, columns: slice) -> Looks:
         """Return the looks of a block of pixels, with places relative to the whole image."""
         number = np.full(self.shape, -1)
         shape = number[rows, columns].shape

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require_all
-from ncti.irar.receiver import noise_below
+from ncti.irar.receiver import noise_probability
 
 _STEP = 1 / 32  # noise powers, of one look's distribution
 _BEYOND = 40.0  # noise powers above the median peak, with a probability of exp(-40)
@@ -32,9 +32,9 @@ def noise_threshold(
 
     A method of this project, as no threshold is published. The sea returns nothing, so a
     peak-detecting sensor reports the largest intensity of its noise there, with the distribution
-    `noise_below`. Averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a pulse
-    of 4.5 m, whatever the number of looks. The distribution of the sum over looks is that of one
-    look convolved with itself, by its Fourier transform on a grid of 1/32 noise power, which
+    `noise_probability`. Averaging leaves a pedestal, of 5.8 noise powers in a gate of 300 m for a
+    pulse of 4.5 m, whatever the number of looks. The distribution of the sum over looks is that of
+    one look convolved with itself, by its Fourier transform on a grid of 1/32 noise power, which
     changes the threshold by less than 1e-4 of itself. The threshold falls with the number of looks,
     except for dropouts: where few peaks are reported, the number of reports that make an alarm
     rises in steps.
@@ -86,7 +86,7 @@ def _noise_look(
     first = max(1, round(least / _STEP))
     step = max(least, _STEP / 2) / (first - 0.5)
     edges = (np.arange(first, math.ceil(top / step) + 2, dtype=np.float64) - 0.5) * step
-    below = noise_below(edges, depth=depth, pulse_length=pulse_length)
+    below = noise_probability(edges, depth=depth, pulse_length=pulse_length)
     share = np.zeros(first + len(edges))
     share[0] = below[0]
     share[first:] = np.diff(below, append=1.0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.irar.flight import Flight
-from ncti.irar.receiver import noiseless
+from ncti.irar.receiver import mean_return
 from ncti.irar.scene import RAYS, Returns, brightness_of
 from ncti.render import cast_rays
 
@@ -278,7 +278,7 @@ def true_snapshot(
         shape = up.shape[:2]
         power = brightness(hits) / RAYS**2
         returns = Returns(shape, place, ray, hits.distance, power, RAYS**2)
-        parts.append((*noiseless(returns, flight=flight), returns.coverage()))
+        parts.append((*mean_return(returns, flight=flight), returns.coverage()))
     intensity, ranges, covered = map(np.concatenate, zip(*parts, strict=True))
     looks = np.ones(intensity.shape, dtype=np.intp)
     return Snapshot(window, row, column, intensity.astype(np.float64), ranges, covered, looks)

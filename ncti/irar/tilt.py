@@ -156,13 +156,13 @@ def tilts(
     """
     from ncti.irar.seen import Looks, Truth  # numba takes long to import
 
-    observed, cells, known = _checked(image, truth)
+    observed, cells, known = _checked_images(image, truth)
     rows, columns = observed.shape[1:]
     factor = cells.shape[1] // rows
 
     # Brightness in units of the ship's, in the image and in the truth.
     for channel, ship in zip(observed, cells, strict=True):
-        level, truth_level = _levels(channel, _blocks(ship, factor))
+        level, truth_level = _levels(channel, _block_means(ship, factor))
         if not level > 0:
             return _NONE
         channel /= level
@@ -171,20 +171,20 @@ def tilts(
     # Coarse cells are interpolated: slopes are taken between neighbouring cells.
     refinement = -(-FINEST // factor)
     if refinement > 1:
-        cells = np.stack([_refined(_refined(c, refinement).T, refinement).T for c in cells])
+        cells = np.stack([_refine_rows(_refine_rows(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
 
     looks = Looks.of(
-        _evenly(rows, columns, factor) if places is None else places, observed.shape[1:]
+        _even_looks(rows, columns, factor) if places is None else places, observed.shape[1:]
     )
     view = Truth(cells, factor)
     known &= looks.count.reshape(1, rows, columns) > 0
 
     # A first estimate from whole shifts, then a fit of the pixels around the ship.
-    place = _start(observed, view, looks)
-    box = _around(view.image(place, looks)[0])
+    place = _starting_place(observed, view, looks)
+    box = _ship_block(view.image(place, looks)[0])
     least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
-    fit = fit_place(observed[:, *box], known[:, *box], view, looks.within(*box), place, least)
+    fit = fit_place(observed[:, *box], known[:, *box], view, looks.block(*box), place, least)
     if fit is None:
         return _NONE
     tilt = _tilt(*fit)
@@ -195,12 +195,12 @@ def tilts(
     )
 
 
-def _checked(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def _checked_images(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Return copies of image and truth with channels and 0 for NaN, and the mask of known pixels.
 
     Shapes are (channel, row, column), (channel, row * k, column * k) and (channel, row, column).
     """
-    observed, cells = _image("image", image), _image("truth", truth)
+    observed, cells = _checked_image("image", image), _checked_image("truth", truth)
     rows, columns = observed.shape[1:]
     factor = cells.shape[1] // rows
     if factor < 1 or cells.shape != (len(observed), rows * factor, columns * factor):
@@ -232,7 +232,7 @@ def _tilt(place: Floats, covariance: Floats) -> Tilt:
     return Tilt(mast, waterline, mast_error, waterline_error, float(up), float(right))
 
 
-def _around(model: Floats) -> tuple[slice, slice]:
+def _ship_block(model: Floats) -> tuple[slice, slice]:
     """Return rows and columns of the ship in an image, with a margin of sea."""
     lit = [np.flatnonzero((model > 0).any(axis=(0, axis))) for axis in (2, 1)]
     if not lit[0].size:
@@ -241,7 +241,7 @@ def _around(model: Floats) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _start(observed: Floats, view: Truth, looks: Looks) -> Floats:
+def _starting_place(observed: Floats, view: Truth, looks: Looks) -> Floats:
     """Return a place from the best shifts of whole rows, then of whole columns."""
     # Imported here because scipy.stats takes half a second.
     from scipy.stats import theilslopes
@@ -249,10 +249,10 @@ def _start(observed: Floats, view: Truth, looks: Looks) -> Floats:
     place = np.array(START)
     # Most of an image is dark, so its median deviation from 0 is noise: use the least noisy.
     best = int(np.median(np.abs(observed), axis=(1, 2)).argmin())
-    saturated = _saturated(observed[best])
+    saturated = _saturate(observed[best])
     for axis in (0, 1):
         # Best shift of each line, then a robust line through the shifts.
-        model = _saturated(view.image(place, looks)[0][best])
+        model = _saturate(view.image(place, looks)[0][best])
         lines, shifts = _best_shifts(*(np.moveaxis(x, axis, 0) for x in (saturated, model)))
         if lines.size < 2:
             continue
@@ -275,7 +275,7 @@ def _best_shifts(image: Floats, model: Floats) -> tuple[Floats, Floats]:
     return lines.astype(np.float64), np.where(best < length, best, best - padded).astype(float)
 
 
-def _saturated(intensity: Floats) -> Floats:
+def _saturate(intensity: Floats) -> Floats:
     """Return intensity / (intensity + knee), which limits the weight of glints and faulty lines."""
     positive = np.maximum(intensity, 0.0)
     return positive / (positive + _KNEE)
@@ -297,7 +297,7 @@ def _levels(observed: Floats, truth: Floats) -> tuple[float, float]:
     return medians[0], medians[1]
 
 
-def _refined(cells: Floats, factor: int) -> Floats:
+def _refine_rows(cells: Floats, factor: int) -> Floats:
     """Return rows of cells cut into finer ones by monotone interpolation that keeps their sums."""
     from scipy.interpolate import PchipInterpolator
 
@@ -308,21 +308,21 @@ def _refined(cells: Floats, factor: int) -> Floats:
     return np.maximum(finer, 0.0)
 
 
-def _blocks(cells: Floats, factor: int) -> Floats:
+def _block_means(cells: Floats, factor: int) -> Floats:
     """Return means over blocks of factor x factor cells."""
     rows, columns = cells.shape[0] // factor, cells.shape[1] // factor
     averaged: Floats = cells.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
     return averaged
 
 
-def _evenly(rows: int, columns: int, factor: int) -> tuple[Floats, Floats]:
+def _even_looks(rows: int, columns: int, factor: int) -> tuple[Floats, Floats]:
     """Return places of looks spread evenly over each pixel, one per cell."""
     row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
     spread = np.broadcast_arrays(row[:, None], column)
     return spread[0], spread[1]
 
 
-def _image(name: str, values: ArrayLike) -> Floats:
+def _checked_image(name: str, values: ArrayLike) -> Floats:
     """Return a copy of intensities, (channel, row, column), NaN where there are none."""
     array = np.array(values, dtype=np.float64)
     if array.ndim not in (2, 3) or 0 in array.shape:

@@ -37,7 +37,7 @@ class _Estimate:
     offset: Floats
     scatter: Floats
 
-    def moved(self, change: Floats, scatter: Floats) -> tuple[_Estimate, float]:
+    def step(self, change: Floats, scatter: Floats) -> tuple[_Estimate, float]:
         """Return the estimate after a step of at most `_STEP`, and the step's largest component."""
         channels = len(self.gain)
         step = np.clip(change[:6], np.negative(_STEP), _STEP)
@@ -81,7 +81,7 @@ def fit_place(
             terms = np.concatenate(design)
             inverse = np.linalg.pinv(terms.T @ terms, hermitian=True)
             change = inverse @ (terms.T @ np.concatenate(misfit))
-            fit, step = fit.moved(change, np.array(scatter))
+            fit, step = fit.step(change, np.array(scatter))
             covariance = inverse[:6, :6]
             if step < settled:
                 break

@@ -121,7 +121,7 @@ def carrier_to_noise(
     return float(reference * (reference_range / slant_range) ** 2 * 10 ** (-two_way_db / 10))
 
 
-def faintest(
+def faintest_ratio(
     size: Sequence[float], *, slant_range: float, ifov: float, target_free_ifovs: int
 ) -> float:
     """Return the carrier-to-noise ratio below which single precision loses a ship in the floor.

@@ -220,13 +220,13 @@ class RangeExtent:
         True
         """
 
-        def expanded(bins: Floats) -> Floats:
+        def expand(bins: Floats) -> Floats:
             full = np.zeros((len(bins), down_range.size))
             full[:, begin : begin + bins.shape[1]] = bins
             return full
 
-        strands = expanded(strands) if len(strands) else strands
-        return cls(fraction=expanded(fraction), strands=strands, down_range=down_range, **others)
+        strands = expand(strands) if len(strands) else strands
+        return cls(fraction=expand(fraction), strands=strands, down_range=down_range, **others)
 
 
 def range_extent(
@@ -352,7 +352,7 @@ def range_extent(
     else:
         bins = half_window, bin_width, bin_count
         options: dict[str, Any] = {"side": side, "spread": spread, "lambertian": lambertian}
-        cell, fraction, strands, reach = _of_pixels(image, slant_range, shift, bins, **options)
+        cell, fraction, strands, reach = _bin_pixels(image, slant_range, shift, bins, **options)
     return RangeExtent(
         fraction=fraction,
         down_range=bin_width * (np.arange(bin_count, dtype=np.float64) + 0.5) - half_window,
@@ -367,7 +367,7 @@ def range_extent(
     )
 
 
-def _of_pixels(
+def _bin_pixels(
     image: RangeImage,
     slant_range: float,
     shift: tuple[float, float],

@@ -102,7 +102,7 @@ class Waveforms:
         self.halves = [np.empty(rows * size, dtype=np.float32) for size in self.sizes]
         self.magnitude = np.empty(most * ROWS_AT_ONCE * noise.bins, dtype=np.float32)
 
-    def of(self, first: int, frames: int) -> Iterator[NDArray[np.float32]]:
+    def magnitudes(self, first: int, frames: int) -> Iterator[NDArray[np.float32]]:
         """Yield (frame, ifov, bin) magnitudes of blocks of IFOVs, of up to ROWS_AT_ONCE frames."""
         # Imported here because numba is slow to import.
         from ncti.ladar.waveforms import put_magnitudes

@@ -206,7 +206,7 @@ def frame_blocks(
             f"receiver {receiver}, which sees each of them"
         )
     # Imported here because numba is slow to import.
-    from ncti.ladar.waveforms import add_in_turn
+    from ncti.ladar.waveforms import accumulate_frames
     from ncti.normals import draw_key
 
     noise = Noise.of(**pulse, bin_count=bins)
@@ -222,16 +222,18 @@ def frame_blocks(
     def blocks() -> Iterator[NDArray[np.float64]]:
         """Yield the blocks, from normals and waveforms in reused memory."""
         waveforms = Waveforms(noise, speckle, key=key, cell=cell)
-        floor = _TargetFree(**pulse, bin_count=bins, key=key) if as_sum else None
+        floor = _TargetFreeNoise(**pulse, bin_count=bins, key=key) if as_sum else None
         for first in range(0, frame_count, FRAMES_AT_ONCE):
             block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
             for start in range(0, len(block), ROWS_AT_ONCE):
                 rows = block[start : start + ROWS_AT_ONCE]
                 if floor:
-                    rows += math.sqrt(target_free_ifovs) * floor.of(first + start, len(rows))
+                    rows += math.sqrt(target_free_ifovs) * floor.deviations(
+                        first + start, len(rows)
+                    )
                 # All other IFOVs individually: waveform, receiver, sum.
-                for amplitude in waveforms.of(first + start, len(rows)):
-                    add_in_turn(detected(amplitude), rows)
+                for amplitude in waveforms.magnitudes(first + start, len(rows)):
+                    accumulate_frames(detected(amplitude), rows)
             yield block
 
     return blocks()
@@ -318,7 +320,7 @@ def averaged_frames(
     return cumulative_average(blocks, frame_counts)
 
 
-class _TargetFree:
+class _TargetFreeNoise:
     """Deviation of the sum of target-free IFOVs from its mean, scaled to one IFOV."""
 
     def __init__(self, *, key: NDArray[np.uint64], bin_count: int, **pulse: float) -> None:
@@ -326,7 +328,7 @@ class _TargetFree:
         self.transfer = _floor_filter(**pulse, bin_count=bin_count)
         self.normals = np.zeros((ROWS_AT_ONCE, 2, len(self.transfer) - 1), dtype=np.float32)
 
-    def of(self, first: int, frames: int) -> NDArray[np.float32]:
+    def deviations(self, first: int, frames: int) -> NDArray[np.float32]:
         """Return (frame, bin) deviations of up to ROWS_AT_ONCE frames."""
         # Imported here because scipy takes a tenth of a second, and numba is slow to import.
         from scipy.fft import irfft, rfft

@@ -38,7 +38,7 @@ FRAMES = Loops(
     (
         *("normals.put_streams", "normals.draw_run", "normals.draw_places"),
         "ladar.waveforms.put_magnitudes",
-        "ladar.waveforms.add_in_turn",
+        "ladar.waveforms.accumulate_frames",
     ),
     _sample,
 )

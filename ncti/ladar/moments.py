@@ -207,7 +207,7 @@ def banded_frame_moments(
     sigma = np.sqrt(variance)
     mean = sigma.sum(axis=0) + target_free_ifovs * math.sqrt(noise[0])
     filled = cnr * REFERENCE_BIN / extent.bin_width / n_z  # upper bound of T
-    lags = _reach(filled / noise[0], n_z=n_z, bin_count=bins)
+    lags = _correlation_reach(filled / noise[0], n_z=n_z, bin_count=bins)
     covariance = np.zeros((lags, bins))
     covariance[0] = (2 - math.pi / 2) * (variance.sum(axis=0) + target_free_ifovs * noise[0])
     floor = floor_by_lag(noise[:lags])  # of one target-free IFOV
@@ -218,7 +218,7 @@ def banded_frame_moments(
     at_once = max(1, PLACES_AT_ONCE // max(1, live.size))
     for first in range(1, lags, at_once):
         last = min(first + at_once, lags)
-        lag, ifov, n = _reached(live, first, last)
+        lag, ifov, n = _live_pairs(live, first, last)
         index = ifov * bins + n
         scale = sigma.take(index) * sigma.take(index + lag)
         field = decay.take(lag) * power.take(2 * index - ifov + lag) + noise.take(lag)
@@ -262,7 +262,7 @@ def floor_reach(*, pulse_width: float, bin_width: float) -> int:
     return math.ceil(n_t * math.sqrt(-math.log(NEGLIGIBLE)) / 2)
 
 
-def _reached(
+def _live_pairs(
     live: NDArray[np.bool_], first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return lag, IFOV and bin n of all pairs of bins n, n + lag with a target in either.
@@ -293,7 +293,7 @@ def _bracket(m: Floats) -> Floats:
     return bracket
 
 
-def _reach(peak: float, *, n_z: float, bin_count: int) -> int:
+def _correlation_reach(peak: float, *, n_z: float, bin_count: int) -> int:
     """Return the number of lags, zero included, over which a frame is correlated.
 
     The bracket is at most (2 - pi/2) m, so the covariance of two bins is at most (2 - pi/2) f^2/v,

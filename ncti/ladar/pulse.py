@@ -48,7 +48,7 @@ def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float
     return response / math.sqrt(n_z)
 
 
-def _check(pulse_width: float, bin_width: float, bin_count: int) -> None:
+def _check_pulse(pulse_width: float, bin_width: float, bin_count: int) -> None:
     """Raise `ValueError` for pulses and bins beyond the limits of float64 or memory."""
     require("pulse_width", pulse_width, minimum=SHORTEST, maximum=LONGEST)
     require("bin_width", bin_width, positive=True)
@@ -68,7 +68,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     filter are the same Gaussian, so the filtered pulse is sqrt(2) wider. Its power sums to
     sqrt(pi/8). Read-only. Warns of pulses too short for the bins to sample, N_z < 2.
     """
-    _check(pulse_width, bin_width, bin_count)
+    _check_pulse(pulse_width, bin_width, bin_count)
     if pulse_width < shortest_pulse(bin_width) * (1 - 1e-12):
         warnings.warn(
             f"pulse_width is {pulse_width!r} s, but range bins of {bin_width:g} m sample only "
@@ -77,7 +77,7 @@ def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
             stacklevel=2,
         )
     n_z = target_width(pulse_width, bin_width)
-    kernel = _by_bins(np.exp(-4 * np.arange(bin_count) ** 2 / n_z**2) / math.sqrt(n_z))
+    kernel = _lag_matrix(np.exp(-4 * np.arange(bin_count) ** 2 / n_z**2) / math.sqrt(n_z))
     kernel.setflags(write=False)  # the cache returns the same array to every caller
     return kernel
 
@@ -96,10 +96,10 @@ def noise_covariance(
     use the integral, so that samples agree with the printed B at any bin width.
     """
     by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    return _by_bins(by_lag)
+    return _lag_matrix(by_lag)
 
 
-def _by_bins(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lag_matrix(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (bin, bin) matrix of values that depend only on the distance of two bins."""
     bins = np.arange(by_lag.size)
     return by_lag[np.abs(np.subtract.outer(bins, bins))]
@@ -107,7 +107,7 @@ def _by_bins(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
     """Return the (bin,) first row of `noise_covariance`, sqrt(pi/8) exp(-2 l^2 / N_t^2)."""
-    _check(pulse_width, bin_width, bin_count)
+    _check_pulse(pulse_width, bin_width, bin_count)
     n_t = noise_width(pulse_width, bin_width)
     return math.sqrt(math.pi / 8) * np.exp(-2 * np.arange(bin_count) ** 2 / n_t**2)
 
@@ -162,7 +162,7 @@ def mirrored_factors(
     """
     bins = by_lag.size
     half = np.arange((bins + 1) // 2)
-    direct = _by_bins(by_lag[: half.size])
+    direct = _lag_matrix(by_lag[: half.size])
     across = by_lag[bins - 1 - np.add.outer(half, half)]
     return (
         low_rank_factor((direct + across) / 2, tolerance=tolerance),

@@ -117,7 +117,7 @@ def lines_within(
     require_instance("view", view, View)
     half_window, bin_count = bins_of(window, bin_width)
 
-    def binned(lines: LineImage) -> Parts:
+    def bin_lines(lines: LineImage) -> Parts:
         # One IFOV that holds the whole ship: the error does not depend on the tiling.
         return lines.bin(
             side=1e9,
@@ -128,7 +128,9 @@ def lines_within(
         )
 
     resolution = {"pulse_width": pulse_width, "bin_width": bin_width}
-    return _within(mesh, view, binned, tolerance=tolerance, spacing=spacing, **resolution)[0]
+    return _refine_to_tolerance(
+        mesh, view, bin_lines, tolerance=tolerance, spacing=spacing, **resolution
+    )[0]
 
 
 def extent_within(
@@ -193,13 +195,13 @@ def extent_within(
     require("ifov", beam.ifov, positive=True, maximum=1.0)
     drawn = drawn_range(Surfaces.of(mesh).reach, slant_range, tolerance=tolerance)
 
-    def binned(lines: LineImage) -> RangeExtent:
+    def bin_lines(lines: LineImage) -> RangeExtent:
         return range_extent(lines, slant_range=slant_range, **vars(beam))
 
-    return _within(
+    return _refine_to_tolerance(
         mesh,
         replace(view, slant_range=drawn),
-        binned,
+        bin_lines,
         tolerance=sampling_tolerance(tolerance, drawn),
         pulse_width=pulse_width,
         bin_width=beam.bin_width,
@@ -207,10 +209,10 @@ def extent_within(
     )[1]
 
 
-def _within(
+def _refine_to_tolerance(
     mesh: Mesh,
     view: View,
-    binned: Callable[[LineImage], Binned],
+    bin_lines: Callable[[LineImage], Binned],
     *,
     tolerance: float,
     pulse_width: float,
@@ -228,7 +230,7 @@ def _within(
     first = first_spacing(mesh, View.checked(**parameters), tolerance=goal, resolution=resolution)
     lines = line_image(mesh, spacing=min(first, spacing), **parameters)
     while True:
-        extent = binned(lines)
+        extent = bin_lines(lines)
         error = sampling_error(extent.strands, lines.count, pulse_width, bin_width=bin_width)
         factor = _factor(lines, error, goal)
         if not factor:

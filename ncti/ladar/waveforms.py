@@ -71,7 +71,7 @@ def put_magnitudes(
 
 
 @compiled
-def add_in_turn(kept: Singles, total: NDArray[np.float64]) -> None:
+def accumulate_frames(kept: Singles, total: NDArray[np.float64]) -> None:
     """Add the receiver output (frame, ifov, bin) to the frames (frame, bin), IFOV by IFOV."""
     for frame in range(kept.shape[0]):
         frame_total = total[frame]

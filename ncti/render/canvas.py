@@ -48,9 +48,9 @@ class Canvas:
         `facets` (facet,) are drawn in their order; `clip` (4, 4) leads from vertices to clip
         coordinates, whose volume the image of `shape` fills.
         """
-        return self._renderer.draw(self._uploaded(solid), facets, clip, shape)
+        return self._renderer.draw(self._upload_facets(solid), facets, clip, shape)
 
-    def _uploaded(self, solid: Solid) -> _Facets:
+    def _upload_facets(self, solid: Solid) -> _Facets:
         """Return the facets of a ship, uploaded to the context."""
         node = self._nodes.pop(solid, None)
         if node is None:

@@ -24,7 +24,7 @@ def engines() -> tuple[str, ...]:
 
 
 @lru_cache
-def _present(name: str) -> bool:
+def _is_present(name: str) -> bool:
     def loads(library: str) -> bool:
         try:
             ctypes.CDLL(library)
@@ -50,7 +50,7 @@ def available_engines() -> tuple[str, ...]:
     >>> "embree" in available_engines()
     True
     """
-    return tuple(name for name in engines() if _present(name))
+    return tuple(name for name in engines() if _is_present(name))
 
 
 def choose_engine(name: str) -> str:
@@ -65,7 +65,7 @@ def choose_engine(name: str) -> str:
         return next(n for n in available_engines() if n == "embree" or bound in (None, n))
     if name not in _LIBRARIES:
         raise ValueError(f"engine is {name!r}: it must be auto, {', '.join(engines())}.")
-    if not _present(name):
+    if not _is_present(name):
         alternatives = " or ".join(available_engines())
         raise EngineError(
             f"render engine {name} cannot run here, because its libraries are missing: install "

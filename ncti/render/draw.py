@@ -81,7 +81,7 @@ def range_image(
     require("pixel", pixel, positive=True)
     view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
     solid = Solid.of(mesh)
-    points = solid.along(view)
+    points = solid.view_coordinates(view)
     lattice = Lattice.around(points, view, float(pixel))
 
     drawing = start_engine(engine)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ncti.checks import require
 from ncti.render.lines import LineImage
 from ncti.render.surfaces import Surfaces
-from ncti.render.threads import swept
+from ncti.render.threads import sweep_lines
 from ncti.render.view import ROLL, View
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def line_image(
     require("spacing", spacing, positive=True)
     require("phase", phase, minimum=-2.0, maximum=2.0)
     view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
-    return _drawn(Surfaces.of(mesh), view, float(spacing), float(phase))
+    return _draw_pieces(Surfaces.of(mesh), view, float(spacing), float(phase))
 
 
 def refined(mesh: Mesh, lines: LineImage, factor: int = 2) -> LineImage:
@@ -151,13 +151,13 @@ def refined(mesh: Mesh, lines: LineImage, factor: int = 2) -> LineImage:
     """
     if not (isinstance(factor, int | np.integer) and factor >= 2):
         raise ValueError(f"factor is {factor!r}, but must be a whole number from 2 on")
-    from ncti.render.line_sweep import merge  # numba takes long to import
+    from ncti.render.line_sweep import merge_lines  # numba takes long to import
 
     kept, phase = divmod(factor * lines.phase, 1.0)
     view = View(lines.aspect, lines.depression, lines.roll, slant_range=lines.slant_range)
     spacing = lines.spacing / factor
-    new = _drawn(Surfaces.of(mesh), view, spacing, phase, int(factor), int(kept))
-    line, piece, surface = merge(
+    new = _draw_pieces(Surfaces.of(mesh), view, spacing, phase, int(factor), int(kept))
+    line, piece, surface = merge_lines(
         lines.line,
         lines.piece,
         lines.surface,
@@ -168,20 +168,22 @@ def refined(mesh: Mesh, lines: LineImage, factor: int = 2) -> LineImage:
     return replace(new, line=line, piece=piece, surface=surface)
 
 
-def _drawn(
+def _draw_pieces(
     surfaces: Surfaces, view: View, spacing: float, phase: float, every: int = 0, kept: int = 0
 ) -> LineImage:
     """Return the pieces of lines, except every `every`-th one, which a coarser view has."""
-    from ncti.render.line_sweep import cross, face, project
+    from ncti.render.line_sweep import facing_numbers, find_crossings, project
 
     axes = view.axes
     point, bounds = project(surfaces.vertices, axes, axes @ surfaces.centre, view.curvature)
-    _check(bounds, view, spacing, surfaces)
-    facing = face(surfaces.area, surfaces.moment, -axes[2], view.curvature)
-    crossings = cross(
+    _check_lines(bounds, view, spacing, surfaces)
+    facing = facing_numbers(surfaces.area, surfaces.moment, -axes[2], view.curvature)
+    crossings = find_crossings(
         point, bounds, surfaces.edge, facing, spacing, phase, np.int64(every), np.int64(kept)
     )
-    line, piece, surface = swept(crossings, surfaces=len(surfaces.area), every=every, kept=kept)
+    line, piece, surface = sweep_lines(
+        crossings, surfaces=len(surfaces.area), every=every, kept=kept
+    )
     return LineImage(
         line,
         piece,
@@ -196,7 +198,7 @@ def _drawn(
     )
 
 
-def _check(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
+def _check_lines(bounds: Floats, view: View, spacing: float, surfaces: Surfaces) -> None:
     """Refuse a sensor within the ship, and more lines than are allowed."""
     # Behind the sensor, w is negative and bounds are meaningless.
     if view.slant_range is not None and view.slant_range <= surfaces.reach:

@@ -11,7 +11,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from ncti.render.incidence import STEEPEST
-from ncti.render.solid import Solid, covered
+from ncti.render.solid import Solid, covered_columns
 from ncti.render.view import Lattice, View
 
 STEP = 2.0**-20
@@ -42,7 +42,7 @@ class EmbreeEngine:
 
         # Rays start at the near plane, so that distances in float32 are only as long as the ship.
         pixel, start, direction = rays(
-            covered(solid, view, lattice, points),
+            covered_columns(solid, view, lattice, points),
             lattice.columns,
             lattice.origin,
             lattice.pixel,
@@ -59,8 +59,8 @@ class EmbreeEngine:
         self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]
     ) -> NDArray[np.intp]:
         """Return the (ray,) first facets that face rays that start near the solid; -1 if none."""
-        facet = self._first(solid, start, direction)
-        ray = _from_behind(solid, facet, direction)
+        facet = self._first_facets(solid, start, direction)
+        ray = _hits_from_behind(solid, facet, direction)
         if not ray.size:
             return facet
         step = STEP * float(np.ptp(solid.vertices, axis=0).max())
@@ -71,13 +71,13 @@ class EmbreeEngine:
         while ray.size:
             behind = facet[ray]
             distance = _distance(solid, behind, origin, along)
-            facet[ray] = _twin(solid, behind, origin + distance[:, None] * along, step)
+            facet[ray] = _opposite_facets(solid, behind, origin + distance[:, None] * along, step)
             unresolved = facet[ray] < 0
             ray, origin, along = ray[unresolved], origin[unresolved], along[unresolved]
             passed = np.maximum(distance[unresolved], passed[unresolved]) + step
             begin = (origin + passed[:, None] * along).astype(np.float32)
-            facet[ray] = self._first(solid, begin, along.astype(np.float32))
-            remaining = _from_behind(solid, facet[ray], along)
+            facet[ray] = self._first_facets(solid, begin, along.astype(np.float32))
+            remaining = _hits_from_behind(solid, facet[ray], along)
             ray, origin, along, passed = (
                 ray[remaining],
                 origin[remaining],
@@ -86,7 +86,7 @@ class EmbreeEngine:
             )
         return facet
 
-    def _first(
+    def _first_facets(
         self, solid: Solid, start: NDArray[np.float32], direction: NDArray[np.float32]
     ) -> Indices:
         """Return the (ray,) first facets on rays, from either side; -1 if none."""
@@ -102,7 +102,9 @@ class EmbreeEngine:
         return scene
 
 
-def _from_behind(solid: Solid, facet: Indices, direction: NDArray[np.float32] | Floats) -> Indices:
+def _hits_from_behind(
+    solid: Solid, facet: Indices, direction: NDArray[np.float32] | Floats
+) -> Indices:
     """Return the rays that meet their facet from behind; a facet edge-on counts as facing them."""
     if len(direction) == 1:  # parallel rays: one cosine for each facet
         away = solid.normals @ direction[0] > STEEPEST
@@ -120,7 +122,7 @@ def _distance(solid: Solid, facet: Indices, origin: Floats, direction: Floats) -
     return ahead / np.einsum("ij,ij->i", normal, direction)
 
 
-def _twin(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
+def _opposite_facets(solid: Solid, facet: Indices, place: Floats, step: float) -> Indices:
     """Return the facets that lie back to back with others at the given places; -1 if none.
 
     Embree returns either of two coincident facets, at random.

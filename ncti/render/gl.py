@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ncti.render.engine import EngineError
 from ncti.render.opengl import bind_platform
-from ncti.render.solid import Solid, sampled
+from ncti.render.solid import Solid, sampled_facets
 from ncti.render.view import Lattice, View, clip_matrix
 
 MAX_FACETS = 2**24
@@ -51,7 +51,7 @@ class PyrenderEngine:
                 f"mesh has {len(solid.faces)} facets: OpenGL engines take at most {MAX_FACETS}."
             )
         clip = clip_matrix(view, lattice, centre=solid.centre)
-        facets = sampled(solid, view, lattice, points)
+        facets = sampled_facets(solid, view, lattice, points)
         drawing = self._thread.submit(self._canvas.draw, solid, facets, clip, lattice.shape)
         image: NDArray[np.float32] = drawing.result()
         return image

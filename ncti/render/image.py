@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.render.view import turn_of
 
 if TYPE_CHECKING:
@@ -111,23 +111,23 @@ class RangeImage:
         image, along = ("row", "col"), "cross-range along the"
         return xr.Dataset(
             {
-                "down_range": labelled(
+                "down_range": labelled_array(
                     image, self.down_range, "m", "down-range from the ship origin"
                 ),
-                "gradient": labelled(
+                "gradient": labelled_array(
                     (*image, "axis"), self.gradient, "1", "slope of down-range along the image axes"
                 ),
             },
             coords={
-                "row": labelled(
+                "row": labelled_array(
                     "row", self.origin[1] + self.pixel * rows, "m", f"{along} rows' axis"
                 ),
-                "col": labelled(
+                "col": labelled_array(
                     "col", self.origin[0] + self.pixel * cols, "m", f"{along} columns' axis"
                 ),
                 "axis": ("axis", ["col", "row"]),
-                "horizontal": labelled(image, horizontal, "m", "horizontal cross-range"),
-                "vertical": labelled(image, vertical, "m", "vertical cross-range"),
+                "horizontal": labelled_array(image, horizontal, "m", "horizontal cross-range"),
+                "vertical": labelled_array(image, vertical, "m", "vertical cross-range"),
             },
             attrs={
                 "aspect_deg": self.aspect,

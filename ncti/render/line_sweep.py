@@ -61,7 +61,7 @@ def project(
 
 
 @compiled
-def face(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Places:
+def facing_numbers(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Places:
     """Return the number (surface + 1,) of each surface, or the number of surfaces if it faces away.
 
     The last entry stands for no surface.
@@ -96,7 +96,7 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 
 
 @compiled
-def by_lines(
+def sort_by_lines(
     unsorted: NDArray[np.void],
     line: Places,
     strip: Places,
@@ -132,7 +132,7 @@ def by_lines(
 
 
 @compiled
-def cross(
+def find_crossings(
     point: Floats,
     bounds: Floats,
     edge: Places,
@@ -198,11 +198,11 @@ def cross(
             strips[strip[n]] += 1
             n += 1
 
-    return lowest, start, by_lines(unsorted, line, strip, strips, start)
+    return lowest, start, sort_by_lines(unsorted, line, strip, strips, start)
 
 
 @inlined
-def sort(crossing: NDArray[np.void]) -> None:
+def sort_crossings(crossing: NDArray[np.void]) -> None:
     """Sort the crossings of a line in place, stably.
 
     They are nearly sorted, so insertion sort is fast.
@@ -221,7 +221,7 @@ def sort(crossing: NDArray[np.void]) -> None:
 
 
 @inlined
-def outline(
+def write_outlines(
     crossing: NDArray[np.void],
     slope: Floats,
     stop: Floats,
@@ -253,7 +253,7 @@ def outline(
         begun[begins] = count | (m + 1) if count == ONCE else count
 
 
-class Active(NamedTuple):
+class ActiveSurfaces(NamedTuple):
     """Surfaces below the present place on a line, in no order.
 
     `crossing` (most,) uint32 is the crossing at which each began, `origin`, `base`, `tilt` (most,)
@@ -277,14 +277,14 @@ class Pieces(NamedTuple):
 
 
 @inlined
-def depth_of(active: Active, place: int, now: float) -> float:
+def depth_of(active: ActiveSurfaces, place: int, now: float) -> float:
     """Return the depth of a surface in the list at a coordinate."""
     return active.base[place] + active.tilt[place] * (now - active.origin[place])
 
 
 @inlined
-def overtaking(
-    active: Active, count: int, front: int, since: float, now: float
+def next_overtaking(
+    active: ActiveSurfaces, count: int, front: int, since: float, now: float
 ) -> tuple[int, float]:
     """Return the first surface on a line to pass in front of the visible one, and where.
 
@@ -306,7 +306,7 @@ def overtaking(
 
 @inlined
 def overtaking_matters(
-    active: Active, slot: int, front: int, nearest: float, begins: float, now: float
+    active: ActiveSurfaces, slot: int, front: int, nearest: float, begins: float, now: float
 ) -> bool:
     """Return whether the order of surfaces in depth matters at a crossing.
 
@@ -319,7 +319,7 @@ def overtaking_matters(
 
 
 @inlined
-def take_out(active: Active, slot: int, last: int) -> None:
+def remove_surface(active: ActiveSurfaces, slot: int, last: int) -> None:
     """Remove a surface from the list by moving the last one to its slot."""
     if slot < last:
         active.crossing[slot], active.origin[slot] = active.crossing[last], active.origin[last]
@@ -328,14 +328,16 @@ def take_out(active: Active, slot: int, last: int) -> None:
 
 
 @inlined
-def put(active: Active, slot: int, m: int, now: float, depth: float, tilt: float) -> None:
+def insert_surface(
+    active: ActiveSurfaces, slot: int, m: int, now: float, depth: float, tilt: float
+) -> None:
     """Put the surface that begins at a crossing into a slot of the list."""
     active.crossing[slot], active.slot[m] = m, slot
     active.origin[slot], active.base[slot], active.tilt[slot] = now, depth, tilt
 
 
 @inlined
-def nearest_of(active: Active, count: int, now: float) -> int:
+def nearest_of(active: ActiveSurfaces, count: int, now: float) -> int:
     """Return the slot of the nearest surface at a coordinate; -1 if the list is empty."""
     front, nearest = -1, np.inf
     for s in range(count):
@@ -346,7 +348,7 @@ def nearest_of(active: Active, count: int, now: float) -> int:
 
 
 @inlined
-def write(
+def write_piece(
     pieces: Pieces, number: int, line: Any, began: Any, slope: float, since: float, until: float
 ) -> int:
     """Write the piece from `since` to `until` of the surface that began at a crossing.
@@ -365,7 +367,7 @@ def sweep_line(
     crossings: NDArray[np.void],
     surfaces: int,
     outlines: tuple[Floats, Floats, Places],
-    active: Active,
+    active: ActiveSurfaces,
     pieces: Pieces,
     number: int,
     line: Any,
@@ -373,8 +375,8 @@ def sweep_line(
     """Write the visible pieces of one line, and return the total number of pieces; -1 if full.
 
     `crossings` (crossing,) are the line's, in order; `outlines` its slopes, ends and beginnings, as
-    of `outline`; `active` has room for its surfaces; `line` is the number of the line, and `number`
-    the number of pieces so far.
+    of `write_outlines`; `active` has room for its surfaces; `line` is the number of the line, and
+    `number` the number of pieces so far.
     """
     slope, stop, opened = outlines
     # The surface that began at crossing `top` is visible from `since` on; `front` is its slot.
@@ -391,13 +393,13 @@ def sweep_line(
         nearest = depth_of(active, front, now) if count else np.inf
         matters = overtaking_matters(active, slot, front, nearest, depth if fresh else np.inf, now)
         while matters and count > 1:
-            nearer, when = overtaking(active, count, front, since, now)
+            nearer, when = next_overtaking(active, count, front, since, now)
             if nearer < 0:
                 break
             if when > since:
                 if number == len(pieces.line):
                     return -1
-                number = write(pieces, number, line, crossings[top], slope[top], since, when)
+                number = write_piece(pieces, number, line, crossings[top], slope[top], since, when)
             front, top, since = nearer, active.crossing[nearer], when
         old = top
         if slot >= 0 and fresh:  # one surface takes the place of another
@@ -407,7 +409,7 @@ def sweep_line(
         elif slot >= 0:
             i = -1
             count -= 1
-            take_out(active, slot, count)
+            remove_surface(active, slot, count)
             if front == slot:
                 front = nearest_of(active, count, now)
                 top = active.crossing[front] if front >= 0 else -1
@@ -419,12 +421,12 @@ def sweep_line(
             if front < 0 or depth < depth_of(active, front, now):
                 front, top = i, m
         if i >= 0:
-            put(active, i, m, now, depth, slope[m])
+            insert_surface(active, i, m, now, depth, slope[m])
         if top != old:
             if old >= 0 and now > since:
                 if number == len(pieces.line):
                     return -1
-                number = write(pieces, number, line, crossings[old], slope[old], since, now)
+                number = write_piece(pieces, number, line, crossings[old], slope[old], since, now)
             since = now
     return number
 
@@ -441,9 +443,9 @@ def sweep(
 ) -> tuple[bool, Indices, Floats, Indices]:
     """Return whether there was room for all visible pieces of lines, and the pieces.
 
-    `start` (line + 1,), possibly a part, `crossing`, `every` and `kept` are as of `cross`; `room`
-    is the number of pieces per crossing to allocate, `lowest` the rank of the first line. Pieces
-    have their line (piece,) int32; (piece, 4), begin and end along it and q there; and their
+    `start` (line + 1,), possibly a part, `crossing`, `every` and `kept` are as of `find_crossings`;
+    `room` is the number of pieces per crossing to allocate, `lowest` the rank of the first line.
+    Pieces have their line (piece,) int32; (piece, 4), begin and end along it and q there; and their
     surface (piece,) int32.
     """
     lines = len(start) - 1
@@ -457,13 +459,13 @@ def sweep(
     # rounding allows.
     slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.uint32)
     depths = np.empty(most), np.empty(most), np.empty(most)
-    active = Active(np.empty(most, np.uint32), *depths, np.empty(most + 1, np.int32))
+    active = ActiveSurfaces(np.empty(most, np.uint32), *depths, np.empty(most + 1, np.int32))
     begun = np.zeros(surfaces + 1, np.int64)
     outlines, number = (slope, stop, opened), 0
     for k in range(lines):
         crossings = crossing[start[k] : start[k + 1]]
-        sort(crossings)
-        outline(crossings, slope, stop, opened, begun)
+        sort_crossings(crossings)
+        write_outlines(crossings, slope, stop, opened, begun)
         line_number = np.int32(number_of(lowest + k, every, kept))
         number = sweep_line(crossings, surfaces, outlines, active, pieces, number, line_number)
         if number < 0:
@@ -472,7 +474,7 @@ def sweep(
 
 
 @compiled
-def merge(
+def merge_lines(
     line: Indices,
     piece: Floats,
     seen: Indices,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.render.view import View, turn_of
 
 if TYPE_CHECKING:
@@ -208,14 +208,14 @@ class LineImage:
         ends = ("piece", "end")
         return xr.Dataset(
             {
-                "down_range": labelled(ends, self.down_range, "m", "down-range"),
-                "area": labelled("piece", self.area, "m2", "area it stands for"),
+                "down_range": labelled_array(ends, self.down_range, "m", "down-range"),
+                "area": labelled_array("piece", self.area, "m2", "area it stands for"),
             },
             coords={
-                "line": labelled("piece", self.line, "1", "number of the line"),
-                "surface": labelled("piece", self.surface, "1", "surface seen"),
-                "horizontal": labelled(ends, horizontal, "m", "horizontal cross-range"),
-                "vertical": labelled(ends, vertical, "m", "vertical cross-range"),
+                "line": labelled_array("piece", self.line, "1", "number of the line"),
+                "surface": labelled_array("piece", self.surface, "1", "surface seen"),
+                "horizontal": labelled_array(ends, horizontal, "m", "horizontal cross-range"),
+                "vertical": labelled_array(ends, vertical, "m", "vertical cross-range"),
             },
             attrs={
                 "aspect_deg": self.aspect,

@@ -22,16 +22,16 @@ _BOX = ShipMesh(
 """8 by 4 by 4 m, its corners numbered by their bits."""
 
 
-def of_engine(engine: str) -> Loops:
+def engine_loops(engine: str) -> Loops:
     """Return the outermost loops of an engine, or of "mask" or "lines"; they compile all others."""
     if engine == MASK:
-        return Loops("silhouettes", ("render.mask.snapped", "render.mask.fill"), _draw_mask)
+        return Loops("silhouettes", ("render.mask.snap_vertices", "render.mask.fill"), _draw_mask)
     owner = f"the engine {engine}"
     if engine == LINES:
         return Loops(owner, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
     if engine == "embree":
-        return Loops(owner, ("render.pixels.rays", "render.spans.spans"), _draw_by_embree)
-    return Loops(owner, ("render.pixels.sampled",), _draw_without_context)
+        return Loops(owner, ("render.pixels.rays", "render.spans.row_spans"), _draw_by_embree)
+    return Loops(owner, ("render.pixels.sampled_facets",), _draw_without_context)
 
 
 def _draw_lines() -> None:
@@ -65,13 +65,13 @@ def _draw_by_embree() -> None:
 
 def _draw_without_context() -> None:
     """Run the loops of OpenGL engines without an engine, which would bind OpenGL to a platform."""
-    from ncti.render.solid import Solid, sampled, surface
+    from ncti.render.solid import Solid, sampled_facets, surface
     from ncti.render.view import Lattice, View
 
     solid = Solid.of(_BOX)
     view = View.checked(**_VIEW, roll=0.0, slant_range=None)
-    points = solid.along(view)
+    points = solid.view_coordinates(view)
     lattice = Lattice.around(points, view, 0.25)
-    sampled(solid, view, lattice, points)
+    sampled_facets(solid, view, lattice, points)
     facet = np.zeros(lattice.rows * lattice.columns, np.float32)
     surface(solid, view, lattice, points, facet)

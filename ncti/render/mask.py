@@ -57,16 +57,16 @@ def ship_mask(
     require("pixel", pixel, positive=True)
     view = View.checked(aspect=aspect, depression=depression, roll=roll, slant_range=slant_range)
     solid = Solid.of(mesh)
-    lattice = Lattice.around(solid.along(view), view, float(pixel))
+    lattice = Lattice.around(solid.view_coordinates(view), view, float(pixel))
     clip = clip_matrix(view, lattice, centre=solid.centre).astype(np.float32)
-    corners = snapped(solid.vertices.astype(np.float32), clip, lattice.shape)
+    corners = snap_vertices(solid.vertices.astype(np.float32), clip, lattice.shape)
     hit = np.zeros(lattice.shape, np.bool_)
-    fill(corners, solid.faces, pixels.sampled(corners, solid.faces, EXACT), hit)
+    fill(corners, solid.faces, pixels.sampled_facets(corners, solid.faces, EXACT), hit)
     return Mask(hit, lattice.pixel, lattice.origin, view.roll)
 
 
 @compiled
-def snapped(vertices: Singles, clip: Singles, shape: tuple[int, int]) -> Floats:
+def snap_vertices(vertices: Singles, clip: Singles, shape: tuple[int, int]) -> Floats:
     """Return (vertex, 2) positions of vertices, in pixels from the centre of pixel [0, 0].
 
     `vertices` (vertex, 3) are relative to the centre of the solid, in metres; `clip` (4, 4) leads

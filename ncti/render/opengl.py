@@ -93,8 +93,8 @@ def mend_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
     def address(context: Any) -> int | None:
         return ctypes.cast(context, ctypes.c_void_p).value
 
-    def same(self: Any, other: Any) -> bool:
+    def is_same(self: Any, other: Any) -> bool:
         return isinstance(other, context_type) and address(self) == address(other)
 
-    context_type.__eq__ = same
+    context_type.__eq__ = is_same
     context_type.__hash__ = lambda self: hash(address(self))

@@ -191,7 +191,7 @@ def cells_seen(
 
 
 @inlined
-def border(
+def cell_exit(
     current: Any,
     goal: Any,
     columns: int,
@@ -334,7 +334,7 @@ def bin_pieces(
         while True:
             high, onward = end, goal
             if current != goal:
-                high, onward = border(
+                high, onward = cell_exit(
                     current, goal, columns, y, (cos, sin), (from_left, from_bottom)
                 )
                 high = min(max(high, low), end)

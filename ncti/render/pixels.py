@@ -45,7 +45,7 @@ def place(points: Floats, curvature: float, pixel: float, column: float, row: fl
 
 
 @compiled
-def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
+def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
     """Return the facets, ascending, that face the sensor and have a pixel centre within them.
 
     `seen` (vertex, 2) are positions of vertices [pixel], `faces` (facet, 3) counter-clockwise from
@@ -54,8 +54,8 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
     box, wider by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy
     x.
 
-    The loops of `_in_front` and `_covering` contain only arithmetic, which compiles to vector
-    instructions; the loops between them gather and select facets.
+    The loops of `_mark_facing` and `_mark_covering` contain only arithmetic, which compiles to
+    vector instructions; the loops between them gather and select facets.
     """
     chosen = np.empty(len(faces) + 1, np.int32)
     # Typed, as numba would compile functions again for a plain 0.
@@ -72,7 +72,7 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
             batch[2, e], batch[3, e] = seen[j, 0], seen[j, 1]
             batch[4, e], batch[5, e] = seen[k, 0], seen[k, 1]
         # Keep candidates by the bounding box, without an unpredictable branch.
-        _in_front(batch, size, margin, state)
+        _mark_facing(batch, size, margin, state)
         candidates = begin
         for e in range(size):
             facet[candidates] = start + e
@@ -80,11 +80,11 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
                 candidate[c, candidates] = batch[c, e]
             candidates += state[e]
         # Keep candidates with a centre between their sides.
-        _covering(candidate, begin, candidates, 0.0, margin, state)
+        _mark_covering(candidate, begin, candidates, 0.0, margin, state)
         for e in range(candidates):
             tried = float(ROWS)
             while state[e] == MORE:
-                _covering(candidate, e, e + 1, tried, margin, state)
+                _mark_covering(candidate, e, e + 1, tried, margin, state)
                 tried += ROWS
             chosen[number] = facet[e]
             number += state[e] & COVERS
@@ -92,7 +92,7 @@ def sampled(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np
 
 
 @compiled
-def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]) -> None:
+def _mark_facing(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]) -> None:
     """Set the state of facets to 1 if they may face the sensor and their bounding box has a centre.
 
     `corner` (6, facet) has column and row of three corners [pixel]; `state` (facet,) uint8 is the
@@ -109,13 +109,13 @@ def _in_front(corner: Floats, size: int, margin: float, state: NDArray[np.uint8]
 
 
 @compiled
-def _covering(
+def _mark_covering(
     corner: Floats, begin: Index, end: Index, tried: float, margin: float, state: NDArray[np.uint8]
 ) -> None:
     """Set the state of facets to COVERS, MORE, both or 0 by testing their next rows.
 
     Earlier calls have tested `tried` rows of the facets from `begin` to before `end`; see
-    `_in_front`.
+    `_mark_facing`.
     """
     for number in range(end - begin):
         e = np.uintp(begin + number)  # unsigned, as above

@@ -68,7 +68,7 @@ class Sampling:
     samples: int
     roll: float
 
-    def rolled(self, aspect: float) -> float:
+    def roll_at(self, aspect: float) -> float:
         """Return the roll at an aspect [deg]."""
         return self.roll if aspect <= 180 else -self.roll
 
@@ -85,11 +85,11 @@ class Sampling:
         A `RangeImage`, a `LineImage` by lines, or a `ncti.render.mask.Mask`.
         """
         view: Any = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
-        roll = self.rolled(aspect)
+        roll = self.roll_at(aspect)
         if self.engine == LINES:
             # Halve the spacing until there are enough lines. Where a bound on the area shows that
             # coarse lines are too few, start with finer ones.
-            area, halvings = self._most_visible(mesh, aspect, depression), 0
+            area, halvings = self._area_bound(mesh, aspect, depression), 0
             while self._is_short(area, self.pixel / 2**halvings):
                 halvings += 1
             first = {"spacing": self.pixel / 2**halvings, "phase": 2**halvings * PHASE % 1}
@@ -113,7 +113,7 @@ class Sampling:
         """Return whether an area [m^2] has too few samples and the spacing may be halved."""
         return area < self.samples * spacing**2 and spacing > FINEST * self.pixel
 
-    def _most_visible(self, mesh: Mesh, aspect: float, depression: float) -> float:
+    def _area_bound(self, mesh: Mesh, aspect: float, depression: float) -> float:
         """Return an upper bound on the visible area of a ship [m^2]."""
         sight = View(aspect, depression).axes[2]
-        return VISIBLE * Surfaces.of(mesh).facing(-sight)
+        return VISIBLE * Surfaces.of(mesh).facing_area(-sight)

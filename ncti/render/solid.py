@@ -65,7 +65,7 @@ class Solid:
         offsets = np.einsum("ij,ij->i", normals, corner[:, 0] + centre)
         return cls(centre, vertices, faces, normals, offsets)
 
-    def along(self, view: View) -> NDArray[np.float64]:
+    def view_coordinates(self, view: View) -> NDArray[np.float64]:
         """(3, vertex) float64 ndarray: vertices along the axes of a view, from the ship origin."""
         points: NDArray[np.float64] = view.axes @ self.vertices.T
         points += (view.axes @ self.centre)[:, None]
@@ -122,7 +122,7 @@ ROUNDING = 2.0**-20
 """Error of a vertex's place in float32, over the ship's size: sixteen roundings."""
 
 
-def sampled(
+def sampled_facets(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> NDArray[np.int32]:
     """Return the (facet,) facets that have a pixel centre, hidden ones included, as int32.
@@ -131,20 +131,20 @@ def sampled(
     """
     from ncti.render import pixels
 
-    return pixels.sampled(*_placed(solid, view, lattice, points))
+    return pixels.sampled_facets(*_place_vertices(solid, view, lattice, points))
 
 
-def covered(
+def covered_columns(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     """Return (row, 2) int64: first column of each row that may see the ship, and past the last."""
-    from ncti.render.spans import spans
+    from ncti.render.spans import row_spans
 
-    positions, faces, margin = _placed(solid, view, lattice, points)
-    return spans(positions, faces, lattice.shape, margin)
+    positions, faces, margin = _place_vertices(solid, view, lattice, points)
+    return row_spans(positions, faces, lattice.shape, margin)
 
 
-def _placed(
+def _place_vertices(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
     """Return places of vertices [pixel], facets, and the distance engines move vertices [pixel]."""

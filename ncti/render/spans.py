@@ -16,12 +16,12 @@ STRIP = 8
 
 
 @compiled
-def spans(
+def row_spans(
     seen: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
 ) -> NDArray[np.int64]:
     """Return (row, 2): the first column of each row that may see the ship, and one past the last.
 
-    Arguments are as of `ncti.render.pixels.sampled`, but facets count from either side.
+    Arguments are as of `ncti.render.pixels.sampled_facets`, but facets count from either side.
     """
     rows, columns = shape
     strips = (rows - 1) // STRIP + 1
@@ -32,7 +32,7 @@ def spans(
         ax, ay = seen[i, 0], seen[i, 1]
         bx, by = seen[j, 0], seen[j, 1]
         cx, cy = seen[k, 0], seen[k, 1]
-        first, last = _strips(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
+        first, last = _strip_range(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
         if first == last:  # the whole width of a facet within one strip
             reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
             reach[first, 1] = max(reach[first, 1], max(ax, max(bx, cx)) + margin)
@@ -50,7 +50,7 @@ def spans(
 
 
 @compiled
-def _strips(low: float, high: float, strips: int, margin: float) -> tuple[int, int]:
+def _strip_range(low: float, high: float, strips: int, margin: float) -> tuple[int, int]:
     """Return the first and the last strip with a row between two places, or nearly."""
     first = max(math.ceil(low - margin), 0) // STRIP
     return first, min(math.floor(high + margin) // STRIP, strips - 1)
@@ -62,7 +62,7 @@ def _widen(reach: Floats, x: float, y: float, u: float, v: float, margin: float)
     left, right = min(x, u) - margin, max(x, u) + margin
     slope = (u - x) / (v - y) if abs(v - y) > 1e-9 else 0.0
     broad = abs(slope) * ((STRIP - 1) / 2 + margin) + margin if slope != 0.0 else np.inf
-    first, last = _strips(min(y, v), max(y, v), len(reach), margin)
+    first, last = _strip_range(min(y, v), max(y, v), len(reach), margin)
     for strip in range(first, last + 1):
         middle = x + (strip * STRIP + (STRIP - 1) / 2 - y) * slope
         reach[strip, 0] = min(reach[strip, 0], max(left, middle - broad))

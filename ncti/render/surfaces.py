@@ -58,7 +58,7 @@ class Surfaces:
         """(3,) float64 ndarray: length, beam and height of the box around the vertices [m]."""
         return np.ptp(self.vertices, axis=0)
 
-    def facing(self, towards: Floats) -> float:
+    def facing_area(self, towards: Floats) -> float:
         """Return the projected area that faces a (3,) direction [m^2].
 
         It is an upper bound on the visible area of a closed mesh.
@@ -83,7 +83,7 @@ class Surfaces:
     @classmethod
     def _prepare(cls, solid: Solid) -> Surfaces:
         vertices, index = np.unique(solid.vertices, axis=0, return_inverse=True)
-        faces, numbers = _distinct(index.reshape(-1)[solid.faces])
+        faces, numbers = _distinct_facets(index.reshape(-1)[solid.faces])
         if not len(faces):
             raise ValueError("mesh has only facets without area: at least one must have some.")
         normals = solid.normals[numbers]
@@ -101,7 +101,7 @@ class Surfaces:
         paired = _pairs(low, high, ahead)
         left, right = facet[paired], facet[paired + 1]
 
-        surface = _merged(normals, faces, vertices, left, right)
+        surface = _merge_coplanar(normals, faces, vertices, left, right)
         size = int(surface.max()) + 1
         unpaired = np.ones(3 * count, dtype=bool)
         unpaired[paired] = unpaired[paired + 1] = False
@@ -131,7 +131,7 @@ def _sums(surface: NDArray[np.intp], vectors: Floats, size: int) -> Floats:
     )
 
 
-def _distinct(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:
+def _distinct_facets(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:
     """Return the distinct facets with three corners, and their numbers in `faces`.
 
     A duplicate facet in a surface would begin twice on a line before it ends.
@@ -158,7 +158,7 @@ def _pairs(
     return np.flatnonzero(same & ahead[:-1] & ~ahead[1:])
 
 
-def _merged(
+def _merge_coplanar(
     n: Floats,
     faces: NDArray[np.integer],
     vertices: Floats,

@@ -19,12 +19,12 @@ FEWEST = 64
 """Fewest lines per thread."""
 
 
-def swept(
+def sweep_lines(
     crossings: Sequence[Any], *, surfaces: int, every: int = 0, kept: int = 0
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Return line, piece and surface of the pieces of all lines, one part of the lines per thread.
 
-    `crossings` are as of `cross` in `ncti.render.line_sweep`, and pieces as of `sweep`.
+    `crossings` are as of `find_crossings` in `ncti.render.line_sweep`, and pieces as of `sweep`.
     """
     from ncti.render.line_sweep import sweep
 

@@ -17,13 +17,13 @@ from ncti.ships.surfaces import (
     Openings,
     Surface,
     components,
-    following,
     neighbours,
+    next_edges,
     openings,
     surface_of,
     triangle_areas,
 )
-from ncti.ships.welding import APART, counted, welded
+from ncti.ships.welding import APART, count_text, weld_surface
 
 MOST_OPENINGS = 10_000  # to which planes are fitted
 MOST_OPEN = 0.05  # of the surface, up to which openings are closed on request
@@ -62,7 +62,7 @@ class Body:
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
     @property
-    def turned(self) -> Body:
+    def reversed_body(self) -> Body:
         """The body with all facets reversed."""
         return Body(self.vertices, self.faces[:, ::-1])
 
@@ -74,7 +74,7 @@ class Body:
             raise ShipError(f"{where} is not the surface of a solid, but must be one.")
         return solid
 
-    def joined(self, other: Body) -> Body:
+    def join(self, other: Body) -> Body:
         """Return the union of facets of both bodies."""
         return Body(
             np.concatenate([self.vertices, other.vertices]),
@@ -124,20 +124,20 @@ def closed_bodies(
     (`ShipError`) a mesh that is open or has a side that is both inner and outer.
     """
     work = Workshop(where, locate, repair)
-    surface = surface_of(vertices, _wound_alike(vertices, np.asarray(faces, np.int64), work))
-    if surface.open.size:
-        surface = _welded(surface, work)
-    if surface.open.size:
-        surface = _without_openings(surface.split(), work)
+    surface = surface_of(vertices, _align_winding(vertices, np.asarray(faces, np.int64), work))
+    if surface.open_edges.size:
+        surface = _weld(surface, work)
+    if surface.open_edges.size:
+        surface = _close_openings(surface.split(), work)
     labels = surface.labels()
     by_label = np.argsort(labels, kind="stable")
     members = np.split(by_label, np.flatnonzero(np.diff(labels[by_label])) + 1)
-    members = _distinct(surface.faces, members, work)
+    members = _distinct_bodies(surface.faces, members, work)
     if surface.is_pinched or len(members) > 1:
         surface = surface.split()
-    bodies = _outward([_body(surface, facets) for facets in members], work)
+    bodies = _orient_outward([_body(surface, facets) for facets in members], work)
     if surface.is_pinched:
-        bodies = [_unpinched(body, where) for body in bodies]
+        bodies = [_split_pinches(body, where) for body in bodies]
     return bodies, tuple(work.faults)
 
 
@@ -146,7 +146,7 @@ def _body(surface: Surface, facets: NDArray[np.int64]) -> Body:
     return Body(surface.vertices[used], faces.reshape(-1, 3).astype(np.int64))
 
 
-def _unpinched(body: Body, where: str) -> Body:
+def _split_pinches(body: Body, where: str) -> Body:
     """Return a body in which exactly two facets meet at each edge, also where it touches itself."""
     if not surface_of(body.vertices, body.faces).is_pinched:
         return body
@@ -158,7 +158,7 @@ def _unpinched(body: Body, where: str) -> Body:
     return Body(corners.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]))
 
 
-def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
+def _align_winding(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
     """Return facets wound alike within each body, reversing the minority."""
     first, second, opposed = neighbours(len(vertices), faces)
     if opposed.all():
@@ -182,30 +182,30 @@ def _wound_alike(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
     wrong = (size < turned_size) | ((size == turned_size) & (labels[0] > labels[1]))
     place = work.place(vertices[faces[wrong][0]])
     work.faults.append(
-        f"{counted(int(wrong.sum()), 'facet')} wound the other way than those around "
+        f"{count_text(int(wrong.sum()), 'facet')} wound the other way than those around "
         f"(the first at {place})"
     )
     return np.where(wrong[:, None], faces[:, ::-1], faces)
 
 
-def _welded(surface: Surface, work: Workshop) -> Surface:
+def _weld(surface: Surface, work: Workshop) -> Surface:
     """Return a surface welded along open edges, or unchanged if welding makes it one-sided.
 
     Welding may fold slivers beside an opening onto each other.
     """
-    closer, faults = welded(surface)
+    closer, faults = weld_surface(surface)
     try:
-        faces = _wound_alike(closer.vertices, closer.faces, work)
+        faces = _align_winding(closer.vertices, closer.faces, work)
     except ShipError:
         return surface
     work.faults += faults
     return closer if faces is closer.faces else surface_of(closer.vertices, faces)
 
 
-def _without_openings(surface: Surface, work: Workshop) -> Surface:
+def _close_openings(surface: Surface, work: Workshop) -> Surface:
     """Return a split surface with its openings closed; refuse openings that may not be closed."""
-    corner, edges = surface.faces.ravel(), surface.open
-    rim, ends = np.unique([corner[edges], corner[following(edges)]], return_inverse=True)
+    corner, edges = surface.faces.ravel(), surface.open_edges
+    rim, ends = np.unique([corner[edges], corner[next_edges(edges)]], return_inverse=True)
     starts, stops = ends.reshape(2, -1)
     number = int(components(starts, stops, len(rim)).max()) + 1
     if number > MOST_OPENINGS:
@@ -216,16 +216,18 @@ def _without_openings(surface: Surface, work: Workshop) -> Surface:
     wide = np.flatnonzero(2 * holes.areas > distance * holes.perimeters)
     slits = len(holes.loops) - len(wide)
     closed = surface_of(surface.vertices, np.concatenate([surface.faces, *holes.patches]))
-    if closed.open.size:
+    if closed.open_edges.size:
         raise ShipError(f"{work.where} is open at {work.place(closed.corners)}, where no plane is.")
     if slits:
-        work.faults.append(f"{counted(slits, 'slit')} less than {1000 * distance:.2g} mm wide")
+        work.faults.append(f"{count_text(slits, 'slit')} less than {1000 * distance:.2g} mm wide")
     if len(wide):
-        work.faults.append(_opening(surface, holes, wide, work))
+        work.faults.append(_describe_openings(surface, holes, wide, work))
     return closed
 
 
-def _opening(surface: Surface, holes: Openings, wide: NDArray[np.int64], work: Workshop) -> str:
+def _describe_openings(
+    surface: Surface, holes: Openings, wide: NDArray[np.int64], work: Workshop
+) -> str:
     """Describe the openings in words; refuse the surface if they may not be closed."""
     areas, loops = holes.areas[wide], [holes.loops[number] for number in wide]
     water = APART * float(np.ptp(surface.vertices, axis=0).max())
@@ -234,7 +236,7 @@ def _opening(surface: Surface, holes: Openings, wide: NDArray[np.int64], work: W
     share = float(areas[above_water].sum()) / total_area
     largest = int(np.argmax(areas))
     measures = (
-        f"{counted(len(loops), 'opening')} (above water {100 * share:.2g} % of its surface; the "
+        f"{count_text(len(loops), 'opening')} (above water {100 * share:.2g} % of its surface; the "
         f"largest is {areas[largest]:,.2f} m2, at {work.place(surface.vertices[loops[largest]])})"
     )
     if work.repair and share <= MOST_OPEN:
@@ -244,14 +246,14 @@ def _opening(surface: Surface, holes: Openings, wide: NDArray[np.int64], work: W
         if share <= MOST_OPEN
         else f"repair: true closes at most {100 * MOST_OPEN:g} %; add the missing facets"
     )
-    edges = counted(sum(map(len, loops)), "edge")
+    edges = count_text(sum(map(len, loops)), "edge")
     raise ShipError(
         f"{work.where} is open along {edges} in {measures}, but must be a closed surface "
         f"({advice})."
     )
 
 
-def _distinct(
+def _distinct_bodies(
     faces: Faces, members: list[NDArray[np.int64]], work: Workshop
 ) -> list[NDArray[np.int64]]:
     """Return the facets of each distinct body."""
@@ -262,15 +264,15 @@ def _distinct(
         corners = np.sort(faces[facets], axis=1)
         known.setdefault(corners[np.lexsort(corners.T)].tobytes(), facets)
     if doubles := len(members) - len(known):
-        work.faults.append(f"{counted(doubles, 'body', 'bodies')} given twice")
+        work.faults.append(f"{count_text(doubles, 'body', 'bodies')} given twice")
     return list(known.values())
 
 
-def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
+def _orient_outward(bodies: list[Body], work: Workshop) -> list[Body]:
     """Return bodies turned outward, each with its cavities, followed by flat bodies."""
     solids, flat = [body for body in bodies if body.volume], [b for b in bodies if not b.volume]
     inverse = sum(body.volume for body in solids) < 0
-    outward = [body if body.volume > 0 else body.turned for body in solids]
+    outward = [body if body.volume > 0 else body.reversed_body for body in solids]
     bounds = np.array([body.bounds for body in outward]).reshape(-1, 2, 3)
     outer, cavities, wrong = [], [], []
     for number, (body, turned) in enumerate(zip(solids, outward, strict=True)):
@@ -291,7 +293,7 @@ def _outward(bodies: list[Body], work: Workshop) -> list[Body]:
     containers = dict(zip(outer, (outward[number] for number in outer), strict=True))
     for number, around in cavities:
         container = min((k for k in around if k in containers), key=lambda k: outward[k].volume)
-        containers[container] = containers[container].joined(outward[number].turned)
+        containers[container] = containers[container].join(outward[number].reversed_body)
     if wrong:
         place = work.place(solids[wrong[0]].vertices)
         work.faults.append(

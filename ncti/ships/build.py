@@ -12,7 +12,7 @@ from manifold3d import Error, Manifold
 from numpy.typing import NDArray
 
 from ncti.ships import fittings, solids
-from ncti.ships.errors import ShipError, shown
+from ncti.ships.errors import ShipError, short_repr
 from ncti.ships.lofting import union
 from ncti.ships.sheets import Component, Part, Sheet
 
@@ -69,7 +69,7 @@ class Ship:
 
 def _primitive(part: Part, sink: float) -> Manifold:
     sizes = dict(part.sizes)
-    if part.stands:
+    if part.has_base:
         sizes.setdefault("sink", sink)
     return MAKERS[part.prim](**sizes)
 
@@ -97,7 +97,7 @@ def _windows(sheet: Sheet, component: Component) -> Manifold:
     return fittings.windows(plan, host.sizes["height"], sill=sill, **sizes)
 
 
-def _single(sheet: Sheet, component: Component) -> Manifold:
+def _single_copy(sheet: Sheet, component: Component) -> Manifold:
     """Return one copy of a component about its own origin."""
     sizes: dict[str, Any] = dict(component.sizes)
     match component.prim:
@@ -110,7 +110,7 @@ def _single(sheet: Sheet, component: Component) -> Manifold:
             edge, inset = sizes.pop("edge", None), sizes.pop("inset", 0.1)
             if edge is not None:
                 pitch = sizes["pitch"]
-                sizes["path"] = fittings.along_edge(sheet.hull, edge, inset=inset, pitch=pitch)
+                sizes["path"] = fittings.edge_path(sheet.hull, edge, inset=inset, pitch=pitch)
             fence = fittings.rail if component.prim == "rail" else fittings.net
             return fence(**sizes)
         case "windows":
@@ -120,11 +120,11 @@ def _single(sheet: Sheet, component: Component) -> Manifold:
 
 def copies_of(sheet: Sheet, component: Component) -> list[Manifold]:
     """Return the copies of a component at the sheet's places, without mirror images."""
-    single = _single(sheet, component)
+    single = _single_copy(sheet, component)
     if single.status() != Error.NoError or single.volume() <= 0:
         raise ShipError(
-            f"{sheet.name}: component {shown(component.name)} is not a solid with these sizes, "
-            "but must enclose a volume."
+            f"{sheet.name}: component {short_repr(component.name)} is not a solid with these "
+            "sizes, but must enclose a volume."
         )
     return [single.translate(np.add(component.at, (*shift, 0.0))) for shift in component.offsets]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Check = Callable[[Any], Any]
 
 
-class Refused(Exception):
+class RefusedValueError(Exception):
     """Error of a value that is not allowed; its message names the allowed values."""
 
 
@@ -22,7 +22,7 @@ def number(value: Any, low: float = -1000.0, high: float = 1000.0) -> float:
     """Return a finite number within bounds."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not low <= value <= high:
-        raise Refused(f"a number between {low:g} and {high:g}")
+        raise RefusedValueError(f"a number between {low:g} and {high:g}")
     return float(value)
 
 
@@ -36,21 +36,21 @@ slope = partial(number, low=-80.0, high=80.0)  # [deg]
 def count(value: Any, low: int = 1, high: int = 100) -> int:
     """Return a whole number within bounds."""
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise Refused(f"a whole number between {low} and {high}")
+        raise RefusedValueError(f"a whole number between {low} and {high}")
     return value
 
 
 def flag(value: Any) -> bool:
     """Return true or false."""
     if not isinstance(value, bool):
-        raise Refused("true or false")
+        raise RefusedValueError("true or false")
     return value
 
 
 def text(value: Any) -> str:
     """Return a text that is not empty."""
     if not isinstance(value, str) or not value:
-        raise Refused("a text")
+        raise RefusedValueError("a text")
     return value
 
 
@@ -59,7 +59,7 @@ def one_of(*names: str) -> Check:
 
     def check(value: Any) -> Any:
         if value not in names:
-            raise Refused(" or ".join(names))
+            raise RefusedValueError(" or ".join(names))
         return value
 
     return check
@@ -68,7 +68,7 @@ def one_of(*names: str) -> Check:
 def pair(value: Any) -> tuple[float, float]:
     """Return two numbers."""
     if not isinstance(value, list) or len(value) != 2:
-        raise Refused("a list of two numbers")
+        raise RefusedValueError("a list of two numbers")
     return number(value[0]), number(value[1])
 
 
@@ -76,7 +76,7 @@ def span(value: Any) -> tuple[float, float]:
     """Return two numbers, the greater last."""
     first, last = pair(value)
     if first >= last:
-        raise Refused("a list of two growing numbers")
+        raise RefusedValueError("a list of two growing numbers")
     return first, last
 
 
@@ -84,7 +84,7 @@ def points(value: Any, *, columns: int, rows: int) -> NDArray[np.float64]:
     """Return the points of a list of at least `rows`, as an array."""
     is_table = isinstance(value, list) and len(value) >= rows
     if not is_table or any(not isinstance(row, list) or len(row) != columns for row in value):
-        raise Refused(f"a list of at least {rows} lists of {columns} numbers")
+        raise RefusedValueError(f"a list of at least {rows} lists of {columns} numbers")
     return np.array([[number(coordinate) for coordinate in row] for row in value])
 
 
@@ -94,7 +94,7 @@ def path(value: Any) -> NDArray[np.float64]:
     step = np.diff(nodes, axis=0)
     length = np.linalg.norm(step, axis=1, keepdims=True)
     if length.min() < 0.01 or (np.sum((step / length)[1:] * (step / length)[:-1], 1) < -0.9).any():
-        raise Refused("a path that neither rests nor turns back")
+        raise RefusedValueError("a path that neither rests nor turns back")
     return nodes
 
 
@@ -109,5 +109,5 @@ def polygon(value: Any) -> NDArray[np.float64]:
         [corners]
     ).area()  # unlike the sum above where the outline crosses itself
     if repeats or abs(area) < 1e-3 or not math.isclose(covered, abs(area), rel_tol=1e-6):
-        raise Refused("a polygon that encloses an area and does not cross itself")
+        raise RefusedValueError("a polygon that encloses an area and does not cross itself")
     return corners

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from ncti.ships.errors import ShipError, shown
+from ncti.ships.errors import ShipError, short_repr
 
 # The packaged sheets have up to 2,300 values, nested 6 deep. Every use of an alias counts: a few
 # lines of aliases to aliases stand for more values than fit into memory.
@@ -20,7 +20,7 @@ LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 MERGE = "tag:yaml.org,2002:merge"  # of the key '<<', whose values a mapping's own keys override
 
 
-class _Twice(Exception):
+class _DuplicateKeyError(Exception):
     """Duplicate key in a mapping; YAML libraries silently take the last value."""
 
 
@@ -35,7 +35,9 @@ class _Loader(LOADER):  # type: ignore[valid-type, misc]
             if isinstance(key, yaml.ScalarNode):
                 name = self.construct_object(key)
                 if name in names:
-                    raise _Twice(f"{shown(name)} is given twice (line {key.start_mark.line + 1})")
+                    raise _DuplicateKeyError(
+                        f"{short_repr(name)} is given twice (line {key.start_mark.line + 1})"
+                    )
                 names.add(name)
         return super().construct_mapping(node, deep)
 
@@ -51,7 +53,7 @@ def read(where: str, text: str) -> Any:
         return yaml.load(text, _Loader)
     except ShipError:
         raise
-    except _Twice as twice:
+    except _DuplicateKeyError as twice:
         raise ShipError(f"{where}: {twice}.") from None
     except Exception as error:  # constructors of tags may raise anything
         line = getattr(getattr(error, "problem_mark", None), "line", None)
@@ -73,14 +75,14 @@ def _check_size(where: str, text: str) -> None:
                 values += size
             case yaml.ScalarEvent(anchor=anchor, value=value):
                 if len(value) > LONGEST:
-                    excess = f"has {shown(value)} of {len(value)} characters"
-                    raise _excessive(where, excess, LONGEST)
+                    excess = f"has {short_repr(value)} of {len(value)} characters"
+                    raise _excess_error(where, excess, LONGEST)
                 values += 1
                 size_of[anchor] = 1
             case yaml.CollectionStartEvent(anchor=anchor):
                 opened.append((anchor, values))
                 if len(opened) > DEEPEST:
-                    raise _excessive(where, f"is nested {len(opened)} deep", DEEPEST)
+                    raise _excess_error(where, f"is nested {len(opened)} deep", DEEPEST)
                 values += 1
                 size_of[anchor] = None
             case yaml.CollectionEndEvent():
@@ -88,8 +90,8 @@ def _check_size(where: str, text: str) -> None:
                 size_of[anchor] = values - before
         if values > MOST_VALUES:
             excess = f"has {values} values or more, with those that its aliases stand for"
-            raise _excessive(where, excess, MOST_VALUES)
+            raise _excess_error(where, excess, MOST_VALUES)
 
 
-def _excessive(where: str, excess: str, most: int) -> ShipError:
+def _excess_error(where: str, excess: str, most: int) -> ShipError:
     return ShipError(f"{where}: {excess}, but may be at most {most}.")

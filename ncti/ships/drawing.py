@@ -61,11 +61,12 @@ def spans_at(columns: Floats, vertices: Floats, faces: NDArray[np.integer]) -> l
     ends = np.bincount(column, minlength=len(columns)).cumsum()
     by_column = np.split(facet, ends[:-1])
     return [
-        _united(*_crossed(x, corners[facets])) for x, facets in zip(columns, by_column, strict=True)
+        _unite_intervals(*_crossing_points(x, corners[facets]))
+        for x, facets in zip(columns, by_column, strict=True)
     ]
 
 
-def _crossed(x: float, corners: Floats) -> tuple[Floats, Floats]:
+def _crossing_points(x: float, corners: Floats) -> tuple[Floats, Floats]:
     """Return the lowest and highest points of facets, corners by x, in a plane of constant x."""
     (x0, z0), (x1, z1), (x2, z2) = (corners[:, k].T for k in range(3))
     # The plane meets the longest side, and the one before or after the middle corner.
@@ -78,7 +79,7 @@ def _crossed(x: float, corners: Floats) -> tuple[Floats, Floats]:
     return np.minimum(long, short), np.maximum(long, short)
 
 
-def _united(low: Floats, high: Floats) -> Floats:
+def _unite_intervals(low: Floats, high: Floats) -> Floats:
     """Return the union of some intervals as (span, 2) disjoint ones, in ascending order."""
     if not len(low):
         return np.empty((0, 2))

@@ -37,15 +37,15 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-def shown(value: Any) -> str:
+def short_repr(value: Any) -> str:
     """Return a value as text of at most 60 characters, in a time independent of its size.
 
     A YAML alias takes a few bytes but may expand to millions of values.
     """
-    return _Short().repr(value)[:60]
+    return _ShortRepr().repr(value)[:60]
 
 
-class _Short(reprlib.Repr):
+class _ShortRepr(reprlib.Repr):
     def __init__(self) -> None:
         super().__init__()
         self.maxlevel = 3

@@ -12,7 +12,7 @@ from ncti.ships.hull import Hull
 from ncti.ships.lofting import Points, loft, tube, union
 
 
-def along_edge(hull: Hull, edge: tuple[float, float], *, inset: float, pitch: float) -> Points:
+def edge_path(hull: Hull, edge: tuple[float, float], *, inset: float, pitch: float) -> Points:
     """(n, 3) path of points `pitch` [m] apart, `inset` [m] inboard of the starboard deck edge."""
     start, end = edge
     x = np.linspace(start, end, 1 + max(1, round((end - start) / pitch)))

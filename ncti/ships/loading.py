@@ -19,7 +19,7 @@ from ncti.ships import cache as store
 from ncti.ships import checks, meshes, sheets
 from ncti.ships.build import Ship, build
 from ncti.ships.drawing import figure, measures
-from ncti.ships.errors import ShipError, shown
+from ncti.ships.errors import ShipError, short_repr
 from ncti.ships.orientation import Diagnosis
 from ncti.ships.perturbation import (
     LEAST_SCALE,
@@ -28,7 +28,7 @@ from ncti.ships.perturbation import (
     Variant,
     build_variant,
     carriage,
-    no_variant,
+    variant_error,
 )
 from ncti.ships.shape import ShipMesh
 from ncti.ships.transform import Transform
@@ -60,7 +60,7 @@ class _Source:
 
     @property
     def digest(self) -> str:
-        parts = [_builder(), self.suffix.encode(), self.content]
+        parts = [_builder_hashes(), self.suffix.encode(), self.content]
         if self.is_sheet:
             parts.append(_templates())
         if self.variant is not None:
@@ -119,7 +119,7 @@ def digest(name_or_path: str | Path, **transform: Any) -> str:
     >>> len(ncti.ships.digest("duncan"))
     64
     """
-    return Transform(**transform).digest(_find(name_or_path).digest)
+    return Transform(**transform).digest(_find_source(name_or_path).digest)
 
 
 def load(
@@ -195,8 +195,8 @@ def ship_mesh(
     cache: str | Path | None = None,
 ) -> ShipMesh:
     """Return the mesh of `load` without importing trimesh; raises as `load` does."""
-    source, transform = _find(name_or_path), transform or Transform()
-    ship, diagnosis, faults = _solid(source, transform, cache)
+    source, transform = _find_source(name_or_path), transform or Transform()
+    ship, diagnosis, faults = _ship_solid(source, transform, cache)
     attributes = {
         "name": source.name,
         "digest": transform.digest(source.digest),
@@ -204,7 +204,7 @@ def ship_mesh(
         "beam": ship.beam,
         "variant_of": source.variant.base if source.variant else None,
         "findings": diagnosis.findings,
-        "mend": _corrected(transform, diagnosis),
+        "mend": _correct_transform(transform, diagnosis),
         "faults": faults,
     }
     return ShipMesh(ship.vertices, ship.faces, attributes)
@@ -273,18 +273,20 @@ def variants(
     ('duncan@0.1', 'duncan', True)
     """
     if name not in names():
-        raise ShipError(f"name {shown(name)} must be one of {', '.join(names())}.")
+        raise ShipError(f"name {short_repr(name)} must be one of {', '.join(names())}.")
     for key, value, least in (("count", count, 1), ("seed", seed, 0)):
         if (
             isinstance(value, bool)
             or not isinstance(value, Integral)
             or not least <= value < 10**18
         ):
-            raise ShipError(f"{key} {shown(value)} must be a whole number of at least {least}.")
+            raise ShipError(
+                f"{key} {short_repr(value)} must be a whole number of at least {least}."
+            )
     try:
         scale = checks.number(scale, low=LEAST_SCALE, high=MOST_SCALE)
-    except checks.Refused as allowed:
-        raise ShipError(f"scale is {shown(scale)}, but must be {allowed}.") from None
+    except checks.RefusedValueError as allowed:
+        raise ShipError(f"scale is {short_repr(scale)}, but must be {allowed}.") from None
     labels = [str(Variant(name, int(seed), number, scale)) for number in range(1, int(count) + 1)]
     return tuple(load(label, cache=cache) for label in labels)
 
@@ -402,9 +404,9 @@ def describe(
     >>> wrong.mend.is_identity
     True
     """
-    source = _find(name_or_path)
+    source = _find_source(name_or_path)
     transform = Transform(up=up, forward=forward, scale=scale, offset=offset, repair=repair)
-    ship, diagnosis, faults = _solid(source, transform, cache)
+    ship, diagnosis, faults = _ship_solid(source, transform, cache)
     length, beam, height = (float(extent) for extent in np.ptp(ship.vertices, axis=0))
     return Description(
         source.name,
@@ -415,14 +417,14 @@ def describe(
         ship.vertices,
         ship.faces,
         diagnosis.findings,
-        _corrected(transform, diagnosis),
+        _correct_transform(transform, diagnosis),
         faults,
     )
 
 
-def _corrected(transform: Transform, diagnosis: Diagnosis) -> Transform | None:
+def _correct_transform(transform: Transform, diagnosis: Diagnosis) -> Transform | None:
     """Return the transform of a file that also corrects the diagnosed faults, if there are any."""
-    return None if diagnosis.mend is None else transform.then(diagnosis.mend)
+    return None if diagnosis.mend is None else transform.compose(diagnosis.mend)
 
 
 def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bool:
@@ -430,16 +432,16 @@ def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bo
 
     Raises ShipError as `digest` does.
     """
-    source = _find(name_or_path)
-    return not source.is_sheet or _cached(source, cache).exists()
+    source = _find_source(name_or_path)
+    return not source.is_sheet or _cache_file(source, cache).exists()
 
 
-def _cached(source: _Source, cache: str | Path | None) -> Path:
+def _cache_file(source: _Source, cache: str | Path | None) -> Path:
     folder = store.default_folder() if cache is None else Path(cache)
     return folder / f"{source.digest}.npz"
 
 
-def _solid(
+def _ship_solid(
     source: _Source, transform: Transform, cache: str | Path | None
 ) -> tuple[Ship, Diagnosis, tuple[str, ...]]:
     if not source.is_sheet:
@@ -447,10 +449,10 @@ def _solid(
         placed = meshes.read(source.content, source.suffix, transform, where=where)
         loa, beam, _ = (float(extent) for extent in np.ptp(placed.vertices, axis=0))
         return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis, placed.faults
-    path = _cached(source, cache)
+    path = _cache_file(source, cache)
     ship = store.read(path)
     if ship is None:
-        ship = _built(source)
+        ship = _build_ship(source)
         store.write(path, ship)
     if transform.is_identity:
         return ship, Diagnosis(), ()
@@ -459,49 +461,51 @@ def _solid(
     return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis, placed.faults
 
 
-def _built(source: _Source) -> Ship:
+def _build_ship(source: _Source) -> Ship:
     if source.variant is None:
-        return build(_parsed(source))
-    sheet, borne = _carried(replace(source, name=source.variant.base, variant=None))
+        return build(_parse_sheet(source))
+    sheet, borne = _sheet_and_carriage(replace(source, name=source.variant.base, variant=None))
     return build_variant(sheet, borne, source.variant)
 
 
-def _parsed(source: _Source) -> sheets.Sheet:
-    return sheets.parse(_text(source), _templates().decode(), where=source.name)
+def _parse_sheet(source: _Source) -> sheets.Sheet:
+    return sheets.parse(_sheet_text(source), _templates().decode(), where=source.name)
 
 
 @lru_cache(maxsize=8)
-def _carried(source: _Source) -> tuple[sheets.Sheet, Carriage]:
-    sheet = _parsed(source)
+def _sheet_and_carriage(source: _Source) -> tuple[sheets.Sheet, Carriage]:
+    sheet = _parse_sheet(source)
     return sheet, carriage(sheet)
 
 
-def _packaged(name: str) -> bytes:
+def _packaged_sheet(name: str) -> bytes:
     return (resources.files("ncti.ships") / "sheets" / f"{name}.yaml").read_bytes()
 
 
-def _find(name_or_path: str | Path) -> _Source:
+def _find_source(name_or_path: str | Path) -> _Source:
     packaged = names()
     known = ", ".join(packaged)
     kinds = ", ".join(SHEET_SUFFIXES + MESH_SUFFIXES)
     if not isinstance(name_or_path, str | Path):
-        raise ShipError(f"ship {shown(name_or_path)} must be one of {known}, or a path ({kinds}).")
+        raise ShipError(
+            f"ship {short_repr(name_or_path)} must be one of {known}, or a path ({kinds})."
+        )
     if name_or_path in packaged:
-        return _Source(str(name_or_path), ".yaml", _packaged(str(name_or_path)))
-    variant = Variant.read(name_or_path) if isinstance(name_or_path, str) else None
+        return _Source(str(name_or_path), ".yaml", _packaged_sheet(str(name_or_path)))
+    variant = Variant.parse(name_or_path) if isinstance(name_or_path, str) else None
     if variant is not None and variant.base in packaged:
-        return _Source(str(variant), ".yaml", _packaged(variant.base), variant)
+        return _Source(str(variant), ".yaml", _packaged_sheet(variant.base), variant)
     path = Path(name_or_path)
     suffix = path.suffix.lower()
     if suffix not in SHEET_SUFFIXES + MESH_SUFFIXES:
         if path.name.partition("@")[0] in packaged:
-            raise no_variant(str(path))
+            raise variant_error(str(path))
         raise ShipError(
             f"unknown ship '{path}', known are {known}, or the path of a file ({kinds})."
         )
     _check_label(path)
     try:
-        return _Source(path.stem, suffix, _content(path, MOST_MEGABYTES[suffix]))
+        return _Source(path.stem, suffix, _read_content(path, MOST_MEGABYTES[suffix]))
     except ShipError:
         raise
     except (OSError, ValueError) as error:
@@ -514,12 +518,12 @@ def _check_label(path: Path) -> None:
     label = path.stem
     if not label.strip() or len(label) > LONGEST_LABEL or not label.isprintable():
         raise ShipError(
-            f"ship file {shown(path.name)} cannot label its ship: its name must have 1 to "
+            f"ship file {short_repr(path.name)} cannot label its ship: its name must have 1 to "
             f"{LONGEST_LABEL} printable characters before '{path.suffix}'."
         )
 
 
-def _content(path: Path, megabytes: int) -> bytes:
+def _read_content(path: Path, megabytes: int) -> bytes:
     """Return the content of a regular file; reading a pipe or device might never end."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise ShipError(f"ship file '{path}' is no regular file, but must be one.")
@@ -540,7 +544,7 @@ def _open_without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)
 
 
-def _text(source: _Source) -> str:
+def _sheet_text(source: _Source) -> str:
     try:
         return source.content.decode()
     except UnicodeDecodeError:
@@ -549,11 +553,11 @@ def _text(source: _Source) -> str:
 
 @memoised
 def _templates() -> bytes:
-    return _packaged("templates")
+    return _packaged_sheet("templates")
 
 
 @memoised
-def _builder() -> bytes:
+def _builder_hashes() -> bytes:
     """Return hashes of the code that builds a mesh: this package and the solid modeller."""
     modules = sorted(
         (entry.name, entry.read_bytes())

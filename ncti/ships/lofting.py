@@ -71,7 +71,7 @@ def tube(path: ArrayLike, radius: ArrayLike, *, sides: int = 6, closed: bool = F
     return loft(path[:, None] + reach[:, None, None] * circle, closed=closed)
 
 
-def pitched(points: ArrayLike, elevation: float) -> Points:
+def pitch_points(points: ArrayLike, elevation: float) -> Points:
     """Rotate points about the second axis: the first axis is raised by `elevation` [deg]."""
     cos, sin = np.cos(np.radians(elevation)), np.sin(np.radians(elevation))
     return np.asarray(points, dtype=np.float64) @ [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]

@@ -28,7 +28,7 @@ SHORTEST_SHIP, LONGEST_SHIP = 10.0, 460.0  # [m]; bounds for guessing the unit
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedMesh:
     """A mesh in the ship frame, and signs that it is not.
 
     `vertices` (vertex, 3) [m] lie above the waterline; `faces` (facet, 3) are counter-clockwise
@@ -42,7 +42,7 @@ class Placed:
     faults: tuple[str, ...] = ()
 
 
-def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Placed:
+def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> PlacedMesh:
     """Return the mesh of a file: closed, wound outward, above the waterline.
 
     It unites closed bodies, of one geometry or several, joins geometries that are closed only
@@ -51,24 +51,24 @@ def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Place
     a file that is corrupt, or a mesh that is empty, not finite, not in metres, open, one-sided,
     without inside, or under water.
     """
-    parts = _in_ship_frame(_parts(data, suffix, where), transform, where)
+    parts = _to_ship_frame(_parts(data, suffix, where), transform, where)
     bodies, faults = _bodies(parts, transform, where)
-    return _above_water(bodies, transform, where, faults)
+    return _clip_to_water(bodies, transform, where, faults)
 
 
 def place(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], transform: Transform, *, where: str
-) -> Placed:
+) -> PlacedMesh:
     """Return a built ship, whose surface is closed, after a transform; raises as `read` does."""
     # Imported where it is used: trimesh takes half a second.
     import trimesh
 
-    (ship,) = _in_ship_frame([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
+    (ship,) = _to_ship_frame([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
     body = Body(np.asarray(ship.vertices), np.asarray(ship.faces))
-    return _above_water([body], transform, where, ())
+    return _clip_to_water([body], transform, where, ())
 
 
-def _in_ship_frame(
+def _to_ship_frame(
     parts: list[trimesh.Trimesh], transform: Transform, where: str
 ) -> list[trimesh.Trimesh]:
     """Return transformed geometries; refuse sizes that no ship has."""
@@ -92,9 +92,9 @@ def _bodies(
     """Return the closed bodies of geometries, and the faults mended in them."""
     import trimesh
 
-    merged = [_merged(part) for part in parts]
+    merged = [_merge_vertices(part) for part in parts]
     if len(parts) > 1 and not all(part.is_watertight for part in merged):
-        merged = [_merged(trimesh.util.concatenate(parts))]
+        merged = [_merge_vertices(trimesh.util.concatenate(parts))]
     if not sum(len(part.faces) for part in merged):
         raise ShipError(f"{where} is empty, but must have facets.")
     starts = np.cumsum([0, *(len(part.vertices) for part in merged)])
@@ -108,15 +108,15 @@ def _bodies(
     )
 
 
-def _above_water(
+def _clip_to_water(
     bodies: list[Body], transform: Transform, where: str, faults: tuple[str, ...]
-) -> Placed:
+) -> PlacedMesh:
     """Return the union of bodies above the waterline."""
-    merged = reduce(Body.joined, bodies)
+    merged = reduce(Body.join, bodies)
     low, high = (float(height) for height in merged.bounds[:, 2])
     diagnosis = diagnose(merged.vertices, merged.faces)
     if high <= 0:
-        mend = diagnosis.mend and transform.then(diagnosis.mend)
+        mend = diagnosis.mend and transform.compose(diagnosis.mend)
         findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
         advice = f" ({{{mend}}} would correct that)" if mend else ""
         raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")
@@ -128,8 +128,8 @@ def _above_water(
         if low < 0:
             solid = solid.trim_by_plane((0, 0, 1), 0)
         plates = [body for body in bodies if not body.volume and body.bounds[0, 2] >= 0]
-        merged = reduce(Body.joined, plates, Body.of(solid))
-    return Placed(
+        merged = reduce(Body.join, plates, Body.of(solid))
+    return PlacedMesh(
         np.array(merged.vertices, dtype=np.float64),
         np.array(merged.faces, dtype=np.int32),
         diagnosis,
@@ -186,7 +186,7 @@ def _is_binary_stl(data: bytes) -> bool:
     return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
-def _merged(mesh: Any) -> trimesh.Trimesh:
+def _merge_vertices(mesh: Any) -> trimesh.Trimesh:
     """Return a mesh with equal vertices merged and facets of fewer than three vertices dropped."""
     import trimesh
 

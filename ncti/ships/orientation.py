@@ -127,27 +127,27 @@ def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Float
     shift, findings = np.zeros(3), []
     if abs(middle[0]) > OFF_CENTRE * length:
         shift[0] = -middle[0]
-        findings.append(_origin_along(low[0], high[0]))
+        findings.append(_origin_fault(low[0], high[0]))
     if abs(middle[1]) > OFF_CENTRE * beam:
         shift[1] = -middle[1]
         findings.append(f"has its origin {_distance(middle[1])} off its centreline")
     if high[2] <= 0 or low[2] > max(AFLOAT * height, LEAST_LIFT):
         shift[2] = -low[2]
-        findings += _off_the_water(low[2], high[2], up)
+        findings += _height_finding(low[2], high[2], up)
     if low[2] + shift[2] >= -AFLOAT * height and _has_keel(vertices, faces):
         shift[2] -= min(DRAUGHT * beam, height / 2)
         findings.append("has its waterline at its keel (draught taken as a third of the beam)")
     return shift, findings
 
 
-def _origin_along(low: float, high: float) -> str:
+def _origin_fault(low: float, high: float) -> str:
     end, beyond = ("stern", low) if abs(low) < abs(high) else ("bow", -high)
     if abs(beyond) <= OFF_CENTRE * (high - low):
         return f"has its origin at the {end}"
     return f"has its origin {_distance((low + high) / 2)} from amidships"
 
 
-def _off_the_water(low: float, high: float, up: str) -> list[str]:
+def _height_finding(low: float, high: float, up: str) -> list[str]:
     """Return the finding on a mesh whose ends in ship axes are both above z = 0, or both below.
 
     It describes the mesh as given: an upside-down mesh floats above the water where the upright

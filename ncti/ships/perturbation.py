@@ -16,7 +16,7 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from ncti.ships.build import Ship, build, copies_of
-from ncti.ships.errors import ShipError, shown
+from ncti.ships.errors import ShipError, short_repr
 from ncti.ships.hull import Hull
 from ncti.ships.sheets import Component, Sheet
 
@@ -44,10 +44,10 @@ SIZES = ("length", "width", "height", "top_length", "top_width", "radius", "top_
 FREE = ("box", "prism", "cyl", "pole", "sphere", "yard")
 
 
-def no_variant(name: str) -> ShipError:
+def variant_error(name: str) -> ShipError:
     """Return the error of a name with '@' that names no variant."""
     return ShipError(
-        f"variant {shown(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
+        f"variant {short_repr(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
         "SHIP@SEED.NUMBERxSCALEsSIZE, without needless digits."
     )
 
@@ -71,7 +71,7 @@ class Variant:
         return f"{self.base}@{self.seed}.{self.number}{scale_suffix}{size_suffix}"
 
     @classmethod
-    def read(cls, name: str) -> Variant | None:
+    def parse(cls, name: str) -> Variant | None:
         """Return the variant that a name with '@' stands for, or None; refuse malformed ones."""
         factors = r"(?:x([\d.]{1,10}))?(?:s([\d.]{1,10}))?"
         match = re.fullmatch(rf"([^@]*)@(\d{{1,18}})\.(\d{{1,18}}){factors}", name)
@@ -83,15 +83,15 @@ class Variant:
         except ValueError:
             variant = None
         if variant is None or str(variant) != name or variant.number < 1:
-            raise no_variant(name)
+            raise variant_error(name)
         for key, factor, low, high in (
             ("scale", variant.scale, LEAST_SCALE, MOST_SCALE),
             ("size", variant.size, LEAST_SIZE, MOST_SIZE),
         ):
             if not low <= factor <= high:
                 raise ShipError(
-                    f"variant {shown(name)} has the {key} {factor:g}, but must have one between "
-                    f"{low:g} and {high:g}."
+                    f"variant {short_repr(name)} has the {key} {factor:g}, but must have one "
+                    f"between {low:g} and {high:g}."
                 )
         return variant
 
@@ -113,7 +113,7 @@ class Carriage:
     carrier: tuple[int, ...]
     contact: tuple[Floats, ...]
 
-    def feet(self) -> tuple[int, ...]:
+    def ancestors(self) -> tuple[int, ...]:
         """Return for each component its ancestor, or itself, that stands on the hull."""
         feet = list(range(len(self.order)))
         for number in self.order:
@@ -131,7 +131,7 @@ class Carriage:
         return least
 
 
-def _shared(copies: list[Manifold], bearers: list[Manifold]) -> Floats:
+def _shared_volumes(copies: list[Manifold], bearers: list[Manifold]) -> Floats:
     """Return the volume that each copy has in common with its carrier [m^3]."""
     return np.array([sum((copy ^ bearer).volume() for bearer in bearers) for copy in copies])
 
@@ -155,12 +155,12 @@ def carriage(sheet: Sheet) -> Carriage:
     touching = (low[:, None] <= high[None]).all(axis=-1)
     touching &= touching.T
 
-    def shared(number: int, other: int) -> Floats:
+    def shared_volume(number: int, other: int) -> Floats:
         if not touching[number, other]:
             return np.zeros(len(solids[number]))
-        return _shared(solids[number], solids[other])
+        return _shared_volumes(solids[number], solids[other])
 
-    carrier, contact = [-1] * count, [shared(number, -1) for number in range(count)]
+    carrier, contact = [-1] * count, [shared_volume(number, -1) for number in range(count)]
     waiting, order = set(range(count)), []
     while waiting:
         best = max(waiting, key=lambda number: (contact[number].sum(), -number))
@@ -169,7 +169,7 @@ def carriage(sheet: Sheet) -> Carriage:
         if sheet.components[best].cuts:
             continue
         for number in waiting:
-            volumes = shared(number, best)
+            volumes = shared_volume(number, best)
             if volumes.sum() > contact[number].sum():
                 carrier[number], contact[number] = best, volumes
     return Carriage(tuple(order), tuple(carrier), tuple(contact))
@@ -183,7 +183,7 @@ class _Wave:
     amplitudes: Floats
 
     @classmethod
-    def drawn(
+    def draw(
         cls, rng: np.random.Generator, length: float, sigma: float, modes: int = MODES
     ) -> _Wave:
         wave = cls(length, sigma * np.sqrt(2 / modes) * rng.standard_normal(modes))
@@ -211,14 +211,14 @@ class _Warp:
     water: _Wave
 
     @classmethod
-    def drawn(cls, rng: np.random.Generator, hull: Hull, sigma: float, scale: float) -> _Warp:
+    def draw(cls, rng: np.random.Generator, hull: Hull, sigma: float, scale: float) -> _Warp:
         return cls(
             hull,
-            along=_Wave.drawn(rng, hull.loa, sigma),
-            across=_Wave.drawn(rng, hull.loa, ACROSS * sigma),
-            upward=_Wave.drawn(rng, hull.loa, UPWARD * sigma, modes=SHEER_MODES),
-            deck=_Wave.drawn(rng, hull.loa, OFFSETS * scale),
-            water=_Wave.drawn(rng, hull.loa, OFFSETS * scale),
+            along=_Wave.draw(rng, hull.loa, sigma),
+            across=_Wave.draw(rng, hull.loa, ACROSS * sigma),
+            upward=_Wave.draw(rng, hull.loa, UPWARD * sigma, modes=SHEER_MODES),
+            deck=_Wave.draw(rng, hull.loa, OFFSETS * scale),
+            water=_Wave.draw(rng, hull.loa, OFFSETS * scale),
         )
 
     def x(self, x: Any) -> Floats:
@@ -262,7 +262,7 @@ class _Warp:
         )
 
 
-def _middle(component: Component) -> float:
+def _midpoint(component: Component) -> float:
     """Return the middle of a component along the ship [m]."""
     for key in ("outline", "path"):
         if key in component.sizes:
@@ -280,7 +280,7 @@ def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, f
     return float(along), float(across), float(up)
 
 
-def _warped(component: Component, warp: _Warp, column: float) -> Component:
+def _warp_component(component: Component, warp: _Warp, column: float) -> Component:
     """Return a component moved and stretched by the warp.
 
     `column` is the place along the ship [m] of its carrier on the hull: the warp there moves
@@ -315,7 +315,7 @@ def _warped(component: Component, warp: _Warp, column: float) -> Component:
     return replace(component, at=position, sizes=sizes, offsets=offsets)
 
 
-def _moved(component: Component, shift: Floats) -> Component:
+def _move_component(component: Component, shift: Floats) -> Component:
     """Return a component moved by (x, y, z) [m]."""
     sizes = dict(component.sizes)
     movable = [axis in component.place for axis in "xyz"]
@@ -334,7 +334,7 @@ def _is_amidships(component: Component) -> bool:
     return component.at[1] == 0 and "path" not in component.sizes
 
 
-def _own_size(component: Component, factor: float, beam: float) -> Component:
+def _resize_component(component: Component, factor: float, beam: float) -> Component:
     """Return a component that is larger by a factor, but does not reach beyond the beam."""
     if abs(component.at[1]) + component.sizes.get("width", 0.0) * factor / 2 > beam / 2:
         factor = min(factor, 1.0)
@@ -342,7 +342,9 @@ def _own_size(component: Component, factor: float, beam: float) -> Component:
     return replace(component, sizes=sizes)
 
 
-def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale: float) -> Sheet:
+def perturb_sheet(
+    sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale: float
+) -> Sheet:
     """Return a sheet with places and sizes moved within their uncertainty, times `scale`.
 
     Hull length, beam and components stay; the draw is the same for any scale. The sheet need not
@@ -352,35 +354,35 @@ def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale:
     hull.
     """
     common = scale * min((component.sigma for component in sheet.components), default=0.5)
-    warp = _Warp.drawn(rng, sheet.hull, common, scale)
+    warp = _Warp.draw(rng, sheet.hull, common, scale)
     if (np.diff(warp.x(sheet.hull.stations[:, 0])) <= 0).any():
         raise ShipError(f"{sheet.name}: a warp of scale {scale:g} folds the hull.")
     fresh = replace(sheet, hull=warp.lines())
     hull = [fresh.hull.solid()]
-    sigma, feet, carriers = scale * borne.sigmas(sheet), borne.feet(), set(borne.carrier)
+    sigma, feet, carriers = scale * borne.sigmas(sheet), borne.ancestors(), set(borne.carrier)
     places = np.clip(rng.standard_normal((len(sigma), 2)), -LIMIT, LIMIT) * [1, ACROSS]
     sizes = np.clip(rng.standard_normal(len(sigma)), -LIMIT, LIMIT)
     moves, components, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
 
-    def placed(number: int, move: Floats) -> Component:
-        component, column = sheet.components[number], _middle(sheet.components[feet[number]])
+    def place(number: int, move: Floats) -> Component:
+        component, column = sheet.components[number], _midpoint(sheet.components[feet[number]])
         plan = move if feet[number] == number else moves[feet[number]]
         # Rise of the deck from the place that the warp alone gives the foot to its final place.
         _, before = sheet.hull.deck_edge(column)
         _, after = fresh.hull.deck_edge(warp.x(column) + plan[0])
         rise = float(after - warp.z(column, before))
-        changed = _moved(_warped(component, warp, column), np.array([*move, rise]))
+        changed = _move_component(_warp_component(component, warp, column), np.array([*move, rise]))
         if number not in carriers and component.prim in FREE:
             factor = float(np.exp(scale * component.size_sigma * sizes[number]))
-            changed = _own_size(changed, factor, 2 * sheet.hull.stations[:, 2].max())
+            changed = _resize_component(changed, factor, 2 * sheet.hull.stations[:, 2].max())
         return changed
 
-    def holds(number: int, room: Floats, copies: list[Manifold]) -> bool:
+    def keeps_contact(number: int, room: Floats, copies: list[Manifold]) -> bool:
         low, high = room
         reach = _bounds(copies)[:, :2]
         if (reach[0] < low).any() or (reach[1] > high).any():
             return False
-        contact = _shared(copies, solids[borne.carrier[number]])
+        contact = _shared_volumes(copies, solids[borne.carrier[number]])
         return bool((contact >= KEPT * borne.contact[number]).all())
 
     for number in borne.order:
@@ -393,14 +395,14 @@ def perturbed(sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale:
         if component.cuts or "edge" in component.sizes:
             shift[:] = 0.0  # the deck's edge, or the body they are cut from, fixes their place
         if shift.any():
-            unmoved = copies_of(fresh, placed(number, base))
+            unmoved = copies_of(fresh, place(number, base))
             room = _bounds([*hull, *unmoved])[:, :2]
             halved = (shift / 2**halving for halving in range(HALVINGS))
-            tried = ((move, copies_of(fresh, placed(number, base + move))) for move in halved)
-            fitting = (move for move, copies in tried if holds(number, room, copies))
+            tried = ((move, copies_of(fresh, place(number, base + move))) for move in halved)
+            fitting = (move for move, copies in tried if keeps_contact(number, room, copies))
             shift = next(fitting, np.zeros(2))
         moves[number] = base + shift
-        components[number] = placed(number, moves[number])
+        components[number] = place(number, moves[number])
         if number in carriers:
             solids[number] = copies_of(fresh, components[number])
     return replace(fresh, components=tuple(components))
@@ -414,7 +416,7 @@ def build_variant(sheet: Sheet, borne: Carriage, variant: Variant) -> Ship:
     for attempt in range(TRIES):
         try:
             rng = variant.stream(attempt)
-            ship = build(perturbed(sheet, borne, rng=rng, scale=variant.scale))
+            ship = build(perturb_sheet(sheet, borne, rng=rng, scale=variant.scale))
         except ShipError:
             continue
         size = variant.size

@@ -17,7 +17,7 @@ import numpy as np
 
 from ncti.ships import checks
 from ncti.ships.documents import read
-from ncti.ships.errors import ShipError, shown
+from ncti.ships.errors import ShipError, short_repr
 from ncti.ships.hull import Hull
 from ncti.ships.vocabulary import (
     COPIES,
@@ -52,7 +52,7 @@ class Part:
         return PRIMITIVES[self.prim].cuts
 
     @property
-    def stands(self) -> bool:
+    def has_base(self) -> bool:
         """True if it has a base that is sunk into the part below it."""
         return PRIMITIVES[self.prim].stands
 
@@ -84,24 +84,28 @@ class Sheet:
 def _value(where: str, key: str, value: Any, check: checks.Check) -> Any:
     try:
         return check(value)
-    except checks.Refused as allowed:
-        raise ShipError(f"{where}: '{key}' is {shown(value)}, but must be {allowed}.") from None
+    except checks.RefusedValueError as allowed:
+        raise ShipError(
+            f"{where}: '{key}' is {short_repr(value)}, but must be {allowed}."
+        ) from None
 
 
 def _mapping(where: str, value: Any, needs: frozenset[str]) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise ShipError(f"{where}: must be a mapping of keys to values, not {shown(value)}.")
+        raise ShipError(f"{where}: must be a mapping of keys to values, not {short_repr(value)}.")
     for key in sorted(needs - value.keys()):
         raise ShipError(f"{where}: '{key}' is missing; required are {', '.join(sorted(needs))}.")
     return value
 
 
-def _known(where: str, value: Any, keys: tuple[frozenset[str], frozenset[str]]) -> dict[str, Any]:
+def _checked_mapping(
+    where: str, value: Any, keys: tuple[frozenset[str], frozenset[str]]
+) -> dict[str, Any]:
     """Return a mapping that has all keys of the first set, and others only of the second."""
     mapping = _mapping(where, value, keys[0])
     for key in sorted(mapping.keys() - keys[0] - keys[1], key=str):
         allowed = ", ".join(sorted(keys[0] | keys[1]))
-        raise ShipError(f"{where}: {shown(key)} is not a key here; allowed are {allowed}.")
+        raise ShipError(f"{where}: {short_repr(key)} is not a key here; allowed are {allowed}.")
     return mapping
 
 
@@ -111,7 +115,7 @@ def _sizes(where: str, prim: str, entry: Mapping[str, Any]) -> dict[str, Any]:
         raise ShipError(f"{where}: '{key}' is missing; {prim} needs {spec.describe()}.")
     for key in sorted(entry.keys() - spec.needs - spec.may, key=str):
         known = ", ".join(sorted(spec.needs | spec.may))
-        raise ShipError(f"{where}: {shown(key)} is not a key of {prim}, which knows {known}.")
+        raise ShipError(f"{where}: {short_repr(key)} is not a key of {prim}, which knows {known}.")
     sizes = {KEYS[key].parameter: _value(where, key, entry[key], KEYS[key].check) for key in entry}
     if prim == "bulwark" and sizes["end"] <= sizes["edge"][1]:
         raise ShipError(f"{where}: 'x_end' is {sizes['end']:g}, but must be aft of 'edge'.")
@@ -122,15 +126,17 @@ def _sizes(where: str, prim: str, entry: Mapping[str, Any]) -> dict[str, Any]:
 
 def _prim(where: str, value: Any, known: Mapping[str, Primitive]) -> str:
     if not isinstance(value, str) or value not in known:
-        raise ShipError(f"{where}: unknown primitive {shown(value)}, known are {', '.join(known)}.")
+        raise ShipError(
+            f"{where}: unknown primitive {short_repr(value)}, known are {', '.join(known)}."
+        )
     return value
 
 
 def _templates(where: str, value: Any) -> dict[str, tuple[Part, ...]]:
     templates = {}
     for name, entry in _mapping(f"{where}: templates", value, frozenset()).items():
-        place = f"{where}: template {shown(name)}"
-        parts = _known(place, entry, TEMPLATE)["parts"]
+        place = f"{where}: template {short_repr(name)}"
+        parts = _checked_mapping(place, entry, TEMPLATE)["parts"]
         if not isinstance(parts, list) or not parts:
             raise ShipError(f"{place}: 'parts' must be a list of [prim, u, v, w, sizes].")
         templates[str(name)] = tuple(_template_part(place, part) for part in parts)
@@ -139,7 +145,7 @@ def _templates(where: str, value: Any) -> dict[str, tuple[Part, ...]]:
 
 def _template_part(where: str, part: Any) -> Part:
     if not isinstance(part, list) or len(part) != 5:
-        raise ShipError(f"{where}: a part must be [prim, u, v, w, sizes], not {shown(part)}.")
+        raise ShipError(f"{where}: a part must be [prim, u, v, w, sizes], not {short_repr(part)}.")
     prim = _prim(where, part[0], PARTS)
     position = tuple(
         _value(where, key, value, checks.number)
@@ -151,7 +157,7 @@ def _template_part(where: str, part: Any) -> Part:
 def _component(where: str, value: Any, templates: Mapping[str, Any]) -> Component | None:
     entry = _mapping(where, value, frozenset({"name", "prim", "src"}))
     name = _value(where, "name", entry["name"], checks.text)
-    where = f"{where} {shown(name)}"
+    where = f"{where} {short_repr(name)}"
     place_sigma, size_sigma = _uncertainty(_value(where, "src", entry["src"], checks.text))
     prim = _prim(where, entry["prim"], PRIMITIVES)
     place = PRIMITIVES[prim].place
@@ -167,7 +173,9 @@ def _component(where: str, value: Any, templates: Mapping[str, Any]) -> Componen
     sizes = _sizes(where, prim, {key: entry[key] for key in entry if key in other})
     if prim == "eq" and sizes["template"] not in templates:
         known = ", ".join(sorted(templates))
-        raise ShipError(f"{where}: unknown template {shown(sizes['template'])}, known are {known}.")
+        raise ShipError(
+            f"{where}: unknown template {short_repr(sizes['template'])}, known are {known}."
+        )
     count = _value(where, "n", entry.get("n", 1), checks.count)
     pitch = _value(where, "dx_n", entry.get("dx_n", 0.0), checks.number)
     if count > 1 and pitch == 0:
@@ -201,7 +209,7 @@ def _uncertainty(src: str) -> tuple[float, float]:
 
 def _hull(where: str, sheet: Mapping[str, Any]) -> Hull:
     place = f"{where}: principal"
-    principal = _known(place, sheet["principal"], PRINCIPAL)
+    principal = _checked_mapping(place, sheet["principal"], PRINCIPAL)
     loa, beam, stem_foot = (
         _value(place, key, principal[key], checks.size)
         for key in ("LOA", "beam_max", "stem_at_wl_x")
@@ -262,7 +270,7 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
     in messages. Refuses (`ShipError`) a key that is missing, unknown or given twice, or a wrong
     value.
     """
-    sheet = _known(where, read(where, text), SHEET)
+    sheet = _checked_mapping(where, read(where, text), SHEET)
     known = _templates("templates", read("templates", templates))
     known |= _templates(where, sheet.get("templates", {}))
     hull = _hull(where, sheet)
@@ -275,7 +283,7 @@ def parse(text: str, templates: str, *, where: str) -> Sheet:
         host = component.sizes.get("host")
         if host is not None and host not in houses:
             raise ShipError(
-                f"{where}: component {shown(component.name)}: 'house' is {shown(host)}, "
+                f"{where}: component {short_repr(component.name)}: 'house' is {short_repr(host)}, "
                 f"but must be the name of a poly: {', '.join(sorted(houses)) or 'there is none'}."
             )
     return Sheet(_value(where, "name", sheet["name"], checks.text), hull, components, known)

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from manifold3d import CrossSection, Manifold, triangulate
 
-from ncti.ships.lofting import Points, loft, pitched, tube, union
+from ncti.ships.lofting import Points, loft, pitch_points, tube, union
 
 
 def _round_sides(radius: float) -> int:
@@ -153,12 +153,12 @@ def beam(*, length: float, width: float, height: float, elevation: float = 0.0) 
     """Return a rectangular beam whose axis starts at the origin and rises at `elevation` [deg]."""
     section = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
     far = section + np.array([length, 0, 0])
-    return loft(pitched(np.array([section, far]), elevation))
+    return loft(pitch_points(np.array([section, far]), elevation))
 
 
 def barrel(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
     """Return a round bar whose axis starts at the origin and rises at `elevation` [deg]."""
-    path = pitched([[0.0, 0.0, 0.0], [length, 0.0, 0.0]], elevation)
+    path = pitch_points([[0.0, 0.0, 0.0], [length, 0.0, 0.0]], elevation)
     return tube(path, radius, sides=max(12, _round_sides(radius)))
 
 
@@ -169,7 +169,7 @@ def trunnion(*, length: float, radius: float) -> Manifold:
 
 def drum(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
     """Return a round bar about its middle, its axis forward and up by `elevation` [deg]."""
-    path = pitched([[-length / 2, 0.0, 0.0], [length / 2, 0.0, 0.0]], elevation)
+    path = pitch_points([[-length / 2, 0.0, 0.0], [length / 2, 0.0, 0.0]], elevation)
     return tube(path, radius, sides=max(24, _round_sides(radius)))
 
 
@@ -177,7 +177,7 @@ def plate(*, width: float, height: float, thickness: float, tilt: float = 0.0) -
     """Return a flat antenna about its centre, leaned back by `tilt` [deg]."""
     face = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
     half = np.array([thickness / 2, 0, 0])
-    return loft(pitched(np.array([face - half, face + half]), tilt))
+    return loft(pitch_points(np.array([face - half, face + half]), tilt))
 
 
 def dish(*, radius: float, depth: float) -> Manifold:
@@ -197,7 +197,7 @@ def mesh_dish(*, width: float, height: float, depth: float, tilt: float = 0.0) -
 
     def bowl(across: Points, up: Points) -> Points:
         along = depth * ((across / half_width) ** 2 + (up / half_height) ** 2)
-        return pitched(np.column_stack([along, across, up]), tilt)
+        return pitch_points(np.column_stack([along, across, up]), tilt)
 
     def reach(fraction: Points) -> Points:
         return (1 - np.abs(fraction) ** 3) ** (1 / 3)  # a rectangle with well-rounded corners

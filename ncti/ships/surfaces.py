@@ -27,7 +27,7 @@ class Surface:
     is_pinched: bool = False  # whether more than two facets meet at an edge
 
     @property
-    def open(self) -> NDArray[np.int64]:
+    def open_edges(self) -> NDArray[np.int64]:
         """Edges without neighbour."""
         return np.flatnonzero(self.partners < 0)
 
@@ -45,8 +45,8 @@ class Surface:
         """Return the surface with vertices shared by neighbouring facets only."""
         linked = np.flatnonzero(self.partners >= 0)
         edges, partners = linked, self.partners[linked]
-        starts = np.concatenate([edges, following(edges)])
-        ends = np.concatenate([following(partners), partners])
+        starts = np.concatenate([edges, next_edges(edges)])
+        ends = np.concatenate([next_edges(partners), partners])
         corner = components(starts, ends, self.faces.size)
         vertices = np.empty((int(corner.max()) + 1, 3))
         vertices[corner] = self.vertices[self.faces.ravel()]
@@ -57,14 +57,16 @@ def surface_of(vertices: Floats, faces: Faces) -> Surface:
     """Return the surface of facets; where more than two meet, partners bound the same solid."""
     ends, order, starts, counts = _sorted_edges(len(vertices), faces)
     partners = np.full(len(ends), -1)
-    first, second = _in_twos(order, starts, counts)
+    first, second = _pair_up(order, starts, counts)
     opposed = ends[first, 0] != ends[second, 0]
     first, second = first[opposed], second[opposed]
     line = np.repeat(np.arange(len(counts)), counts)
     crowded = np.repeat(counts > 2, counts)
     if crowded.any():
         patches = components(first // 3, second // 3, len(faces))
-        opening, closing = _around_solid(vertices, faces, order[crowded], line[crowded], patches)
+        opening, closing = _pairs_around_solid(
+            vertices, faces, order[crowded], line[crowded], patches
+        )
         first, second = np.concatenate([first, opening]), np.concatenate([second, closing])
     partners[first], partners[second] = second, first
     return Surface(vertices, faces, partners, is_pinched=bool(crowded.any()))
@@ -75,7 +77,7 @@ def neighbours(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Return the two facets of each edge that has two, and whether they are wound alike."""
     ends, order, starts, counts = _sorted_edges(count, faces)
-    first, second = _in_twos(order, starts, counts)
+    first, second = _pair_up(order, starts, counts)
     return first // 3, second // 3, ends[first, 0] != ends[second, 0]
 
 
@@ -90,14 +92,14 @@ def _sorted_edges(
     return ends, order, starts, np.diff(starts, append=len(order))
 
 
-def _in_twos(
+def _pair_up(
     order: NDArray[np.int64], starts: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     first = starts[counts == 2]
     return order[first], order[first + 1]
 
 
-def _around_solid(
+def _pairs_around_solid(
     vertices: Floats,
     faces: Faces,
     edges: NDArray[np.int64],
@@ -111,8 +113,8 @@ def _around_solid(
     elsewhere is matched by itself if as many of its facets open as close. Among coincident facets,
     closing ones come first; copies of a body are matched in the order of the file.
     """
-    start, end = faces.ravel()[edges], faces.ravel()[following(edges)]
-    apex = faces.ravel()[before(edges)]
+    start, end = faces.ravel()[edges], faces.ravel()[next_edges(edges)]
+    apex = faces.ravel()[previous_edges(edges)]
     closes = start < end
     patch = patches[edges // 3].astype(np.int64)
     line_patch = np.unique(line * len(faces) + patch, return_inverse=True)[1]
@@ -153,12 +155,12 @@ def _around_solid(
     return np.concatenate([*opening, edges[:0]]), np.concatenate([*closing, edges[:0]])
 
 
-def following(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+def next_edges(edges: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the next edge in the facet of each edge."""
     return edges - edges % 3 + (edges + 1) % 3
 
 
-def before(edges: NDArray[np.int64]) -> NDArray[np.int64]:
+def previous_edges(edges: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the previous edge in the facet of each edge; it begins at the opposite corner."""
     return edges - edges % 3 + (edges + 2) % 3
 
@@ -201,8 +203,8 @@ def openings(surface: Surface) -> Openings:
     """
     follows = dict(
         zip(
-            surface.faces.ravel()[surface.open].tolist(),
-            surface.faces.ravel()[following(surface.open)].tolist(),
+            surface.faces.ravel()[surface.open_edges].tolist(),
+            surface.faces.ravel()[next_edges(surface.open_edges)].tolist(),
             strict=True,
         )
     )
@@ -214,7 +216,7 @@ def openings(surface: Surface) -> Openings:
             loop.append(after)
             after = follows.pop(after)
         loops.append(np.array(loop[::-1]))  # a patch turns the other way than the facets around it
-    patches = [loop[_across(surface.vertices[loop])] for loop in loops]
+    patches = [loop[_triangulate_loop(surface.vertices[loop])] for loop in loops]
     areas = [float(triangle_areas(surface.vertices[patch]).sum()) for patch in patches]
     rims = (surface.vertices[loop] for loop in loops)
     perimeters = [
@@ -223,7 +225,7 @@ def openings(surface: Surface) -> Openings:
     return Openings(loops, patches, np.array(areas), np.array(perimeters))
 
 
-def _across(points: Floats) -> NDArray[np.int64]:
+def _triangulate_loop(points: Floats) -> NDArray[np.int64]:
     """Return triangles that close a loop of points, as seen along its mean normal."""
     if len(points) == 3:
         return np.array([[0, 1, 2]])

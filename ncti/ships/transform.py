@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_each
-from ncti.ships.errors import ShipError, shown
+from ncti.ships.errors import ShipError, short_repr
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 SMALLEST_SCALE, LARGEST_SCALE = 1e-9, 1e6
@@ -72,7 +72,9 @@ class Transform:
     def __post_init__(self) -> None:
         for name, axis in (("up", self.up), ("forward", self.forward)):
             if not (isinstance(axis, str) and axis in AXES) and (name, axis) != ("forward", None):
-                raise ShipError(f"{name} is {shown(axis)}, but must be one of {', '.join(AXES)}.")
+                raise ShipError(
+                    f"{name} is {short_repr(axis)}, but must be one of {', '.join(AXES)}."
+                )
         forward = self.forward or _default_forward(self.up)
         if forward[-1] == self.up[-1]:
             raise ShipError(
@@ -84,7 +86,7 @@ class Transform:
         except ValueError as error:
             raise ShipError(f"{error}.") from None
         if not isinstance(self.repair, bool):
-            raise ShipError(f"repair is {shown(self.repair)}, but must be True or False.")
+            raise ShipError(f"repair is {short_repr(self.repair)}, but must be True or False.")
         # Added to 0.0, so that no -0.0 makes equal transforms differ.
         offset = tuple(float(shift) + 0.0 for shift in self.offset)
         for name, value in (("forward", forward), ("scale", float(self.scale)), ("offset", offset)):
@@ -111,7 +113,7 @@ class Transform:
         back = (np.asarray(points, dtype=np.float64) - np.array(self.offset)) / self.scale
         return back @ self.axes
 
-    def then(self, other: Transform) -> Transform:
+    def compose(self, other: Transform) -> Transform:
         """Return the composition of this transform followed by another."""
         axes = other.axes @ self.axes
         shift = other.scale * (other.axes @ np.array(self.offset)) + np.array(other.offset)

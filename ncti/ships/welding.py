@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ncti.ships.surfaces import Floats, Surface, before, components, following, surface_of
+from ncti.ships.surfaces import Floats, Surface, components, next_edges, previous_edges, surface_of
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -17,14 +17,14 @@ SAMPLED = 200  # points from which the number of pairs is estimated
 MOST_PASSES = 10  # over open edges with vertices of other facets on them
 
 
-def welded(surface: Surface) -> tuple[Surface, list[str]]:
+def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
     """Merge close vertices along open edges and end edges at them; return surface and faults."""
     from scipy.spatial import cKDTree  # slow to import
 
     vertices, faces = surface.vertices, surface.faces
     distance, faults = APART * float(np.ptp(vertices, axis=0).max()), list[str]()
-    edges = surface.open
-    rim = np.unique(np.concatenate([faces.ravel()[edges], faces.ravel()[following(edges)]]))
+    edges = surface.open_edges
+    rim = np.unique(np.concatenate([faces.ravel()[edges], faces.ravel()[next_edges(edges)]]))
     tree = cKDTree(vertices[rim])
     pairs = np.empty((0, 2), np.int64)
     if _are_few(tree, vertices[rim], np.full(len(rim), distance)):
@@ -37,7 +37,7 @@ def welded(surface: Surface) -> tuple[Surface, list[str]]:
         faces = representative[faces]
         faces = faces[(np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)]
         faults.append(
-            f"{counted(len(rim) - len(first), 'vertex', 'vertices')} less than "
+            f"{count_text(len(rim) - len(first), 'vertex', 'vertices')} less than "
             f"{1000 * distance:.2g} mm from another, both on open edges"
         )
         surface = surface_of(vertices, faces)
@@ -48,7 +48,7 @@ def welded(surface: Surface) -> tuple[Surface, list[str]]:
         if not count:
             break
     if total:
-        faults.append(f"{counted(total, 'vertex', 'vertices')} on open edges of other facets")
+        faults.append(f"{count_text(total, 'vertex', 'vertices')} on open edges of other facets")
     return surface, faults
 
 
@@ -60,8 +60,8 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     from scipy.spatial import cKDTree  # slow to import
 
     vertices, corner = surface.vertices, surface.faces.ravel()
-    edges = surface.open
-    start, end = vertices[corner[edges]], vertices[corner[following(edges)]]
+    edges = surface.open_edges
+    start, end = vertices[corner[edges]], vertices[corner[next_edges(edges)]]
     along = end - start
     length = np.linalg.norm(along, axis=1)
     rim, middle = np.unique(corner[edges]), (start + end) / 2
@@ -74,7 +74,9 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     place = np.einsum("ij,ij->i", vertices[vertex] - start[row], along[row]) / length[row]
     offset = vertices[vertex] - start[row] - (place / length[row])[:, None] * along[row]
     inside = (place > distance) & (length[row] - place > distance)
-    inside &= (np.linalg.norm(offset, axis=1) <= distance) & (vertex != corner[before(edges[row])])
+    inside &= (np.linalg.norm(offset, axis=1) <= distance) & (
+        vertex != corner[previous_edges(edges[row])]
+    )
     row, vertex, place = row[inside], vertex[inside], place[inside]
     if not len(row):
         return surface, 0
@@ -86,9 +88,9 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     begins = np.flatnonzero(np.diff(row, prepend=-1))
     # The parts of an edge: from its start to the first vertex, between vertices, to its end.
     cut = edges[row[begins]]
-    ends = np.insert(vertex, np.append(begins[1:], len(vertex)), corner[following(cut)])
+    ends = np.insert(vertex, np.append(begins[1:], len(vertex)), corner[next_edges(cut)])
     starts = np.insert(vertex, begins, corner[cut])
-    apex = np.repeat(corner[before(cut)], np.diff(begins, append=len(vertex)) + 1)
+    apex = np.repeat(corner[previous_edges(cut)], np.diff(begins, append=len(vertex)) + 1)
     parts = np.column_stack([starts, ends, apex])
     faces = np.concatenate([np.delete(surface.faces, cut // 3, axis=0), parts])
     return surface_of(vertices, faces), len(vertex)
@@ -101,6 +103,6 @@ def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:
     return float(counts.mean()) * len(points) <= MOST_PAIRS
 
 
-def counted(number: int, singular: str, plural: str = "") -> str:
+def count_text(number: int, singular: str, plural: str = "") -> str:
     """Return a number of things as text; `plural` ends in s by default."""
     return f"{number:,} {singular if number == 1 else plural or f'{singular}s'}"

@@ -13,7 +13,7 @@ from ncti.irar.flight import Flight, ship_heading
 from ncti.irar.scan import Scan, fly
 from ncti.irar.snapshot import Snapshot, ship_window
 from ncti.irar.time_delay import time_delay_integrate
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.ladar.budget import LOUDEST, power_ratio
 from ncti.simulate.subject import Ship, check_known, coordinates, generator, seed_of, trimesh_of
 
@@ -115,11 +115,11 @@ def flight(
     scan = fly(mesh, passed, rng=stream).record(stream)
     window = ship_window(mesh, scan.flight)
     snapshot = segmented(correct(scan, correction, window=window), scan.flight)
-    images = _raw(scan).merge(_corrected(snapshot, scan.flight))
+    images = _raw_images(scan).merge(_corrected_images(snapshot, scan.flight))
     return images.assign_coords(coordinates(mesh, aspect=aspect)).assign_attrs(seed_of(rng))
 
 
-def _raw(scan: Scan) -> xr.Dataset:
+def _raw_images(scan: Scan) -> xr.Dataset:
     """Return the raw images with short labels, the passive detectors integrated into one image."""
     images = scan.to_xarray()
     infrared = ("line", "sample"), time_delay_integrate(scan.infrared), images.infrared.attrs
@@ -136,7 +136,7 @@ def _raw(scan: Scan) -> xr.Dataset:
     return images
 
 
-def _corrected(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
+def _corrected_images(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
     """Return the corrected images over places on the target."""
     # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
@@ -145,12 +145,12 @@ def _corrected(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
     image, ranges = tuple(places), snapshot.range - flight.slant_range
     return xr.Dataset(
         {
-            "corrected_intensity": labelled(image, snapshot.intensity, "1", INTENSITY),
-            "corrected_range": labelled(image, ranges, "m", "down-range"),
-            "corrected_infrared": labelled(image, snapshot.infrared, "K", TEMPERATURE),
+            "corrected_intensity": labelled_array(image, snapshot.intensity, "1", INTENSITY),
+            "corrected_range": labelled_array(image, ranges, "m", "down-range"),
+            "corrected_infrared": labelled_array(image, snapshot.infrared, "K", TEMPERATURE),
         },
         coords={
-            name: labelled(name, place * flight.pixel, "m", f"{name} cross-range")
+            name: labelled_array(name, place * flight.pixel, "m", f"{name} cross-range")
             for name, place in places.items()
         },
     )

@@ -11,7 +11,7 @@ from ncti.checks import require
 from ncti.infrared.imager import Imager, image
 from ncti.infrared.radiometry import IFOV
 from ncti.infrared.silhouette import silhouette
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.render import drawn_range, line_image
 from ncti.render.far_field import reach_of
 from ncti.render.flight import DEPRESSION
@@ -161,5 +161,5 @@ def infrared_image(
     }
     coords = coordinates(mesh, aspect=aspect, range=slant_range, frame_count=frames)
     for name, place in places.items():
-        coords[name] = labelled(name, place, "m", f"{name} cross-range")
+        coords[name] = labelled_array(name, place, "m", f"{name} cross-range")
     return xr.DataArray(temperature, coords, dims=tuple(places), name="image", attrs=attrs)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
@@ -176,7 +176,7 @@ def range_profile(
         extents = [extent_within(mesh, view, beam=beam, **options) for view in views]
     averaged, expected = zip(
         *(
-            _above_floor(extent, frames, generator(rng, aspect=bearing), signal)
+            _average_above_floor(extent, frames, generator(rng, aspect=bearing), signal)
             for extent, bearing in zip(extents, aspects, strict=True)
         ),
         strict=True,
@@ -188,14 +188,14 @@ def range_profile(
         "pulse_width_ns": round(pulse_width * 1e9, 9),
         "cnr_db": 10 * math.log10(ratio),
         "target_free_ifovs": int(target_free_ifovs),
-        **_achieved(extents, pulse_width, accuracy),
+        **_accuracy_attributes(extents, pulse_width, accuracy),
     }
     single = {"range": slant_range, "frame_count": frames, "pulse_width": pulse_width}
     coords = coordinates(mesh, aspect=aspect, **single)
-    return _labelled((extents[0].down_range, averaged, expected), coords, attributes)
+    return _labelled_profiles((extents[0].down_range, averaged, expected), coords, attributes)
 
 
-def _above_floor(
+def _average_above_floor(
     extent: RangeExtent, frames: int, rng: np.random.Generator, signal: Signal
 ) -> tuple[Floats, Floats]:
     """Return an average of frames and its expectation, both above the noise floor."""
@@ -204,7 +204,9 @@ def _above_floor(
     return average - floor, expected_profile(extent, **vars(signal)) - floor
 
 
-def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -> dict[str, Any]:
+def _accuracy_attributes(
+    extents: list[RangeExtent], pulse_width: float, accuracy: float
+) -> dict[str, Any]:
     """Return attributes with the accuracy of the extents."""
     error = max(extent.error_after(pulse_width) for extent in extents)
     return {
@@ -214,7 +216,7 @@ def _achieved(extents: list[RangeExtent], pulse_width: float, accuracy: float) -
     }
 
 
-def _labelled(
+def _labelled_profiles(
     profiles: tuple[Floats, Sequence[Floats], Sequence[Floats]],
     coords: dict[str, Any],
     attributes: dict[str, Any],
@@ -228,7 +230,7 @@ def _labelled(
     averaged, expected = (rows[0] if single else np.stack(rows) for rows in curves)
     dims = ("aspect", "down_range")[-averaged.ndim :]
     label = {"units": "1", "long_name": "amplitude above the noise floor"}
-    coords["down_range"] = labelled("down_range", down_range, "m", "down-range")
+    coords["down_range"] = labelled_array("down_range", down_range, "m", "down-range")
     coords["expected"] = (dims, expected, label)
     return xr.DataArray(averaged, coords, dims, name="averaged", attrs={**label, **attributes})
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncti.checks import require
-from ncti.labels import labelled
+from ncti.labels import labelled_array
 from ncti.render.view import ROLL
 from ncti.ships import digest
 from ncti.ships.loading import ship_mesh
@@ -64,7 +64,7 @@ def mesh_of(ship: Ship) -> Mesh:
     not get them, as they might change them.
     """
     if isinstance(ship, str | Path):
-        return _loaded(ship, digest(ship))
+        return _load_mesh(ship, digest(ship))
     # Imported here because trimesh takes half a second.
     import trimesh
 
@@ -87,7 +87,7 @@ def trimesh_of(ship: Ship) -> trimesh.Trimesh:
 
 
 @lru_cache(maxsize=KEPT)
-def _loaded(ship: str | Path, digest: str) -> ShipMesh:
+def _load_mesh(ship: str | Path, digest: str) -> ShipMesh:
     """Return the mesh of a name or path whose content has a digest."""
     mesh = ship_mesh(ship)
     if mesh.metadata["digest"] != digest:
@@ -111,11 +111,11 @@ def coordinates(mesh: Mesh, *, aspect: Any, **single: float) -> dict[str, Any]:
     dims = ("aspect",) if np.ndim(aspect) else ()
     coords = {
         "ship": ((), mesh.metadata.get("name", "mesh"), {"long_name": "ship"}),
-        "aspect": labelled(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
+        "aspect": labelled_array(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
     }
     for name, value in single.items():
         factor, unit, label = SINGLE[name]
-        coords[name] = labelled((), round(value * factor, 9), unit, label)
+        coords[name] = labelled_array((), round(value * factor, 9), unit, label)
     return coords
 
 

@@ -70,10 +70,10 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         self.classes_, label = np.unique(labels, return_inverse=True)
         self.centre_, self.scale_ = float(vectors.mean()), float(vectors.std()) or 1.0
         random = check_random_state(self.random_state)
-        with one_thread() as torch:
+        with limit_to_one_thread() as torch:
             self.network_ = _network(len(self.classes_), random)
             padded = np.pad(self._inputs(vectors), ((0, 0), (self.shift, self.shift)), "edge")
-            self.loss_curve_ = self._trained(padded, torch.from_numpy(label), random)
+            self.loss_curve_ = self._train(padded, torch.from_numpy(label), random)
         return self
 
     def predict_proba(self, X: ArrayLike) -> Floats:
@@ -83,7 +83,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         _require_moderate(vectors)
         inputs = self._inputs(vectors)
         likely = np.empty((len(inputs), len(self.classes_)))
-        with one_thread() as torch, torch.no_grad():
+        with limit_to_one_thread() as torch, torch.no_grad():
             for rows in row_blocks(len(inputs)):
                 outputs = self.network_(torch.from_numpy(inputs[rows])[:, None])
                 likely[rows] = torch.softmax(outputs.double(), 1).numpy()
@@ -98,7 +98,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         """Return the inputs of the network."""
         return ((vectors - self.centre_) / self.scale_).astype(np.float32)
 
-    def _trained(
+    def _train(
         self, padded: NDArray[np.float32], label: torch.Tensor, random: np.random.RandomState
     ) -> list[float]:
         """Train the network on shifts of (sample, feature) inputs, and return the losses."""
@@ -157,7 +157,7 @@ def _network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential
 
 
 @contextmanager
-def one_thread() -> Iterator[Any]:
+def limit_to_one_thread() -> Iterator[Any]:
     """Yield torch, limited to one thread meanwhile; `ImportError` if it is not installed."""
     try:
         import torch

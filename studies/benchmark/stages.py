@@ -28,13 +28,13 @@ from ncti.data.splits import (
     TRAINING_ROWS,
     UNKNOWN,
     rows_of,
-    trained_as,
+    same_training_split,
 )
 from ncti.data.vectors import to_numpy
 from ncti.features import profile_vector
 from ncti.ladar.loops import FRAMES
 from ncti.machine_code import Loops
-from ncti.render.loops import LINES, of_engine
+from ncti.render.loops import LINES, engine_loops
 from studies.benchmark.summary import tabulate_differences, tabulate_rows
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Run, Settings, count, set_of, word
@@ -116,7 +116,7 @@ TESTS = Group(f"{SENSOR}/tests", looks(SENSOR), USED, DIMS)
 @plain(uses=(Benchmark,))
 def learned_split(split: str) -> str:
     """Return the first split with the same training, so that equal ones are learned once."""
-    return trained_as(split)
+    return same_training_split(split)
 
 
 @plain()
@@ -246,13 +246,13 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     """
     name = fitted.name.removeprefix("fit_")
 
-    def entered(choices: Choices) -> bool:
+    def is_entered(choices: Choices) -> bool:
         return looks(SENSOR)(choices) and name in choices.value(Benchmark.classifier)
 
-    def compared(choices: Choices) -> bool:
-        return entered(choices) and REFERENCE in choices.value(Benchmark.classifier)
+    def is_compared(choices: Choices) -> bool:
+        return is_entered(choices) and REFERENCE in choices.value(Benchmark.classifier)
 
-    group = Group(f"{SENSOR}/{name}", entered, USED, DIMS)
+    group = Group(f"{SENSOR}/{name}", is_entered, USED, DIMS)
     answer_stage = group.stage(
         Output("predicted", ("row",), "i2", "ship named, as an index", pad=NO_ROW),
         Output("probability", ("row", "ship"), label="probability of each ship", pad=np.nan),
@@ -263,12 +263,14 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     )(answers)
     labels = {"classifier": name, "learns": learns}
     path = f"tables/{SENSOR}_{name}"
-    tables = [Table(path, (group.path, TESTS.path), tabulate, entered, displays(labels))]
+    tables = [Table(path, (group.path, TESTS.path), tabulate, is_entered, displays(labels))]
     if name != REFERENCE:
         paths = group.path, f"{SENSOR}/{REFERENCE}", TESTS.path
         difference_displays = (replace(DIFFERENCE, labels=labels),)
         tables.append(
-            Table(f"{path}_difference", paths, tabulate_difference, compared, difference_displays)
+            Table(
+                f"{path}_difference", paths, tabulate_difference, is_compared, difference_displays
+            )
         )
     return (fitted, answer_stage), tuple(tables)
 
@@ -455,7 +457,7 @@ DIFFERENCE = Display(
 )
 
 
-def with_seeds(data: xr.Dataset) -> xr.Dataset:
+def add_seed_dimension(data: xr.Dataset) -> xr.Dataset:
     """Return a group of the store with a dimension of seeds, even for a single one."""
     seed = Run.seed.name
     return data if seed in data.dims else data.expand_dims(seed)
@@ -463,14 +465,14 @@ def with_seeds(data: xr.Dataset) -> xr.Dataset:
 
 def tabulate(answers: xr.Dataset, tests: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return all scores of one classifier."""
-    return tabulate_rows(with_seeds(answers), with_seeds(tests))
+    return tabulate_rows(add_seed_dimension(answers), add_seed_dimension(tests))
 
 
 def tabulate_difference(
     answers: xr.Dataset, others: xr.Dataset, tests: xr.Dataset, choices: Choices
 ) -> xr.Dataset:
     """Return the difference in accuracy between one classifier and the reference."""
-    return tabulate_differences(*map(with_seeds, (answers, others, tests)))
+    return tabulate_differences(*map(add_seed_dimension, (answers, others, tests)))
 
 
 ENTERED = tuple(
@@ -485,7 +487,7 @@ ENTERED = tuple(
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the compiled loops that simulate rows."""
-    return [FRAMES, of_engine(LINES)] if looks(SENSOR)(choices) else []
+    return [FRAMES, engine_loops(LINES)] if looks(SENSOR)(choices) else []
 
 
 STAGES = (

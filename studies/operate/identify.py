@@ -40,7 +40,7 @@ class Trial:
     floor_sigma: float
 
 
-def in_order(
+def order_ships(
     arrays: NDArray[Any], ship: Sequence[Any], learned: int, tests: int
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return (ship, template, ...) templates and (test, ...) tests, in the order of `fleet_order`.
@@ -94,7 +94,7 @@ def match_silhouettes(
     images = bits.reshape(*bits.shape[:2], rows, columns)
     count = min(-(-CALIBRATION // len(ship)), LEFT_OUT)
     calibration = images[fleet_order([str(name) for name in ship]), -count:]
-    return SilhouetteMatch(*in_order(images, ship, len(aspect), tests), calibration, rng)
+    return SilhouetteMatch(*order_ships(images, ship, len(aspect), tests), calibration, rng)
 
 
 def identify(
@@ -132,17 +132,17 @@ def identify(
     )
     uniforms = bootstrap_uniforms(trial.resamples, tests, ships, rng)
 
-    def matched(p: int, width: float) -> ProfileMatch:
-        templates, profiles = in_order(signatures["excess"][p], ship, learned, tests)
-        mean, power = in_order(signatures["power"][p], ship, 1, tests)
-        _, ifovs = in_order(signatures["ifovs"][p], ship, 0, tests)
+    def match_width(p: int, width: float) -> ProfileMatch:
+        templates, profiles = order_ships(signatures["excess"][p], ship, learned, tests)
+        mean, power = order_ships(signatures["power"][p], ship, 1, tests)
+        _, ifovs = order_ships(signatures["ifovs"][p], ship, 0, tests)
         free = trial.target_free_ifovs + ifovs
         radar = Radar(width, trial.bin_width, cnr)
         mean = mean.mean(axis=(0, 1))
         arguments = templates, profiles, power, mean, free, drawn, radar
         return ProfileMatch(*arguments, floor_sigma=trial.floor_sigma)
 
-    matches = [matched(p, width) for p, width in enumerate(pulse_width)]
+    matches = [match_width(p, width) for p, width in enumerate(pulse_width)]
     sizes = len(pulse_width), len(frame_count), len(fleet), len(CHANNELS)
     share, resampled = np.empty(sizes), np.empty((*sizes, trial.resamples))
     gain = {"gain_sigma": trial.gain_sigma}

@@ -76,11 +76,11 @@ def over_places(density: Singles, places: int) -> Singles:
     ship.
     """
     rows = np.maximum(density, LEAST_DENSITY).reshape(-1, density.shape[2])
-    return (rows @ _runs(density.shape[2], places)).reshape(density.shape)
+    return (rows @ _place_weights(density.shape[2], places)).reshape(density.shape)
 
 
 @lru_cache(maxsize=8)
-def _runs(templates: int, places: int) -> Singles:
+def _place_weights(templates: int, places: int) -> Singles:
     """Return the weights of means over places, (template, template), those of one in a column."""
     length = min(places, templates)
     column = np.arange(templates)

@@ -71,13 +71,13 @@ def signatures(
     for p, width in enumerate(pulse_width):
         index, after = _after_pulse(seen, width, bin_width, bins)
 
-        def summed(values: Floats, index: Places = index) -> Floats:
+        def sum_by_bin(values: Floats, index: Places = index) -> Floats:
             return np.bincount(index, values, math.prod(shape)).astype(np.float64).reshape(shape)
 
         for c, ratio in enumerate(ratios):
-            above = summed(np.sqrt(ratio * after + noise) - math.sqrt(noise))
+            above = sum_by_bin(np.sqrt(ratio * after + noise) - math.sqrt(noise))
             excess[c, p] = math.sqrt(math.pi / 2) * above
-        total = summed(after)
+        total = sum_by_bin(after)
         power[p, 0], power[p, 1:] = total[:learned].mean(axis=0), total[learned:]
     along = len(ratios), len(pulse_width)
     ifovs = seen.ifovs[learned:]

@@ -112,7 +112,7 @@ class SilhouetteMatch:
         scales = contrast, imager.target_spread, detector
         variance = noise + error
 
-        def white(products: Sequence[Singles]) -> Singles:
+        def white_evidence(products: Sequence[Singles]) -> Singles:
             """Return the log likelihood of some views if errors of pixels were independent."""
             factors = [np.float32(contrast * scale / variance) for scale in scales]
             product = products[0] * factors[0]
@@ -125,11 +125,11 @@ class SilhouetteMatch:
         if key not in self._fitted:
             # At worst, all pixels of a ship err together.
             least = variance / (noise + error * max(float(self.size.mean()), 1.0))
-            calibration = white(self._left_out)
+            calibration = white_evidence(self._left_out)
             self._fitted[key] = fit_inverse_temperature(
                 calibration, self._ships, self._truth, least=least
             )
-        evidence = white(self._tests)
+        evidence = white_evidence(self._tests)
         evidence *= np.float32(self._fitted[key])
         return evidence
 

@@ -193,7 +193,7 @@ def operate_channels() -> NDArray[np.str_]:
 # Tables
 
 
-def of_all(operated: xr.Dataset, choices: Choices) -> xr.Dataset:
+def expand_single_values(operated: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return shares over all settings of the laser radar, those with a single value included."""
     of_ladar = (Ladar.ifov, Ladar.cnr, Grid.pulse_width)
     absent = [setting for setting in of_ladar if setting.name not in operated.dims]
@@ -241,9 +241,13 @@ STAGES = (
     operate_channels,
 )
 TABLES = (
-    OPERATED.table("operate", lambda *inputs: tables.tabulate_frames(of_all(*inputs)), FRAMES),
     OPERATED.table(
-        "operate_cheapest", lambda *inputs: tables.tabulate_cheapest(of_all(*inputs)), CHEAPEST
+        "operate", lambda *inputs: tables.tabulate_frames(expand_single_values(*inputs)), FRAMES
+    ),
+    OPERATED.table(
+        "operate_cheapest",
+        lambda *inputs: tables.tabulate_cheapest(expand_single_values(*inputs)),
+        CHEAPEST,
     ),
 )
 

@@ -54,7 +54,7 @@ def crossing(values: ArrayLike, places: ArrayLike, *, level: float = 0.95) -> Fl
     return np.where(reached.any(axis=-1), np.where(first > 0, position, positions[0]), np.inf)
 
 
-def cheapest(cost: xr.DataArray, over: tuple[str, ...]) -> xr.Dataset:
+def cheapest_setting(cost: xr.DataArray, over: tuple[str, ...]) -> xr.Dataset:
     """Return the least cost over settings, its interval, and the setting that has it.
 
     `cost`, infinite where a setting does not suffice, has the axes `over` of the settings, others,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ncti.labels import data_set
 from studies.operate.costs import CNR, IFOV, relative_cost
-from studies.operate.sufficiency import TAILS, cheapest, crossing
+from studies.operate.sufficiency import TAILS, cheapest_setting, crossing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,7 +55,7 @@ def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
     """Return the cheapest setting of the laser radar that suffices, alone and with the imager.
 
     `cost` has its interval; `chosen` and `best_` with each name of `OVER` are as of
-    `cheapest`.
+    `cheapest_setting`.
     """
     import xarray as xr
 
@@ -63,7 +63,7 @@ def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
         return xr.apply_ufunc(relative_cost, frames, cnr, ifov * 1e-6)
 
     needed = frames_needed(operated.sel(channel=["profile", "both"]))
-    least = cheapest(cost(needed, needed.cnr, needed.ifov), OVER)
+    least = cheapest_setting(cost(needed, needed.cnr, needed.ifov), OVER)
     # Where no setting suffices, infinitely many of any.
     frames = least.cost / cost(1, least.cnr.fillna(CNR), least.ifov.fillna(1.0))
     columns: dict[str, tuple[Any, ...]] = {

@@ -117,7 +117,7 @@ class Reach:
     together: NDArray[np.intp]
 
 
-def reached(simulated: Floats, given: Floats, variance: Floats) -> Reach:
+def measure_reach(simulated: Floats, given: Floats, variance: Floats) -> Reach:
     """Return which given figures (figure,) some setting agrees with, each taken by itself.
 
     `simulated` and `variance` (setting, figure) are as of `chi_square`.

@@ -15,8 +15,8 @@ from studies.reproduction.agreement import (
     Reach,
     binomial_variance,
     chi_square,
+    measure_reach,
     posterior_weights,
-    reached,
 )
 from studies.reproduction.assumptions import PRIORS
 
@@ -95,13 +95,13 @@ class Agreement:
         np.fill_diagonal(correlation, 1.0)
         return correlation
 
-    def of(self, tables: Sequence[int]) -> NDArray[np.bool_]:
+    def table_mask(self, tables: Sequence[int]) -> NDArray[np.bool_]:
         """Return the mask (figure,) of some tables' figures."""
         return np.isin([figure.table for figure in self.figures], tables)
 
     def distance(self, tables: Sequence[int]) -> Floats:
         """Return the (setting,) chi-square of the figures of some tables; 0 of none."""
-        mask = self.of(tables)
+        mask = self.table_mask(tables)
         correlation = self.correlation[np.ix_(mask, mask)]
         return chi_square(
             *(self.mean[:, mask], self.article[mask], self.variance[:, mask]),
@@ -120,7 +120,7 @@ class Agreement:
     @cached_property
     def reach(self) -> Reach:
         """Range of each figure, and the share of settings that agree with the article's."""
-        return reached(self.mean, self.article, self.variance)
+        return measure_reach(self.mean, self.article, self.variance)
 
     def information(self, posterior: Posterior) -> Floats:
         """Return the information (parameter,) of a posterior on each parameter [bit].

@@ -50,7 +50,7 @@ def reproduce(
     require("draws", draws, whole=True, minimum=2)
     angles = require_all("aspects", aspects, minimum=0.0, maximum=90.0)
     ships = [_variant(name, assumed[f"variant_{name}"]) for name in SHIPS]
-    draw_view = _drawn if view is None else view
+    draw_view = _draw_ship if view is None else view
     place = assumed["place_right"], assumed["place_up"]
     moved = tuple(
         (coordinate + off) % 1.0 for coordinate, off in zip(place, spread_place(1), strict=True)
@@ -89,12 +89,12 @@ def draw(mesh: trimesh.Trimesh, aspect: float, depression: float) -> LineImage:
     return line_image(mesh, aspect=aspect, depression=depression, spacing=SPACING)
 
 
-def _drawn(ship: str, aspect: float, depression: float) -> LineImage:
-    return draw(_loaded(ship), aspect, depression)
+def _draw_ship(ship: str, aspect: float, depression: float) -> LineImage:
+    return draw(_load_ship(ship), aspect, depression)
 
 
 @lru_cache(maxsize=8)
-def _loaded(ship: str) -> trimesh.Trimesh:
+def _load_ship(ship: str) -> trimesh.Trimesh:
     return load(ship)
 
 

@@ -66,7 +66,7 @@ def silhouette_table(
         if key not in drawn:
             side = footprint(look.pixels_of, IFOV)
             covered = [patch.covering(side, place) for patch in patches[key[0]]]
-            drawn[key] = _on_one_canvas(
+            drawn[key] = _pad_to_one_canvas(
                 [patch.target(assumed["coverage_rule"]) for patch in covered]
             )
         return drawn[key]
@@ -78,7 +78,10 @@ def silhouette_table(
     tests = np.stack(
         [
             _maps(
-                _seen(targets(look, tested), look.slant_range, imager, assumed, draws, rng), assumed
+                _segmented_silhouettes(
+                    targets(look, tested), look.slant_range, imager, assumed, draws, rng
+                ),
+                assumed,
             )
             for look in LOOKS
         ],
@@ -103,7 +106,7 @@ def silhouette_table(
     }
 
 
-def _on_one_canvas(targets: Sequence[Masks]) -> Masks:
+def _pad_to_one_canvas(targets: Sequence[Masks]) -> Masks:
     """Return (view, row, col) targets, with as much sea as the largest needs."""
     rows, columns = (
         max(sizes) for sizes in zip(*(target.shape for target in targets), strict=True)
@@ -114,7 +117,7 @@ def _on_one_canvas(targets: Sequence[Masks]) -> Masks:
     return canvas
 
 
-def _seen(
+def _segmented_silhouettes(
     targets: Masks,
     slant_range: float,
     imager: Imager,

@@ -77,8 +77,8 @@ def reproduced(
     tables = library.reproduce(assumed, aspects=aspect, draws=draws, rng=rng, view=_view)
     values = [prior.number(assumed[name]) for name, prior in library.PRIORS.items()]
     return {
-        "mean": article.in_order({name: scores.mean for name, scores in tables.items()}),
-        "spread": article.in_order({name: scores.spread for name, scores in tables.items()}),
+        "mean": article.figure_order({name: scores.mean for name, scores in tables.items()}),
+        "spread": article.figure_order({name: scores.spread for name, scores in tables.items()}),
         "value": np.array(values),
     }
 
@@ -121,7 +121,9 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-def compared(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, library.Agreement]:
+def valid_settings(
+    reproduction: xr.Dataset, choices: Choices
+) -> tuple[xr.DataArray, library.Agreement]:
     """Return the settings of a group that did not fail, and their agreement with the article."""
     complete = np.flatnonzero(reproduction["mean"].notnull().all("figure"))
     settings = reproduction.isel(setting=complete).transpose("setting", ...)
@@ -132,7 +134,7 @@ def compared(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, 
 
 def tabulate_figures(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the article's figures beside those of settings, by the tables these are fitted to."""
-    _, settings = compared(reproduction, choices)
+    _, settings = valid_settings(reproduction, choices)
     fits, reach = settings.fits.values(), settings.reach
     fit_dims, dims = ("fitted", "figure"), ("figure",)
     low, high = np.stack([fit.quantiles(settings.mean, ENDS) for fit in fits], axis=1)
@@ -146,12 +148,12 @@ def tabulate_figures(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
         "agreeing": ((dims, reach.share), "share of settings within two standard deviations"),
         "nearest": ((dims, reach.nearest), "standard deviations that the nearest setting is off"),
     }
-    return _labelled(columns, reproduction)
+    return _labelled_columns(columns, reproduction)
 
 
 def tabulate_parameters(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return quantiles of the posterior of each parameter, and its information on the prior."""
-    _, settings = compared(reproduction, choices)
+    _, settings = valid_settings(reproduction, choices)
     fits = settings.fits.values()
     fit_dims = ("fitted", "parameter")
     low, median, high = np.stack(
@@ -167,15 +169,15 @@ def tabulate_parameters(reproduction: xr.Dataset, choices: Choices) -> xr.Datase
             "bit",
         ),
     }
-    return _labelled(columns, reproduction)
+    return _labelled_columns(columns, reproduction)
 
 
 def tabulate_fits(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the distance to each table, by the tables that settings are fitted to."""
-    numbers, settings = compared(reproduction, choices)
+    numbers, settings = valid_settings(reproduction, choices)
     fits = settings.fits.values()
     distances = np.transpose(
-        [settings.distance((table,)) / settings.of((table,)).sum() for table in JUDGED]
+        [settings.distance((table,)) / settings.table_mask((table,)).sum() for table in JUDGED]
     )
     fit_dims, dims = ("fitted", "table"), ("fitted",)
     best = [distances[fit.weight.argmax()] for fit in fits]
@@ -194,11 +196,11 @@ def tabulate_fits(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
         "weight": ((("fitted", "setting"), [fit.weight for fit in fits]), "weight of a setting"),
         "effective": ((dims, [fit.effective for fit in fits]), "effective number of settings"),
     }
-    table = _labelled(columns, reproduction)
+    table = _labelled_columns(columns, reproduction)
     return table.assign_coords(table=list(JUDGED), setting=numbers)
 
 
-def _labelled(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.Dataset:
+def _labelled_columns(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.Dataset:
     """Return columns as a data set, with the names of fits, figures and parameters."""
     import xarray as xr
 

@@ -19,7 +19,7 @@ from ncti.render.choice import choose_engine, engines
 Result = TypeVar("Result")
 
 
-def call_apart(
+def call_in_process(
     engine: str, function: Callable[..., Result], *arguments: Any, **named: Any
 ) -> Result:
     """Return the result of a function, called in a process where an engine can render.

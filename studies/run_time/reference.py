@@ -77,7 +77,7 @@ def reference_range_extent(
     curvature = 0.0 if slant_range is None else 1.0 / slant_range
     corners = _project(mesh, aspect, depression, curvature)
     if slant_range is not None:
-        corners = _divided(corners, np.asarray(bin_edges), curvature)
+        corners = _divide_facets(corners, np.asarray(bin_edges), curvature)
     pieces, slab = _slice(corners, np.append(-np.inf, bin_edges), curvature)
     # Slab by slab from the near end: the area of its outlines that no nearer one covers.
     covered = CrossSection()
@@ -108,10 +108,10 @@ def _project(mesh: trimesh.Trimesh, aspect: float, depression: float, curvature:
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     axes = np.stack([right, np.cross(u, right), -u])
     corners = (np.asarray(mesh.vertices) @ axes.T)[np.asarray(mesh.faces)]
-    return corners[_signed_area(_seen(corners, curvature)) > 0.0]
+    return corners[_signed_area(_project_points(corners, curvature)) > 0.0]
 
 
-def _seen(points: Floats, curvature: float) -> Floats:
+def _project_points(points: Floats, curvature: float) -> Floats:
     """Return the projection (..., 2) of points (..., 3), at the range of the ship origin."""
     return points[..., :2] / (1.0 + curvature * points[..., 2:])
 
@@ -124,11 +124,11 @@ def _ranges(points: Floats, curvature: float) -> Floats:
     return down_range
 
 
-def _divided(corners: Floats, edges: Floats, curvature: float) -> Floats:
+def _divide_facets(corners: Floats, edges: Floats, curvature: float) -> Floats:
     """Halve facets at their longest edge until chords put little enough area into wrong bins."""
-    limit = MISPLACED * _signed_area(_seen(corners, curvature)).sum()
+    limit = MISPLACED * _signed_area(_project_points(corners, curvature)).sum()
     while True:
-        wrong = _misplaced(corners, edges, curvature)
+        wrong = _misplaced_area(corners, edges, curvature)
         order = np.argsort(wrong)
         below = np.cumsum(wrong[order])
         if not below[-1:].sum() > limit:
@@ -144,7 +144,7 @@ def _divided(corners: Floats, edges: Floats, curvature: float) -> Floats:
         corners = np.concatenate([accurate, *halves])
 
 
-def _misplaced(corners: Floats, edges: Floats, curvature: float) -> Floats:
+def _misplaced_area(corners: Floats, edges: Floats, curvature: float) -> Floats:
     """Return the area of each facet that chords may put into wrong bins, at most."""
     ranges = _ranges(corners, curvature)
     order = np.argsort(ranges, axis=1)
@@ -160,7 +160,7 @@ def _misplaced(corners: Floats, edges: Floats, curvature: float) -> Floats:
     # The longest chord is that through the middle corner; a parabola holds 2/3 of its box.
     across = bend(first + (last - first) * ((middle - near) / span)[:, None] - second)
     share = np.where(span > 8.0 * longest, 4.0 / 3.0 * across * cuts / span, 1.0 * (cuts > 0))
-    wrong: Floats = share * _signed_area(_seen(corners, curvature))
+    wrong: Floats = share * _signed_area(_project_points(corners, curvature))
     return wrong
 
 
@@ -190,7 +190,7 @@ def _slice(corners: Floats, edges: Floats, curvature: float) -> tuple[Floats, ND
     (near, middle, far), p = ranges[facet].T, corners[facet]
     start, stop = np.maximum(edges[slab], near), np.minimum(edges[slab + 1], far)
 
-    def between(i: int, j: int, cut: Floats, low: Floats, high: Floats) -> Floats:
+    def edge_point(i: int, j: int, cut: Floats, low: Floats, high: Floats) -> Floats:
         """Return the point at the range `cut` on the edge from corner i to corner j."""
         run, reach = p[:, j] - p[:, i], cut - low
         if curvature == 0.0:
@@ -204,19 +204,19 @@ def _slice(corners: Floats, edges: Floats, curvature: float) -> tuple[Floats, ND
             root = slope + np.sqrt(np.maximum(slope**2 + square * excess, 0.0))
             t = np.divide(excess, root, out=(cut > low).astype(float), where=root > 0.0)
             t = np.where(cut >= high, 1.0, np.clip(t, 0.0, 1.0)) * (cut > low)
-        return _seen(p[:, i] + run * t[:, None], curvature)
+        return _project_points(p[:, i] + run * t[:, None], curvature)
 
-    def along(cut: Floats) -> Floats:
+    def middle_path_point(cut: Floats) -> Floats:
         """Return the point at the range `cut` on the path through the middle corner."""
-        before, after = between(0, 1, cut, near, middle), between(1, 2, cut, middle, far)
+        before, after = edge_point(0, 1, cut, near, middle), edge_point(1, 2, cut, middle, far)
         return np.where((cut < middle)[:, None], before, after)
 
     # The piece between two ranges: along the longest edge and back through the middle corner.
-    bend = along(np.clip(middle, start, stop))
-    path = [between(0, 2, start, near, far), between(0, 2, stop, near, far)]
-    pieces = np.stack([*path, along(stop), bend, along(start)], axis=1)
+    bend = middle_path_point(np.clip(middle, start, stop))
+    path = [edge_point(0, 2, start, near, far), edge_point(0, 2, stop, near, far)]
+    pieces = np.stack([*path, middle_path_point(stop), bend, middle_path_point(start)], axis=1)
     flat = near == far  # all corners at one range: the whole facet
-    pieces[flat] = _seen(p[flat][:, [0, 1, 2, 2, 2]], curvature)
+    pieces[flat] = _project_points(p[flat][:, [0, 1, 2, 2, 2]], curvature)
     area = _signed_area(pieces)
     pieces[area < 0.0] = pieces[area < 0.0, ::-1]
     nonempty = np.flatnonzero(area != 0.0)

@@ -20,7 +20,7 @@ from ncti.ladar import RangeExtent, expected_profile, range_extent
 from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
-from studies.run_time.apart import call_apart
+from studies.run_time.apart import call_in_process
 from sweeps.engine.declare.settings import Choices, Settings, count
 from sweeps.engine.declare.stage import (
     MEASURED,
@@ -121,7 +121,7 @@ def timed_image(
     mesh: trimesh.Trimesh, sampling: Sampling, timed_view: Keywords
 ) -> RangeImage | LineImage:
     """Return the image of a sampling."""
-    return call_apart(sampling.engine, sampling.draw, mesh, **dict(timed_view))
+    return call_in_process(sampling.engine, sampling.draw, mesh, **dict(timed_view))
 
 
 @TIMED.stage(
@@ -177,7 +177,7 @@ def timed(
         (Sampling(engine, side, samples, angle), share)
         for side, angle, share in product(pixel, roll, spread)
     ]
-    measurements = call_apart(engine, _times, mesh, samplings, repeats, timed_view, timed_beam)
+    measurements = call_in_process(engine, _times, mesh, samplings, repeats, timed_view, timed_beam)
     shape = len(pixel), len(roll), len(spread)
     run_time, ratio = (np.median(times, axis=0).reshape(shape) for times in measurements)
     return {"run_time": run_time, "ratio": ratio}
@@ -227,7 +227,7 @@ def changed(
 ) -> Floats:
     """Return the (ship, aspect) shares of answers that change with the sampling."""
 
-    def predicted(signature: Floats) -> NDArray[np.integer]:
+    def predict(signature: Floats) -> NDArray[np.integer]:
         noisy = np.moveaxis(signature[..., None, :] + profile_noise, -2, 0)  # draws lead
         vectors, templates = map(profile_vectors, (noisy, signature))
         answers = (
@@ -235,7 +235,7 @@ def changed(
         )
         return np.array([answer["predicted"] for answer in answers])
 
-    differ = predicted(sampled["signature"]) != predicted(exact_signature)
+    differ = predict(sampled["signature"]) != predict(exact_signature)
     return np.where(valid, differ.mean(axis=0), np.nan)
 
 
@@ -284,7 +284,7 @@ def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return median and worst of all views, for every engine and sampling."""
     import xarray as xr
 
-    def over_views(names: list[str], suffix: str, word: str, reduce: Any) -> xr.Dataset:
+    def reduce_views(names: list[str], suffix: str, word: str, reduce: Any) -> xr.Dataset:
         reduced = reduce(measured[names].astype("f8"), VIEWS, keep_attrs=True)
         for array in reduced.data_vars.values():
             array.attrs["long_name"] += f", {word} of views"
@@ -292,10 +292,10 @@ def tabulate(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
 
     errors = ["extent_error", "ifov_error", "profile_error"]
     parts = (
-        over_views(["run_time", "ratio"], "", "median", xr.Dataset.median),
-        over_views(errors, "_median", "median", xr.Dataset.median),
-        over_views(errors, "_worst", "worst", xr.Dataset.max),
-        over_views(["changed"], "", "mean", xr.Dataset.mean),
+        reduce_views(["run_time", "ratio"], "", "median", xr.Dataset.median),
+        reduce_views(errors, "_median", "median", xr.Dataset.median),
+        reduce_views(errors, "_worst", "worst", xr.Dataset.max),
+        reduce_views(["changed"], "", "mean", xr.Dataset.mean),
     )
     return xr.merge(parts).assign_attrs(title="Run time against error, all samplings")
 
@@ -323,13 +323,13 @@ def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
     along: Any = {"input_core_dims": [["pixel"], ["pixel"]], "vectorize": True}
     error = table.profile_error_median
     needed = {
-        f"{name}_needed": (xr.apply_ufunc(at_error, table[name], error, **along), *label)
+        f"{name}_needed": (xr.apply_ufunc(figure_at_target, table[name], error, **along), *label)
         for name, label in figures.items()
     }
     return data_set(needed).assign_attrs(title=f"Cost of a median error of {TARGET:.1%}")
 
 
-def at_error(figure: Floats, error: Floats) -> float:
+def figure_at_target(figure: Floats, error: Floats) -> float:
     """Return a figure where the error is `TARGET`, by the power law between the pixels around it.
 
     Return the coarsest pixel's figure if all errors are smaller, and NaN if all are larger or one

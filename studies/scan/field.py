@@ -29,7 +29,7 @@ class Box(NamedTuple):
         """Number of columns and rows."""
         return self.right - self.left, self.top - self.bottom
 
-    def less(self, column: int, row: int) -> Box:
+    def relative_to(self, column: int, row: int) -> Box:
         """Return the same pixels, counted from another pixel."""
         return Box(self.left - column, self.bottom - row, self.right - column, self.top - row)
 

@@ -78,7 +78,7 @@ def observe(
     origins = places(field, targets, survey, rng=rng)
     visible, contrasts, probabilities = [], [], []
     for target, origin in zip(targets, origins, strict=True):
-        pixels = target.shown(imager.coverage_rule) + origin
+        pixels = target.visible_pixels(imager.coverage_rule) + origin
         visible.append(pixels[field.box.holds(pixels)])
         contrasts.append(imager.contrast(target.extent.slant_range))
         probabilities.append(imager.detection_probability(len(visible[-1]), contrasts[-1]))

@@ -151,7 +151,7 @@ def targets(survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Tar
     target_arrays = [{name: array[k] for name, array in scan_target.items()} for k in range(ships)]
     if scan_decoy["fraction"].any():
         target_arrays.append(scan_decoy)
-    return [survey.restored(arrays) for arrays in target_arrays]
+    return [survey.restore(arrays) for arrays in target_arrays]
 
 
 # Detections of the imager

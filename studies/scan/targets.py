@@ -32,11 +32,11 @@ class Target:
     offset: float
     extent: RangeExtent
 
-    def shown(self, rule: float) -> NDArray[np.int64]:
+    def visible_pixels(self, rule: float) -> NDArray[np.int64]:
         """Return the pixels (pixel, 2) filled to at least a share, counted from its origin."""
         return self.extent.cell[self.extent.fraction.sum(axis=1) >= rule]
 
-    def inside(self, box: Box) -> RangeExtent:
+    def extent_in(self, box: Box) -> RangeExtent:
         """Return its range extent in the IFOVs of a box, both counted from its origin."""
         mask = box.holds(self.extent.cell)
         parts = {"fraction": self.extent.fraction[mask], "cell": self.extent.cell[mask]}
@@ -95,7 +95,7 @@ class Survey:
         )
         # In the precision of the cache, so that a cached target equals a new one.
         fraction = extent.fraction.astype(np.float32)
-        return self.restored(
+        return self.restore(
             {"true_aspect": aspect, "offset": offset, "slant_range": far}
             | {"fraction": fraction, "cell": extent.cell}
         )
@@ -112,7 +112,7 @@ class Survey:
             "cell": np.pad(extent.cell, empty),
         }
 
-    def restored(self, arrays: Mapping[str, Any]) -> Target:
+    def restore(self, arrays: Mapping[str, Any]) -> Target:
         """Return the target of some `arrays`, without its empty IFOVs."""
         visible = arrays["fraction"].any(axis=1)
         extent = RangeExtent(

@@ -88,7 +88,7 @@ class VisitTemplates:
     gain_sigma: float
 
     @cached_property
-    def fitted(self) -> Callable[[int], GaussianTemplates]:
+    def classifier_of(self) -> Callable[[int], GaussianTemplates]:
         """Cached function of a number of IFOVs, the ship's included, that returns a classifier."""
         return lru_cache(maxsize=FITTED)(self._fit)
 
@@ -114,7 +114,7 @@ class VisitTemplates:
         """
         near = round(STEP ** round(math.log(ifovs, STEP)))
         raised = averages + (near - ifovs) * self.noise[0]
-        ship = self.fitted(near).predict(raised, frame_count)
+        ship = self.classifier_of(near).predict(raised, frame_count)
         cosine = directions(averages) @ directions(self.mean).T
         cosine[ship[:, None] != self.ship] = -1.0
         return ship, cosine.max(axis=1)
@@ -146,10 +146,10 @@ def visit_templates(
     lags = max(band.shape[1], len(noise))
     return VisitTemplates(
         moments["mean"][valid],
-        _lagged(band, lags),
+        _pad_lags(band, lags),
         moments["ifovs"][valid],
         np.nonzero(valid)[0],
-        (mean, _lagged(noise, lags)),
+        (mean, _pad_lags(noise, lags)),
         diagonal_loading,
         gain_sigma,
     )
@@ -182,7 +182,7 @@ def identify_visits(
         ifovs = visit.size[0] * visit.size[1]
         extent = no_return(survey.window, survey.bin_width)
         if source >= 0:
-            extent = targets[source].inside(visit.less(*origins[source]))
+            extent = targets[source].extent_in(visit.relative_to(*origins[source]))
         averages = laser.averages(extent, ifovs, frame_count, noise)
         run.setdefault(ifovs, []).append((number, averages))
     for ifovs, group in run.items():
@@ -230,7 +230,7 @@ def directions(profiles: Floats) -> Floats:
     return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
-def _lagged(band: Floats, lags: int) -> Floats:
+def _pad_lags(band: Floats, lags: int) -> Floats:
     """Return (..., lag, bin) covariances with more lags, zero there."""
     more = [(0, 0)] * (band.ndim - 2) + [(0, lags - band.shape[-2]), (0, 0)]
     return np.pad(band, more)

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ncti.evaluate import AspectAccuracy, paired_difference, replicated_accuracy
-from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, by_bin
+from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, label_bins
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import Part
 from sweeps.report.stores import attributes, list_groups, opened, read_group
@@ -90,7 +90,7 @@ class Pairs:
             "discordant": (discordant, "number of pairs, at all aspects, with one right answer"),
             "significant": (overall, "1 where the difference is significant (Holm, 5 %), else 0"),
         }
-        return by_bin(self.first, difference.labels, figures)
+        return label_bins(self.first, difference.labels, figures)
 
 
 def holm(family: Sequence[Pairs]) -> tuple[list[NDArray[np.bool_]], int]:

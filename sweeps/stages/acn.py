@@ -111,7 +111,7 @@ class TrainingSet:
         cosine = np.empty((len(clusterings), count))
         for rows in row_blocks(count):
             vectors = self.to_vectors(tests[number : number + 1, rows])
-            similarities = self.similarities.to(vectors.astype(np.float64))
+            similarities = self.similarities.with_tests(vectors.astype(np.float64))
             for c, clustering in enumerate(clusterings):
                 category[c, rows], cosine[c, rows] = clustering.match(similarities)
         return zip(category, cosine, strict=True)

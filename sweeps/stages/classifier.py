@@ -172,7 +172,7 @@ def classifies_with(name: str, sensor: str) -> Condition:
 
 def tested_ships(ship: Sequence[str]) -> Views:
     """Return the (ship,) mask of tested ships: all except generated ones."""
-    variants = [Variant.read(str(name)) for name in ship]
+    variants = [Variant.parse(str(name)) for name in ship]
     return np.array([variant is None or variant.seed != UNSEEN for variant in variants])
 
 

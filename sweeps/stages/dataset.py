@@ -21,7 +21,7 @@ from ncti.infrared import SUPER_RESOLUTIONS
 from ncti.infrared.loops import IMAGES
 from ncti.ladar.loops import FRAMES
 from ncti.machine_code import Loops
-from ncti.render.loops import LINES, of_engine
+from ncti.render.loops import LINES, engine_loops
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import (
     Choices,
@@ -218,7 +218,7 @@ def tabulate(made_rows: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that rows of both sensors take."""
-    return [FRAMES, of_engine(LINES), IMAGES] if looks(SENSOR)(choices) else []
+    return [FRAMES, engine_loops(LINES), IMAGES] if looks(SENSOR)(choices) else []
 
 
 STAGES = (

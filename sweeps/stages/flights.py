@@ -122,7 +122,7 @@ def scan(
 def navigation(scan: tuple[Scan, Scan], error: Error, focused: bool) -> Flight:
     """Return the flight that the corrections assume."""
     noisy, _ = scan
-    estimate = comparison.navigated(noisy.flight, error)
+    estimate = comparison.navigated_flight(noisy.flight, error)
     if focused:
         with suppress(NothingSeenError):  # no ship in the image: navigation is all there is
             estimate = library.autofocus(noisy, estimate)
@@ -313,7 +313,7 @@ def _check_estimate(flight: Flight, error: Error) -> None:
     parameter, value = error
     wrong = f"irar.errors.{parameter} has {value:g}, with which"
     try:
-        speed = comparison.navigated(flight, error).closing_speed
+        speed = comparison.navigated_flight(flight, error).closing_speed
     except ValueError as problem:
         raise ConfigurationError(f"{wrong} {problem}") from problem
     least, most = (share * flight.closing_speed for share in (SLOWEST, FASTEST))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify.blocks import HELD_ROWS, ROWS, row_blocks
-from ncti.classify.fusion import fuse, label_posterior, similarity_between_phases, with_outliers
+from ncti.classify.fusion import add_outliers, fuse, label_posterior, similarity_between_phases
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
@@ -230,12 +230,12 @@ def fusion(
             logs = logs.reshape(len(gain_sigma), replicates, len(true), -1)[..., template]
             for g, d in np.ndindex(len(gain_sigma), draws):
                 profile = logs[g, d % replicates]
-                certain = with_outliers(profile, of_ship, outlier_fraction=of_profiles[g, f])
+                certain = add_outliers(profile, of_ship, outlier_fraction=of_profiles[g, f])
                 of_profile = label_posterior(profile, of_ship)
                 for m, cosine in enumerate(similar):
                     factor, share = factors[m, :, d]
                     silhouette = factor * cosine[d % phases].astype(np.float64)
-                    silhouette = with_outliers(silhouette, of_ship, outlier_fraction=share)
+                    silhouette = add_outliers(silhouette, of_ship, outlier_fraction=share)
                     fused = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
                     of_both = (label_posterior(scores, of_ship) for scores in (silhouette, fused))
                     for c, posterior in enumerate((of_profile, *of_both)):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ncti import features
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
-from ncti.evaluate.answers import with_bins
+from ncti.evaluate.answers import add_bin_attribute
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.map_vector import INNER_RADIUS, INTERPOLATION
 from ncti.features.map_vector import map_cells as cells
@@ -25,7 +25,7 @@ from ncti.labels import data_set
 from ncti.ladar import spread_place
 from ncti.machine_code import Loops
 from ncti.render import LineImage, RangeImage
-from ncti.render.loops import MASK, of_engine
+from ncti.render.loops import MASK, engine_loops
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import (
     Choices,
@@ -425,7 +425,7 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
         "probability": (mean, "mean probability that some pixel of the ship passes the threshold"),
         "lowest": (least, "least probability of a view"),
     }
-    return with_bins(data_set(columns), images.aspect)
+    return add_bin_attribute(data_set(columns), images.aspect)
 
 
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -490,7 +490,7 @@ def loops(choices: Choices) -> list[Loops]:
     if not looks(views.INFRARED)(choices):
         return []
     masked = MASK in map(silhouette_engine.function, choices[Render.engine])
-    return [IMAGES] + [of_engine(MASK)] * masked
+    return [IMAGES] + [engine_loops(MASK)] * masked
 
 
 STAGES = (

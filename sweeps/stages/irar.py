@@ -18,7 +18,7 @@ from ncti.irar.registration import MOTION_METHODS
 from ncti.ladar.budget import power_ratio
 from ncti.machine_code import Loops
 from ncti.render.choice import choose_engine
-from ncti.render.loops import LINES, of_engine
+from ncti.render.loops import LINES, engine_loops
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import Kind, Number, Value
 from sweeps.engine.declare.settings import (
@@ -374,4 +374,4 @@ def loops(choices: Choices) -> list[Loops]:
     """Return the loops of flights, and those of the pixels that they need beside lines."""
     if not looks(IRAR)(choices):
         return []
-    return [TILTS] + [of_engine(choose_engine("auto"))] * (LINES in choices[Render.engine])
+    return [TILTS] + [engine_loops(choose_engine("auto"))] * (LINES in choices[Render.engine])

@@ -14,7 +14,7 @@ from ncti import ladar as library
 from ncti.classify.loops import DENSITIES
 from ncti.features.profile import estimated_floor
 from ncti.ladar import RangeExtent
-from ncti.ladar.budget import faintest
+from ncti.ladar.budget import faintest_ratio
 from ncti.ladar.frames import averaged_frames
 from ncti.ladar.loops import FRAMES
 from ncti.ladar.places import Place
@@ -358,7 +358,7 @@ def _check_cnr(choices: Choices) -> None:
         *product(*(choices[setting] for setting in (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)))
     ]
     for ship in choices[Grid.ship]:
-        least = faintest(
+        least = faintest_ratio(
             np.ptp(views.description(views.hull(ship)).vertices, axis=0),
             slant_range=farthest,
             ifov=widest,

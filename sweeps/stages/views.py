@@ -24,7 +24,7 @@ from ncti.render import EngineError, LineImage, RangeImage, Sampling, View
 from ncti.render.choice import choose_engine, engines
 from ncti.render.far_field import reach_of, sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
-from ncti.render.loops import LINES, of_engine
+from ncti.render.loops import LINES, engine_loops
 from ncti.render.view import ROLL
 from ncti.ships import Transform
 from ncti.ships.ahead import build_ahead
@@ -288,7 +288,7 @@ def image(
     tolerance, pulse_width, bin_width = fineness
     return lines_within(
         mesh,
-        View(drawn_aspect, depression, sampling.rolled(drawn_aspect), drawn_range),
+        View(drawn_aspect, depression, sampling.roll_at(drawn_aspect), drawn_range),
         tolerance=sampling_tolerance(tolerance, drawn_range),
         pulse_width=pulse_width,
         bin_width=bin_width,
@@ -467,7 +467,7 @@ STATUS = Status("view", "state of the sensors' results for a view", (Grid.ship, 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that engines draw by, and that bin their pixels."""
     used = {*choices[Render.engine]}
-    return [*map(of_engine, sorted(used)), *([BOXES] if used != {LINES} else [])]
+    return [*map(engine_loops, sorted(used)), *([BOXES] if used != {LINES} else [])]
 
 
 WORDS = {Sweep.sensor: "SENSOR"}

@@ -9,7 +9,7 @@ from ncti.classify import GaussianTemplates, label_posterior
 from ncti.classify.bands import mean_correlation, residual_band
 from ncti.classify.between import cells
 from ncti.classify.calibration import fit_temperature_and_outliers, likely_outlier_fraction
-from ncti.classify.fusion import with_outliers
+from ncti.classify.fusion import add_outliers
 
 WHITE = np.array([1.0])
 BINS = 40
@@ -156,11 +156,11 @@ def test_outliers_bound_what_a_sensor_outweighs_and_name_no_other_label():
     scores = np.random.default_rng(8).normal(scale=30, size=(50, 6))
     labels = np.array([0, 0, 1, 1, 2, 2])
     plain = label_posterior(scores, labels)[1]
-    softened = label_posterior(with_outliers(scores, labels, outlier_fraction=0.06), labels)[1]
+    softened = label_posterior(add_outliers(scores, labels, outlier_fraction=0.06), labels)[1]
     np.testing.assert_allclose(softened, 0.94 * plain + 0.06 / 3, rtol=1e-9)
     uneven = np.array([0, 0, 0, 1, 1, 2])
     plain = label_posterior(scores, uneven)[1]
-    softened = label_posterior(with_outliers(scores, uneven, outlier_fraction=0.06), uneven)[1]
+    softened = label_posterior(add_outliers(scores, uneven, outlier_fraction=0.06), uneven)[1]
     np.testing.assert_allclose(softened, 0.94 * plain + 0.06 / 3, rtol=1e-9)
 
 
@@ -169,13 +169,13 @@ def test_outlier_fractions_of_each_template():
     scores = np.random.default_rng(8).normal(size=(5, 4))
     outlier_fractions = np.array([0.0, 0.2, 1.0, 1.0])
     relative = np.exp(scores) / np.exp(scores).mean(axis=1, keepdims=True)
-    mixed = with_outliers(scores, [0, 0, 1, 1], outlier_fraction=outlier_fractions)
+    mixed = add_outliers(scores, [0, 0, 1, 1], outlier_fraction=outlier_fractions)
     np.testing.assert_allclose(
         mixed, np.log((1 - outlier_fractions) * relative + outlier_fractions), rtol=1e-9
     )
     for wrong, fault in (([0.1, 0.2], "has shape"), (1.1, "is 1.1"), (-0.1, "is -0.1")):
         with pytest.raises(ValueError, match=rf"^outlier_fraction {fault}"):
-            with_outliers(scores, [0, 0, 1, 1], outlier_fraction=wrong)
+            add_outliers(scores, [0, 0, 1, 1], outlier_fraction=wrong)
 
 
 # Inverse temperature and outlier fraction of scores together

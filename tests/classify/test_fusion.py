@@ -12,7 +12,7 @@ from ncti.classify.calibration import (
     fit_outlier_fraction,
     fit_temperature_and_outliers,
 )
-from ncti.classify.fusion import similarity_between_phases, with_outliers
+from ncti.classify.fusion import add_outliers, similarity_between_phases
 
 LABELS = np.repeat([0, 1, 2, 3], 5)  # four ships, five aspects
 
@@ -93,7 +93,7 @@ def test_a_sensor_that_is_always_right_does_not_drown_another():
     logs, truth = apart(rng, 124, 8.0)
     factor, outliers = fit_temperature_and_outliers(100 * logs, [0, 1], truth)
     sure = np.array([[0.0, -2.5 * np.log(126)]])
-    wrong = with_outliers([[-3200.0 * factor, 0.0]], [0, 1], outlier_fraction=outliers)
+    wrong = add_outliers([[-3200.0 * factor, 0.0]], [0, 1], outlier_fraction=outliers)
     posterior = label_posterior(fuse(sure, wrong, inverse_temperature=(1.0, 1.0)), [0, 1])[1]
     assert posterior[0, 0] > 0.99
 

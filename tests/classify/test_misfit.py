@@ -36,7 +36,9 @@ def test_samples_of_a_template_are_uniform(gain, floor):
     templates = GaussianTemplates(gain_sigma=gain, floor_sigma=floor, diagonal_loading=0.0)
     band = lower_band(0.5 * np.eye(bins) + 0.25 * np.eye(bins, k=1) + 0.25 * np.eye(bins, k=-1))
     templates.fit(mean[None], band[None], ["a"], floor=5.0)
-    samples = np.stack([templates.drawn(np.array([True]), frames, rng)[0] for _ in range(count)])
+    samples = np.stack(
+        [templates.draw_averages(np.array([True]), frames, rng)[0] for _ in range(count)]
+    )
     samples += gain * rng.standard_normal((count, 1)) * (mean - 5)
     samples += floor * np.sqrt(0.5) * rng.standard_normal((count, 1))
     scores = templates.log_likelihood(samples, frames)

@@ -96,11 +96,11 @@ def test_tests_may_come_later(features):
     later = Similarities.of(training)
     assert (later.test.shape, later.answers.shape) == ((0, min(features, 12)), (0,))
     for presented in (tests, others):
-        at_once, delayed = Similarities.of(training, presented), later.to(presented)
+        at_once, delayed = Similarities.of(training, presented), later.with_tests(presented)
         for name in ("directions", "lengths", "test", "answers"):
             np.testing.assert_array_equal(getattr(delayed, name), getattr(at_once, name))
     with pytest.raises(ValueError, match=rf"tests has shape \(5, 4\), .* \(test, {features}\)"):
-        later.to(tests[:, :4])
+        later.with_tests(tests[:, :4])
 
 
 def test_memory_is_in_proportion_to_the_vectors():

@@ -20,7 +20,7 @@ from ncti.data.splits import (
     VARIANTS,
     gap,
     recipe,
-    trained_as,
+    same_training_split,
 )
 from ncti.ladar import range_extent, spread_place
 
@@ -118,7 +118,7 @@ def test_each_split_differs_from_its_training_in_what_it_asks(splits):
 
 def test_splits_of_one_training_draw_the_same(splits):
     for name, parts in splits.items():
-        other = splits[trained_as(name)]["train"]
+        other = splits[same_training_split(name)]["train"]
         assert parts["train"].seed == other.seed and parts["train"].views == other.views
     plain, other = (splits[name]["test"] for name in ("aspect-random", "sensor-shift"))
     assert plain.views == other.views and plain.draws == other.draws

@@ -18,7 +18,7 @@ def test_percent_is_by_bin_and_leaves_out_what_was_not_asked():
     np.testing.assert_array_equal(
         fits.percent(correct), [[50.0, 100.0, np.nan], [100.0, np.nan, 0.0]]
     )
-    np.testing.assert_allclose(fits.overall(correct), [200 / 3, 200 / 3])
+    np.testing.assert_allclose(fits.overall_percent(correct), [200 / 3, 200 / 3])
 
 
 def test_the_error_of_a_mean_is_that_of_its_kinds_of_draws():

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from commands import ran
 
-from benchmarks.commands import SUMMARY, Swept
+from benchmarks.commands import SUMMARY, SweepCost
 from benchmarks.processes import Run
 from docs._tables import operate, proof
-from docs._tables.proof import Alone, Twice
+from docs._tables.proof import LoneSetting, RepeatedSweep
 from docs._tables.sweeping import choices_of
 
 TINY = (
@@ -27,9 +27,11 @@ def test_a_loop_takes_as_long_as_its_settings():
     """Of 100 settings, two of 7 and 9 s: 800 s, 8 times 100, with a standard error of 1 s in 8."""
 
     def twice(cells, cold, warm):
-        return Twice(cells, *(Run(0.0, cpu, 500.0, 0.0, 0.0, "") for cpu in (cold, warm)))
+        return RepeatedSweep(cells, *(Run(0.0, cpu, 500.0, 0.0, 0.0, "") for cpu in (cold, warm)))
 
-    report = proof.engine((), 100, twice(600, 120, 20), [twice(29, 9, 2), twice(31, 12, 3)], 0)
+    report = proof.engine_report(
+        (), 100, twice(600, 120, 20), [twice(29, 9, 2), twice(31, 12, 3)], 0
+    )
     shown = {row["what"]: row["value"] for row in report.rows}
     assert shown["cells of a loop over the settings"] == "3,000"
     assert shown["results reused"] == "80 %"
@@ -52,7 +54,7 @@ def in_this_process(monkeypatch, capsys):
         assert status == 0, printed
         made = int(SUMMARY.search(printed)["done"].replace(",", ""))
         run = Run(0.0, time.process_time() - begun, 500.0, 0.0, 0.0, printed)
-        return Swept(run, made, 0.0)
+        return SweepCost(run, made, 0.0)
 
     monkeypatch.setattr(proof, "sweep", sweep)
 
@@ -66,10 +68,10 @@ def test_settings_alone_are_of_the_sweep_and_figures_are_equal(monkeypatch):
         return bool((whole.averaged.sel(at) == alone.averaged).all())
 
     alone = [
-        Alone((*GRID, f"grid.ship=[{ship}]", f"grid.frame_count=[{frames}]"), same)
+        LoneSetting((*GRID, f"grid.ship=[{ship}]", f"grid.frame_count=[{frames}]"), same)
         for ship, frames in (("duncan", 4), ("texas", 8))
     ]
-    (profiles,), report = proof.proven(GRID, ["range_profile"], 4, alone)
+    (profiles,), report = proof.prove_sweep(GRID, ["range_profile"], 4, alone)
     assert profiles.sizes["ship"] == 2
     shown = {row["what"]: row["value"] for row in report.rows}
     computed, loop = (
@@ -77,20 +79,20 @@ def test_settings_alone_are_of_the_sweep_and_figures_are_equal(monkeypatch):
         for name in ("cells computed", "cells of a loop over the settings")
     )
     assert computed < loop < 4 * computed
-    other = Alone(alone[0].overrides, lambda whole, alone: False)
-    nothing = Twice(1, *[Run(0.0, 1.0, 1.0, 0.0, 0.0, "")] * 2)
+    other = LoneSetting(alone[0].overrides, lambda whole, alone: False)
+    nothing = RepeatedSweep(1, *[Run(0.0, 1.0, 1.0, 0.0, 0.0, "")] * 2)
 
     def stored(overrides, folder):  # in place of two more sweeps
         profiles.to_zarr(folder / proof.STORE, group="range_profile")
         return nothing
 
-    monkeypatch.setattr(proof, "swept_twice", stored)
+    monkeypatch.setattr(proof, "sweep_twice", stored)
     with pytest.raises(RuntimeError, match="differs"):
-        proof.proven(GRID, ["range_profile"], 4, [other])
+        proof.prove_sweep(GRID, ["range_profile"], 4, [other])
 
 
 def test_each_number_of_ships_of_the_sensors_is_computed_alone():
-    few = list(operate.settings_alone((*SMALL, "operate.fleet=[4,6]")))
+    few = list(operate.lone_settings((*SMALL, "operate.fleet=[4,6]")))
     assert [one.same is not None for one in few] == [False, True]
     for one, ships in zip(few, (4, 6), strict=True):
         choices = choices_of(one.overrides)

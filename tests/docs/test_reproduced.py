@@ -58,9 +58,9 @@ def reports():
         {"fitted": list(FITS), "parameter": list(PRIORS)},
     )
     return (
-        reproduced.of_figures(table, ""),
-        reproduced.of_fits(made, len(NAMES), ""),
-        reproduced.of_parameters(parameters, made, settings),
+        reproduced.figure_report(table, ""),
+        reproduced.fit_report(made, len(NAMES), ""),
+        reproduced.parameter_report(parameters, made, settings),
     )
 
 

@@ -9,7 +9,7 @@ from once import sharing_ships
 from scipy import stats
 
 from docs._tables import coverage, pages, repeated, result_flights, results, sweeping
-from docs._tables.repeated import bins_of, multiples, over_seeds
+from docs._tables.repeated import bins_of, mean_over_seeds, multiples_mask
 from docs._tables.sweeping import choices_of
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.stages.irar import Irar
@@ -21,18 +21,18 @@ TINY = (*("render.pixel=1", "render.samples=100", "classifier.mnn.epochs=5"),)
 
 def test_seeds_that_agree_are_no_certainty():
     """Wilson's interval of 400 views that are all right begins at 1 / (1 + z^2 / 400)."""
-    found = over_seeds(np.full(10, 100.0), views=40)
+    found = mean_over_seeds(np.full(10, 100.0), views=40)
     assert found.high == found.mean == 100.0
     z = stats.norm.isf(0.025)
     assert found.low == pytest.approx(100 / (1 + z**2 / 400))
     assert found.text() == "100 [99-100]"
-    assert over_seeds([1.0, 2.0], bounds=(-5, 5)).text(1, "+") == "+1.5 [-4.9 to +5.0]"
+    assert mean_over_seeds([1.0, 2.0], bounds=(-5, 5)).text(1, "+") == "+1.5 [-4.9 to +5.0]"
 
 
 def test_bins_and_multiples_of_a_step():
     aspect = [0.0, 1.5, 29.999, 30.0, 60.0, 89.97, 90.0]
     assert [int(mask.sum()) for mask in bins_of(aspect).values()] == [3, 1, 3, 7]
-    assert multiples(aspect, 1.5).tolist() == [True, True, False, True, True, False, True]
+    assert multiples_mask(aspect, 1.5).tolist() == [True, True, False, True, True, False, True]
 
 
 @pytest.mark.parametrize(("factor", "least", "most"), [(1.0, 93.0, 97.0), (0.5, 0.0, 80.0)])
@@ -41,15 +41,15 @@ def test_coverage_is_that_of_independent_seeds_and_shows_intervals_that_are_too_
 ):
     """Of 1,600 repeats of normal draws: 95 %, +- 2 at five standard errors; half as wide, 66 %."""
     percent = np.random.default_rng(3).normal(50, 4, (1600, 20))
-    plain = coverage.over_seeds
+    plain = coverage.mean_over_seeds
 
     def narrow(values, **how):
         found = plain(values, **how)
         low, high = (found.mean + factor * (end - found.mean) for end in (found.low, found.high))
         return repeated.Interval(found.mean, low, high)
 
-    monkeypatch.setattr(coverage, "over_seeds", narrow)
-    assert least <= 100 * coverage.covered(percent, views=40) <= most
+    monkeypatch.setattr(coverage, "mean_over_seeds", narrow)
+    assert least <= 100 * coverage.coverage_share(percent, views=40) <= most
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from scipy import ndimage, stats
 
 from ncti.features import segment
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
-from ncti.features.segmentation import _conditional_modes, _log_likelihood_ratio, _whole
+from ncti.features.segmentation import _conditional_modes, _largest_region, _log_likelihood_ratio
 
 KNOWN = {"contrast": 1.28, "target_sigma": 0.1, "sea_sigma": 0.1}  # 25 km
 
@@ -36,7 +36,7 @@ def modes(target, ratio):
 
 
 def whole(target, *, weights):
-    return _whole(target[None], weights=None if weights is None else weights[None])[0]
+    return _largest_region(target[None], weights=None if weights is None else weights[None])[0]
 
 
 def ship(shape=(20, 54)):

@@ -73,7 +73,7 @@ def test_clutter_is_of_the_sea_alone_and_changes_nothing_else(flown):
     )
     np.testing.assert_array_equal(plain.intensity, rough.intensity)
     np.testing.assert_array_equal(plain.range, rough.range)
-    share = 1 - flown.returns.without_leading(11).coverage()
+    share = 1 - flown.returns.drop_leading(11).coverage()
     added = rough.infrared[0] - plain.infrared[0]
     np.testing.assert_allclose(added[share == 0], 0.0, atol=1e-6)
     assert added[share == 1].std() == pytest.approx(DEVIATION, rel=0.5)  # a few patches

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ncti.irar import mirror_rotation
-from ncti.irar.mirror import compass, mirror_axes
+from ncti.irar.mirror import compass_directions, mirror_axes
 
 depressions = st.floats(0.1, 60)
 mirror_angles = st.floats(2, 80)
@@ -21,9 +21,14 @@ def reflected(along, across, *, depression, mirror_angle, azimuth):
     The mirror stands so that the undeflected beam, level, comes out at the depression: its normal
     is along the sum of the ways to the source and to the ship.
     """
-    source, ship = compass(azimuth + 2 * mirror_angle, 0), compass(azimuth, -depression)
+    source, ship = (
+        compass_directions(azimuth + 2 * mirror_angle, 0),
+        compass_directions(azimuth, -depression),
+    )
     normal = (source + ship) / np.linalg.norm(source + ship)
-    incident = -compass(azimuth + 2 * mirror_angle - np.degrees(along), -np.degrees(across))
+    incident = -compass_directions(
+        azimuth + 2 * mirror_angle - np.degrees(along), -np.degrees(across)
+    )
     return incident - 2 * (incident @ normal) * normal
 
 
@@ -41,7 +46,7 @@ def test_the_image_is_turned_by_the_exact_angle(depression, mirror_angle, azimut
             (reflected(0, STEP, **pose) - reflected(0, -STEP, **pose)) / (2 * STEP),
         ]
     )
-    away, right = compass(azimuth, -depression), compass(azimuth + 90, 0)
+    away, right = compass_directions(azimuth, -depression), compass_directions(azimuth + 90, 0)
     image = turned @ np.stack([right, np.cross(right, away)]).T
     angle = math.radians(mirror_rotation(depression, mirror_angle=mirror_angle))
     c, s = math.cos(angle), math.sin(angle)

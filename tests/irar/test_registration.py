@@ -222,7 +222,7 @@ def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror
                 flown, points, mirror="none" if step == "rotation" else step
             )
             if step == "rotation":
-                row, column = registration.rotated(row, column, clockwise=-math.degrees(lean))
+                row, column = registration.rotate(row, column, clockwise=-math.degrees(lean))
             leaning = tilt(row, column, upright=upright)
             assert leaning == pytest.approx(math.degrees(math.atan(slope)), abs=0.05), step
     if mirror_angle == 45:

@@ -8,7 +8,7 @@ from flown import flight
 
 from ncti.infrared import band_contrast
 from ncti.irar import fly
-from ncti.irar.scan import wander
+from ncti.irar.scan import draw_attitude_errors
 from ncti.irar.scene import ScanPlan, plan_scan, scan_scene
 
 
@@ -31,7 +31,7 @@ def test_detectors_trail_each_other_over_the_ship(ship, flown):
 def test_attitude_wanders_as_a_markov_sequence(jitter_time):
     """20,000 lines: deviation and correlation of neighbours, with 4 of their standard errors."""
     flown_ = flight(jitter=2e-4, jitter_time=jitter_time)
-    errors = wander(ScanPlan(flown_, 0, 20_000), np.random.default_rng(2))
+    errors = draw_attitude_errors(ScanPlan(flown_, 0, 20_000), np.random.default_rng(2))
     correlation = math.exp(-1 / (119.0 * jitter_time))
     independent = 20_000 * (1 - correlation) / (1 + correlation)
     assert (errors**2).mean() == pytest.approx((2e-4) ** 2, rel=4 * math.sqrt(1 / independent))
@@ -47,12 +47,12 @@ def test_jitter_moves_whole_lines(ship):
     """Of a pole its column moves by the error to the right, over the IFOV, line by line."""
     calm = fly(ship, flight(175.0))
     plan = plan_scan(ship, flight(175.0, jitter=3e-4, jitter_time=0.02))
-    errors = wander(plan, np.random.default_rng(6))
+    errors = draw_attitude_errors(plan, np.random.default_rng(6))
     shaken = fly(ship, flight(175.0, jitter=3e-4, jitter_time=0.02), rng=np.random.default_rng(6))
     columns = np.arange(plan.flight.samples)
 
     def column(flown_, number):
-        coverage = flown_.returns.without_leading(11).coverage()[number - flown_.plan.first]
+        coverage = flown_.returns.drop_leading(11).coverage()[number - flown_.plan.first]
         return (coverage * columns).sum() / coverage.sum() if 0 < coverage.sum() < 3 else math.nan
 
     numbers = np.arange(calm.plan.first, calm.plan.first + calm.plan.lines)

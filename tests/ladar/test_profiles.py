@@ -7,7 +7,7 @@ from scipy import stats
 
 import ncti.ships
 from ncti import ladar
-from ncti.ladar.budget import faintest
+from ncti.ladar.budget import faintest_ratio
 from ncti.ladar.frames import GAUSSIAN_FROM
 from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel, target_response
 from ncti.ladar.window import shortest_window
@@ -141,7 +141,7 @@ def test_at_the_faintest_signal_some_steps_of_single_precision_are_left_of_a_shi
 ):
     """From every side; at a thirtieth of it none of some views."""
     mesh, sight = ncti.ships.load(ship), {"slant_range": 100e3, "ifov": 150e-6}
-    least = faintest(mesh.extents, **sight, target_free_ifovs=4000)
+    least = faintest_ratio(mesh.extents, **sight, target_free_ifovs=4000)
 
     def steps(cnr):
         for aspect in (0.0, 33.0, 90.0, 180.0):

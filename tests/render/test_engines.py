@@ -74,7 +74,7 @@ def present(monkeypatch):
     """Sets which engines' libraries seem to be there, on a process not yet bound to a platform."""
 
     def these(*names):
-        monkeypatch.setattr(choice, "_present", names.__contains__)
+        monkeypatch.setattr(choice, "_is_present", names.__contains__)
         monkeypatch.setattr(choice, "bound_platform", lambda: None)
 
     return these

@@ -10,7 +10,7 @@ from ncti import ships
 from ncti.render import available_engines, pixels
 from ncti.render.choice import start_engine
 from ncti.render.incidence import STEEP, STEEPEST
-from ncti.render.solid import Solid, covered, sampled, surface
+from ncti.render.solid import Solid, covered_columns, sampled_facets, surface
 from ncti.render.view import Lattice, View, clip_matrix
 
 VIEWS = [(0.0, 3.84, None, 0.25), (33.3, 11.0, 4e3, 0.6), (90.0, 0.0, None, 0.25)]
@@ -19,7 +19,7 @@ Long = np.longdouble
 
 def looked_at(mesh, aspect, depression, slant_range, pixel):
     solid, view = Solid.of(mesh), View(aspect, depression, slant_range=slant_range)
-    points = solid.along(view)
+    points = solid.view_coordinates(view)
     return solid, view, Lattice.around(points, view, pixel), points
 
 
@@ -48,7 +48,7 @@ def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin
     """Moved by the margin or less, none of them is counter-clockwise about a pixel centre."""
     places, faces = triangles(seed, 10**size)
     margin = 10**margin
-    chosen = pixels.sampled(places, faces, margin)
+    chosen = pixels.sampled_facets(places, faces, margin)
     assert (np.diff(chosen) > 0).all()
     out = np.setdiff1d(np.arange(len(faces)), chosen)
     reach = int(np.abs(places).max() + 2)
@@ -76,7 +76,7 @@ def test_what_is_left_out_would_not_be_seen(name, view):
     engine = start_engine("osmesa")
     clip = clip_matrix(view, lattice, centre=solid.centre)
     all_facets = np.arange(len(solid.faces), dtype=np.int32)
-    few = sampled(solid, view, lattice, points)
+    few = sampled_facets(solid, view, lattice, points)
     images = [
         engine._thread.submit(engine._canvas.draw, solid, facets, clip, lattice.shape).result()
         for facets in (all_facets, few)
@@ -116,7 +116,7 @@ def test_rays_left_out_would_miss(name, view):
         expected = every_ray(solid, seen_from, lattice)
         facets = start_engine("embree").visible(solid, seen_from, lattice, points)
         assert np.array_equal(facets, expected)
-        first, stop = covered(solid, seen_from, lattice, points).T
+        first, stop = covered_columns(solid, seen_from, lattice, points).T
         assert (stop - first).sum() < 0.65 * lattice.rows * lattice.columns
 
 

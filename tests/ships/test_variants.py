@@ -9,7 +9,7 @@ from shipyard import barge, packaged_sheet
 
 from ncti import ships
 from ncti.ships import build, perturbation, sheets
-from ncti.ships.perturbation import Variant, build_variant, carriage, perturbed
+from ncti.ships.perturbation import Variant, build_variant, carriage, perturb_sheet
 
 DRAWS = dict.fromkeys(ships.names(), 2) | {"spruance": 10}  # a second each
 
@@ -36,7 +36,7 @@ def drawn() -> dict[str, list[sheets.Sheet]]:
         sheet = packaged_sheet(name)
         borne = carriage(sheet)
         by_ship[name] = [
-            perturbed(sheet, borne, rng=Variant(name, 0, number).stream(0), scale=1.0)
+            perturb_sheet(sheet, borne, rng=Variant(name, 0, number).stream(0), scale=1.0)
             for number in range(1, DRAWS[name] + 1)
         ]
     return by_ship
@@ -108,7 +108,7 @@ def test_small_scale_is_the_ship_itself() -> None:
     sheet = packaged_sheet("duncan")
     borne, variant = carriage(sheet), Variant("duncan", 0, 1)
     near, far = (
-        feet(perturbed(sheet, borne, rng=variant.stream(0), scale=scale)) - feet(sheet)
+        feet(perturb_sheet(sheet, borne, rng=variant.stream(0), scale=scale)) - feet(sheet)
         for scale in (1e-3, 2e-3)
     )
     assert np.abs(near).max() < 0.01
@@ -195,7 +195,7 @@ def test_draw_that_does_not_build_is_drawn_again(monkeypatch) -> None:
 
     monkeypatch.setattr(perturbation, "build", build_third)
     ship = build_variant(sheet, borne, variant)
-    third = perturbed(sheet, borne, rng=variant.stream(2), scale=variant.scale)
+    third = perturb_sheet(sheet, borne, rng=variant.stream(2), scale=variant.scale)
     np.testing.assert_array_equal(ship.vertices, build.build(third).vertices)
     assert not np.array_equal(feet(drawn[0]), feet(drawn[1]))
 

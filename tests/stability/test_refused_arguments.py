@@ -9,7 +9,7 @@ from arguments import GOOD, found, refused
 from ncti import classify, evaluate
 from ncti.classify.between import cells
 from ncti.classify.calibration import fit_outlier_fraction, fit_temperature_and_outliers
-from ncti.classify.fusion import with_outliers
+from ncti.classify.fusion import add_outliers
 from ncti.features.profile import estimated_floor
 
 
@@ -108,8 +108,8 @@ CALLS = {
         fit_temperature_and_outliers,
         {"scores": SCORES, "labels": NAMES, "truth": NAMES, "weight": np.ones(VIEWS)},
     ),
-    "with_outliers": (
-        with_outliers,
+    "add_outliers": (
+        add_outliers,
         {
             "scores": SCORES,
             "labels": NAMES,

@@ -246,7 +246,7 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
         np.testing.assert_array_equal(formed[name], of_all_views[name], err_msg=name)
     answers = answer_tests(training_set, formed, tests[None], valid, "ship", False)
     [clustering] = [acn._clustering(of_all_views)]
-    category, cosine = clustering.match(of_all.similarities.to(profile_vectors(tests)))
+    category, cosine = clustering.match(of_all.similarities.with_tests(profile_vectors(tests)))
     np.testing.assert_array_equal(
         answers["category"][0][valid], category.reshape(valid.shape)[valid]
     )

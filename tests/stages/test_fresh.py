@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from range_channel import choose
 
-from ncti.evaluate.answers import scored
+from ncti.evaluate.answers import accuracy_columns
 from ncti.ships.perturbation import Variant
 from sweeps.stages import classifier, likelihood
 from sweeps.stages.classifier import (
@@ -77,7 +77,7 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     # The first of many, and of fewer ships, are the same.
     many = generated_ships(["texas"], 200)
     assert set(many[:3]) < set(generated)
-    sizes = np.array([Variant.read(name).size for name in many])
+    sizes = np.array([Variant.parse(name).size for name in many])
     # Log-uniform: three distances make a sequence of the golden ratio's steps of 1/n and 2/n.
     share = np.sort(np.log(sizes / 0.7) / np.log(1.1 / 0.7))
     np.testing.assert_allclose(
@@ -111,7 +111,7 @@ def test_answers_at_several_kinds_of_aspects_are_counted_apart():
         name: xr.DataArray(np.array(flags, bool), dims="aspect")
         for name, flags in flags_by_kind.items()
     }
-    table = scored(correct, "", "tests", kinds)
+    table = accuracy_columns(correct, "", "tests", kinds)
     share, n = table.accuracy, table.n
     assert share.aspects.values.tolist() == ["learned", "random"]
     for name, flags in flags_by_kind.items():
@@ -121,4 +121,4 @@ def test_answers_at_several_kinds_of_aspects_are_counted_apart():
         np.testing.assert_allclose(share.sel(aspects=name, aspect_bin="overall"), expected)
     assert np.isnan(share.sel(aspects="learned", aspect_bin="62"))
     # Of one kind there is no such dimension.
-    assert "aspects" not in scored(correct, "", "tests", {}).dims
+    assert "aspects" not in accuracy_columns(correct, "", "tests", {}).dims

@@ -91,9 +91,9 @@ def test_templates_are_seen_from_the_training_range_whatever_is_tested():
 
 
 def test_pixels_that_are_just_filled_show_the_ship():
-    coverage = view_from(25.0).covered(0).coverage
+    coverage = view_from(25.0).coverage_at(0).coverage
     rule = coverage[(coverage > 0.2) & (coverage < 0.9)][0]
-    mask = view_from(25.0, coverage_rule=rule).shown(0, 1)
+    mask = view_from(25.0, coverage_rule=rule).mask(0, 1)
     np.testing.assert_array_equal(mask, coverage >= rule)
 
 

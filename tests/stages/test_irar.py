@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import ncti.ships
 from ncti.irar import Flight, ship_heading
-from ncti.irar.corrected import navigated
+from ncti.irar.corrected import navigated_flight
 from ncti.irar.scene import plan_scan
 from sweeps.stages.irar import FLOWN, MOST_WRONG, RECORDED, Irar, flight_of
 
@@ -70,10 +70,12 @@ def test_what_is_believed_wrong():
     mesh = ncti.ships.load("duncan")
     flight = Flight(slant_range=3900.0, ship_heading=0.0, aircraft_speed=80.0)
     settled = plan_scan(mesh, flight).flight
-    assert navigated(settled, ("none", 0.0)) == settled
-    assert navigated(settled, ("aircraft_speed", 5.0)) == replace(settled, aircraft_speed=84.0)
-    assert navigated(settled, ("ship_speed", -2.0)) == replace(settled, ship_speed=6.0)
+    assert navigated_flight(settled, ("none", 0.0)) == settled
+    assert navigated_flight(settled, ("aircraft_speed", 5.0)) == replace(
+        settled, aircraft_speed=84.0
+    )
+    assert navigated_flight(settled, ("ship_speed", -2.0)) == replace(settled, ship_speed=6.0)
     for name in ("aircraft_heading", "ship_heading", "pointing"):
-        wrong = navigated(settled, (name, 0.5))
+        wrong = navigated_flight(settled, (name, 0.5))
         assert wrong == replace(settled, **{name: getattr(settled, name) + 0.5})
-    assert navigated(flight, ("pointing", 0.5)).pointing == 5.5
+    assert navigated_flight(flight, ("pointing", 0.5)).pointing == 5.5

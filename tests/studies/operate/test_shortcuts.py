@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from docs._tables.operate import Setting, compared, planned
+from docs._tables.operate import Setting, compare_likelihoods, plan_views
 
 TESTS, DRAWS = 240, 8
-VIEWS = planned(TESTS)
+VIEWS = plan_views(TESTS)
 
 
 @pytest.mark.parametrize("setting", [Setting(100, 16), Setting(100, 4), Setting(100, 16, 10)])
 def test_one_covariance_names_as_many_views_as_each_templates_own(setting):
-    right = compared(setting, VIEWS, DRAWS)
+    right = compare_likelihoods(setting, VIEWS, DRAWS)
     exact, shared, drawn = (right[name].astype(float) for name in ("exact", "one", "drawn"))
     assert 0.4 < exact.mean() < 0.99
     # Of 800 views the answers differ in 2 % at most, so paired differences have a standard

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.isotonic import IsotonicRegression
 
-from studies.operate.sufficiency import cheapest, crossing, isotonic
+from studies.operate.sufficiency import cheapest_setting, crossing, isotonic
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=9))
@@ -42,7 +42,7 @@ def test_cheapest_is_the_least_of_all(seed):
     values[rng.random(values.shape) < 0.3] = np.inf
     values[1, :, :, 0] = np.inf
     cost = xr.DataArray(values, axes, ("range", "cnr", "ifov", "resample"))
-    least = cheapest(cost, ("cnr", "ifov")).transpose("range")
+    least = cheapest_setting(cost, ("cnr", "ifov")).transpose("range")
     costs = values[0, :, :, 0]
     assert least.cost.values[0] == costs.min() and least.cost.values[1] == np.inf
     minima = np.sort(values[0, :, :, 1:].min(axis=(0, 1)))

@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2, kstest
 
-from studies.reproduction.agreement import binomial_variance, chi_square, posterior_weights, reached
+from studies.reproduction.agreement import (
+    binomial_variance,
+    chi_square,
+    measure_reach,
+    posterior_weights,
+)
 
 
 def test_binomial_variance_is_that_of_laplaces_rule():
@@ -108,7 +113,7 @@ def test_weighted_quantiles_are_those_of_repeated_values(rows, share):
 def test_figures_that_no_setting_reaches_are_counted_by_hand():
     simulated = np.array([[10.0, 50.0, 3.0], [30.0, 60.0, 5.0], [50.0, 40.0, 7.0]])
     variance = np.array([[25.0, 25.0, 1.0]] * 3)
-    reach = reached(simulated, [22.0, 90.0, 5.0], variance)
+    reach = measure_reach(simulated, [22.0, 90.0, 5.0], variance)
     np.testing.assert_allclose(reach.share, [1 / 3, 0, 3 / 3])
     np.testing.assert_allclose(reach.nearest, [8 / 5, 6, 0])
     assert reach.together.tolist() == [1, 2, 1]

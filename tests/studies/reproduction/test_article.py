@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ncti.article import article_figures, figures, in_order
+from ncti.article import article_figures, figure_order, figures
 from studies.reproduction import FITS, PRIORS, Agreement, assumed
 from studies.reproduction.agreement import binomial_variance
 
@@ -33,7 +33,7 @@ def test_figures_are_those_of_the_article_in_the_order_of_simulated_tables():
         ],
         "categories5": [tables["table5_percent_correct"]["categories"]],
     }  # fmt: skip
-    np.testing.assert_array_equal(in_order(by_row), article())
+    np.testing.assert_array_equal(figure_order(by_row), article())
     trials = [figure.trials for figure in figures()]
     assert trials[:3] == [40, 40, 44] and sum(count == 0 for count in trials) == 4
     names = {(figure.table, figure.name) for figure in figures()}

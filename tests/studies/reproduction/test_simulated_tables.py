@@ -14,7 +14,7 @@ from ncti.ships import load
 from studies.reproduction import Simulated, assumed, draw, reproduce
 from studies.reproduction.categories import acn_scores, presentation_orders
 from studies.reproduction.profiles import averaged_profiles
-from studies.reproduction.silhouettes import _seen
+from studies.reproduction.silhouettes import _segmented_silhouettes
 from studies.reproduction.simulated import percent_by_bin
 
 NOMINAL = {
@@ -168,7 +168,7 @@ def test_a_threshold_keeps_the_largest_region_above_it():
     target[:, 5:10, 6:34] = True
     imager = Imager(0.25, 0.6, 0.0, 0.4, 0.1, 0.1)  # a contrast of four deviations
     settings = {"segmentation": "threshold", "threshold": 0.6}
-    masks = _seen(target, 25e3, imager, settings, 3, np.random.default_rng(8))
+    masks = _segmented_silhouettes(target, 25e3, imager, settings, 3, np.random.default_rng(8))
     noise = np.random.default_rng(8).standard_normal((3, *target.shape))
     sigma = np.hypot(0.1, 0.4 / 4)
     images = imager.contrast(25e3) * target + sigma * noise
