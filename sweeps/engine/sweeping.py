@@ -47,6 +47,7 @@ TABLE_MODULES = (
     "sweeps.engine.store.tables",
     "dask.array",
 )  # imported early, since it takes long
+EXECUTOR_MODULE = "sweeps.engine.run.dask_cluster"
 INLINE_SECONDS = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
@@ -247,7 +248,9 @@ def _compute(
         plan.experiment.prepare(plan.choices, with_signal_check(watch.say)) if is_local else ()
     )
     tables = TABLE_MODULES if plan.experiment.tables else ()
-    names = deque((*tables, *options.imports) if choice.kind != "inline" else ())
+    # The executor first: its thread imports dask, and two that import parts of it at once may fail.
+    imports = EXECUTOR_MODULE, *tables, *options.imports
+    names = deque(imports if choice.kind != "inline" else ())
     while names and not starting.done():
         raise_if_stopped()
         with suppress(Exception):  # the report gives the reason, when the store is written
