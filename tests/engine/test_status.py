@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 from pathlib import Path
 
@@ -174,3 +175,12 @@ def test_a_sweep_says_that_its_cache_is_large(start, capsys):
     assert Command(SPRINGS).main([*GIVEN, "cache_limit=1e-6"]) == 0
     message = "more than cache_limit, 1e-06 GB; `springs --cache prune=1e-06GB` deletes the oldest"
     assert message in capsys.readouterr().err
+
+
+def test_lines_of_progress_say_finishing_when_no_cell_is_left(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(progress, "LINE_INTERVAL", 0)
+    assert Command(SPRINGS).main(GIVEN) == 0
+    lines = [line.removeprefix("springs: ") for line in capsys.readouterr().err.splitlines()]
+    first, *others = (line for line in lines if re.search("cells left|finishing|/", line))
+    assert first == "74 cells left" and others.index("finishing") == len(others) - 1

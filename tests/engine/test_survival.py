@@ -25,7 +25,7 @@ from sweeps.engine import sweeping as run
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.stage import Group, Output, stage
-from sweeps.engine.run import dask_cluster
+from sweeps.engine.run import dask_cluster, progress
 from sweeps.engine.store import provenance
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
@@ -107,6 +107,7 @@ def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
     tmp_path, monkeypatch, capsys
 ):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    monkeypatch.setattr(progress, "LINE_INTERVAL", 3600)
     with cluster_at(tmp_path / "scheduler") as (choice, (scheduler, *_)):
 
         def kill():
@@ -126,7 +127,7 @@ def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
     assert lines[-1] == gone and len(lines) == 3
     assert not store.exists()
     resumed = go(store, cache, measured__pause=0.5)
-    assert sum(progress.reused for progress in resumed.progress.values()) > 0
+    assert sum(stage.reused for stage in resumed.progress.values()) > 0
     go(tmp_path / "t.zarr", cache, measured__pause=0.5)
     assert files(store) == files(tmp_path / "t.zarr")
 

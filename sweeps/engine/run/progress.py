@@ -103,6 +103,8 @@ class _ProgressView:
                 f"{name} {progress.total - progress.remaining}/{progress.total}"
                 for name, progress in started[::-1]
             ]
+            if not parts and (cells := sum(progress.remaining for _, progress in stages)):
+                parts = [f"{cells:,} cells left"]
             self.say(", ".join([*parts, remaining] if remaining else parts) or "finishing")
 
     def write(self) -> None:
