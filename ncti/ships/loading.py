@@ -433,10 +433,10 @@ def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bo
     Raises ShipError as `digest` does.
     """
     source = _find_source(name_or_path)
-    return not source.is_sheet or _cache_file(source, cache).exists()
+    return not source.is_sheet or _path_in_cache(source, cache).exists()
 
 
-def _cache_file(source: _Source, cache: str | Path | None) -> Path:
+def _path_in_cache(source: _Source, cache: str | Path | None) -> Path:
     folder = store.default_folder() if cache is None else Path(cache)
     return folder / f"{source.digest}.npz"
 
@@ -449,7 +449,7 @@ def _ship_solid(
         placed = meshes.read(source.content, source.suffix, transform, where=where)
         loa, beam, _ = (float(extent) for extent in np.ptp(placed.vertices, axis=0))
         return Ship(placed.vertices, placed.faces, loa, beam), placed.diagnosis, placed.faults
-    path = _cache_file(source, cache)
+    path = _path_in_cache(source, cache)
     ship = store.read(path)
     if ship is None:
         ship = _build_ship(source)
