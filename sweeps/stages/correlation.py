@@ -39,10 +39,16 @@ class Correlation(Settings, key="classifier", single="coordinate"):
     reads=classifier.read_in_blocks("averaged"),
     keep=4,
 )
-def profile_draws(averaged: Profiles, training: str) -> Profiles | Floats:
-    """Return (replicate, view, bin) draws of averaged profiles; none unless they are learned."""
+def profile_draws(averaged: Profiles, valid: Views, training: str) -> Profiles | Floats:
+    """Return (replicate, view, bin) draws of averaged profiles; none unless they are learned.
+
+    Missing ones are zero.
+    """
     draws = classifier.stack_views(averaged)
-    return draws[:] if training == NOISY else draws[:0].copy()  # which does not keep the others
+    if training != NOISY:
+        return draws[:0].copy()  # which does not keep the others
+    missing = ~valid.reshape(len(valid), -1)
+    return np.where(missing[..., None], 0, draws[:]) if missing.any() else draws[:]
 
 
 @ANSWERS.answers(

@@ -95,6 +95,18 @@ def total(second, valid):
     return second[valid].sum()
 
 
+@in_memory(uses=(Few,), gather=(Few.size,))
+def largest(second):
+    """An object of all of them."""
+    return second.max()
+
+
+@stage(Output("share", label="share", dtype="f8"), uses=(Few,), group=ALL)
+def share(second, largest):
+    """What needs all of them, through an object."""
+    return second / largest
+
+
 FLAKY = of(first, made, second, total)
 
 
@@ -235,3 +247,20 @@ def test_a_store_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
     assert not CALLS  # all were kept
     go(tmp_path / "t.zarr", spring__mass=[1, 2, 3])
     assert contents(store) == contents(tmp_path / "t.zarr")
+
+
+@pytest.mark.parametrize("values", [{2}, {12}])
+def test_what_gathers_all_without_a_mask_fails_with_one_of_them(tmp_path, broken, values):
+    experiment = of(first, made, second, largest, share)
+    choices = read_choices(experiment.declared, {"few.size": [1, 2, 3, 4]})
+    broken["values"] = frozenset(values)
+    run(experiment, choices, tmp_path / "s.zarr")
+    reasons = read_attributes(tmp_path / "s.zarr")["failures"]
+    needs = {size: reasons[f"share size={size}"] for size in (1, 2, 3, 4)}
+    whole, own = ("needs largest, which failed", "needs second size=2, which failed")
+    assert needs == {1: whole, 2: own, 3: whole, 4: whole}
+    broken["values"] = frozenset()
+    run(experiment, choices, tmp_path / "s.zarr")
+    shares = opened(tmp_path / "s.zarr", "all")["share"]
+    sizes = np.arange(1, 5)
+    np.testing.assert_allclose(shares, (np.sqrt(sizes) + sizes) / 6)

@@ -15,7 +15,9 @@ BOTH = (False, True)
 def answered(cell, training="expected", left_out=(False,), frames=0, **training_views):
     """Answers of all replicates, (replicate, left_out, ship, aspect)."""
     ships, aspects = cell.valid.shape
-    draws = correlation.profile_draws(cell.averaged[:, frames], training)
+    averaged = cell.averaged[:, frames]
+    draws = correlation.profile_draws(averaged, np.isfinite(averaged).all(axis=-1), training)
+    assert np.isfinite(draws).all()
     answers = [
         correlation.correlation(
             draws,

@@ -23,7 +23,7 @@ from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.settings import Setting
 from sweeps.engine.declare.stage import VALID, At, BoundStage
 from sweeps.engine.resolve.keys import Keys, concatenate, hash_texts, unique_keys
-from sweeps.engine.resolve.plan import Cells, InputCells, Plan
+from sweeps.engine.resolve.plan import Cells, Plan
 from sweeps.engine.run.tasks import (
     Batch,
     ObjectArgument,
@@ -366,14 +366,16 @@ class Schedule:
             return cells
         inputs = self.plan.computed_inputs(bound)
         lost_inputs = {source: self._lost_cells(source) for source, *_ in inputs}
-        lost = self._cells_lacking_input(inputs, lost_inputs, cells)
+        lost = self._cells_lacking_input(bound, lost_inputs, cells)
         for cell in cells[lost].tolist():
-            source, input_cells = next(
-                (source, input_cells)
+            source, input_cells, flags = next(
+                (source, input_cells, flags)
                 for source, first, offsets in inputs
-                if lost_inputs[source][input_cells := (first[cell] + offsets).ravel()].all()
+                for input_cells in [(first[cell] + offsets).ravel()]
+                if _lacks_input(bound, flags := lost_inputs[source][input_cells])
             )
-            reason = f"needs {self.plan.cell_name(source, int(input_cells[0]))}, which failed"
+            needed = self.plan.cell_name(source, int(input_cells[flags.argmax()]))
+            reason = f"needs {needed}, which failed"
             self._fail(bound, int(self.results[bound][cell]), reason)
         cells = cells[~lost]
         results = self.results[bound][cells]
@@ -388,13 +390,15 @@ class Schedule:
         return np.delete(cells, reused)
 
     def _cells_lacking_input(
-        self, inputs: list[InputCells], lost_inputs: Mapping[BoundStage, Flags], cells: Cells
+        self, bound: BoundStage, lost_inputs: Mapping[BoundStage, Flags], cells: Cells
     ) -> Flags:
-        """Return flags of the cells that lack an input, or all cells of a gathered input."""
+        """Return flags of the cells of a stage that cannot be computed, for lost inputs."""
         lost = np.zeros(len(cells), dtype=bool)
-        for source, first, offsets in inputs:
+        for source, first, offsets in self.plan.computed_inputs(bound):
             starts, codes = np.unique(first[cells], return_inverse=True)
-            lost |= lost_inputs[source][starts[:, None] + offsets.ravel()].all(axis=1)[codes]
+            lost |= _lacks_input(bound, lost_inputs[source][starts[:, None] + offsets.ravel()])[
+                codes
+            ]
         return lost
 
     def _lost_cells(self, bound: BoundStage) -> Flags:
@@ -403,7 +407,7 @@ class Schedule:
             return np.isin(self.results[bound], [*self.failed])
         inputs = self.plan.computed_inputs(bound)
         lost_inputs = {source: self._lost_cells(source) for source, *_ in inputs}
-        return self._cells_lacking_input(inputs, lost_inputs, self.plan.cells(bound))
+        return self._cells_lacking_input(bound, lost_inputs, self.plan.cells(bound))
 
     def _current_keys(self, bound: BoundStage) -> Keys:
         """Return the keys of a stage's cells, given the failed inputs."""
@@ -610,3 +614,13 @@ class Watch:
     say: Callable[[str], None]
     step: Callable[[Schedule], None] = lambda schedule: None
     failed: Callable[[Failure], None] = lambda failure: None
+
+
+def _lacks_input(bound: BoundStage, lost: Flags) -> Flags:
+    """Return whether a stage lacks an input whose lost cells are flagged along the last axis.
+
+    A stage that takes `valid` lacks a gathered input if all of its cells are lost, any other stage
+    if one is.
+    """
+    takes_valid = VALID in bound.stage.arguments
+    return np.asarray(lost.all(axis=-1) if takes_valid else lost.any(axis=-1))
