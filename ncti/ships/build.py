@@ -148,14 +148,14 @@ def build(sheet: Sheet) -> Ship:
     solid -= union([p.solid for p in pieces if p.cuts])
     if solid.bounding_box()[2] < 0:
         solid = solid.trim_by_plane((0, 0, 1), 0)
-    mesh = _one_body(sheet, solid, pieces).as_original().simplify(SLIVER).to_mesh64()
+    mesh = _one_body(sheet, solid, hull, pieces).as_original().simplify(SLIVER).to_mesh64()
     vertices = np.array(mesh.vert_properties[:, :3]) * [-1, -1, 1] + [sheet.hull.loa / 2, 0, 0]
     low, high = np.reshape(hull.bounding_box(), (2, 3))
     loa, beam, _ = high - low
     return Ship(vertices, np.array(mesh.tri_verts, dtype=np.int32), float(loa), float(beam))
 
 
-def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
+def _one_body(sheet: Sheet, solid: Manifold, hull: Manifold, pieces: list[Piece]) -> Manifold:
     """Return the outer shell: fill hidden cavities, and refuse detached components."""
     shells = [shell for shell in solid.decompose() if shell.volume() > 0]
     if not shells:
@@ -165,9 +165,9 @@ def _one_body(sheet: Sheet, solid: Manifold, pieces: list[Piece]) -> Manifold:
         )
     ship, *adrift = sorted(shells, key=Manifold.volume, reverse=True)
     if adrift:
-        names = {
-            p.name for p in pieces for a in adrift if not p.cuts and not (p.solid ^ a).is_empty()
-        }
+        solids = [(p.name, p.solid) for p in pieces if not p.cuts]
+        solids.append(("a cut-off part of the hull", hull))
+        names = {name for name, part in solids for a in adrift if not (part ^ a).is_empty()}
         raise ShipError(
             f"{sheet.name}: {', '.join(sorted(names))} would float in the air, "
             "but every component must be attached to the hull."

@@ -248,7 +248,7 @@ def _compute(
         plan.experiment.prepare(plan.choices, with_signal_check(watch.say)) if is_local else ()
     )
     tables = TABLE_MODULES if plan.experiment.tables else ()
-    # The executor first: its thread imports dask, and two that import parts of it at once may fail.
+    # The executor first: dask's modules import each other, so only one thread may import them.
     imports = EXECUTOR_MODULE, *tables, *options.imports
     names = deque(imports if choice.kind != "inline" else ())
     while names and not starting.done():

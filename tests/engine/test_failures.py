@@ -1,6 +1,7 @@
 """Cells that fail, results that are damaged, disks that are full: the rest goes on and heals."""
 
 import errno
+import time
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import PackWriter
 from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.declare.stage import Group, Output, Status, in_memory, stage
+from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.store.writing import read_attributes
 
 STIFF = "ValueError: too [stiff]"
@@ -264,3 +266,27 @@ def test_what_gathers_all_without_a_mask_fails_with_one_of_them(tmp_path, broken
     shares = opened(tmp_path / "s.zarr", "all")["share"]
     sizes = np.arange(1, 5)
     np.testing.assert_allclose(shares, (np.sqrt(sizes) + sizes) / 6)
+
+
+@stage(Output("slow", label="slow", dtype="f8"), uses=(Few,), group=ALL)
+def slow(size):
+    """One value takes long, and the others fail at once."""
+    if size > 1:
+        raise RuntimeError("too large")
+    time.sleep(0.3)
+    return size
+
+
+def test_failed_calls_do_not_make_cells_look_cheap(tmp_path, monkeypatch):
+    schedules = []
+    record = Schedule.record_outcome
+
+    def recorded(self, *arguments, **keywords):
+        schedules.append(self)
+        return record(self, *arguments, **keywords)
+
+    monkeypatch.setattr(Schedule, "record_outcome", recorded)
+    experiment = of(slow)
+    choices = read_choices(experiment.declared, {"few.size": list(range(1, 21))})
+    run(experiment, choices, tmp_path / "s.zarr")
+    assert schedules[-1].costs["slow"] >= 0.3

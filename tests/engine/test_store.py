@@ -13,6 +13,7 @@ from small_stores import COUNTS, DIMS, SHAPE, array, coordinate, files, opened
 
 from sweeps.engine.cache.packs import seal
 from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.store.arrays import Array, Group
 from sweeps.engine.store.manifest import MANIFEST, verify
 from sweeps.engine.store.tables import from_dataset, restore_scalars
@@ -266,3 +267,31 @@ def test_a_foreign_manifest_is_one_sentence(tmp_path, content):
         with pytest.raises(ConfigurationError, match=r"^store is '.*s.zarr', whose [^\n]*$"):
             function(path)
     assert files(path) == {MANIFEST: content}
+
+
+class Failing(InlineExecutor):
+    """Loses one answer, and then goes on."""
+
+    lost = 0
+
+    def wait(self):
+        answers = super().wait()
+        if not self.lost:
+            self.lost = 1
+            raise OSError("lost")
+        return answers
+
+
+def test_nothing_is_written_after_a_roll_back(tmp_path):
+    """Tasks under way are waited for, whatever ends the writing."""
+    values, writers = np.arange(1.0, 9.0), Failing()
+
+    def remote_read(region):
+        return values.__getitem__
+
+    read = values.__getitem__
+    chunked = Array(("x",), (8,), values.dtype, {}, read, (1,), remote_read=remote_read)
+    with pytest.raises(OSError, match="lost"):
+        write_store(tmp_path / "s.zarr", {"g": Group({"x": chunked})}, {}, writers=writers)
+    assert writers.lost and writers.wait() == []
+    assert files(tmp_path) == {}

@@ -141,8 +141,8 @@ class CallQueue:
     ) -> Iterator[Call]:
         """Remove and yield calls that take about `size` seconds, by the stages' costs of a cell.
 
-        Yields at least one, and up to `together` seconds of calls that share two in-memory objects
-        and have a third.
+        Yields at least one call. Calls that share two in-memory objects and need a third fill up to
+        `together` seconds, since the shared ones are costly and made once a task.
         """
         seconds, count = 0.0, 0
         previous: list[int] = []
@@ -171,7 +171,7 @@ class CallQueue:
     def _take_calls(
         self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, is_first: bool
     ) -> Iterator[Call]:
-        """Remove and yield calls of one stage that share no objects, as `position` does."""
+        """Remove and yield calls of one stage that fill `size` seconds, or `most` cells."""
         bound, ends = block.next_calls(most)
         offsets = (ends - ends[0])[:-1]
         count = int(np.count_nonzero((offsets * costs[bound.name] < size) & (offsets < most)))
@@ -570,8 +570,8 @@ class Schedule:
         results = planned.results[done]
         self._finish(bound, results, pack, np.arange(len(results), dtype=np.int32))
         self.progress[name].seconds += outcome.seconds
-        if outcome.seconds:
-            cell_seconds = outcome.seconds / len(planned.cells)
+        if outcome.seconds and len(results):
+            cell_seconds = outcome.seconds / len(results)  # of the calls that succeeded
             self.costs[name] = 0.7 * self.costs.get(name, cell_seconds) + 0.3 * cell_seconds
         if not self._left[bound]:
             self._queue_ready()

@@ -25,7 +25,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.run.cluster import Executor
-from sweeps.engine.run.interrupts import Stopped, allow_interrupts, raise_if_stopped
+from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped
 from sweeps.engine.store.arrays import (
     KEY_PREFIXES,
     METADATA,
@@ -265,9 +265,10 @@ def _write_remotely(
             for _, chunk_sizes, _ in writers.wait():
                 under_way -= 1
                 files |= chunk_sizes or {}
-    except Stopped:
-        while under_way:  # so that nothing is written after the roll-back
-            under_way -= len(writers.wait())
+    except BaseException:
+        with suppress(Exception):  # of writers that are gone
+            while under_way and (finished := writers.wait()):  # nothing is written after that
+                under_way -= len(finished)
         raise
 
 
