@@ -13,7 +13,7 @@ from scipy import stats
 
 from docs._tables.sweeping import WORKERS, sweep_groups
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.stages.classifier import drawn_aspects
+from sweeps.stages.classifier import draw_aspects
 
 LEVEL = 0.95
 RARE = 10  # views, right or wrong, below which Student's t covers too little
@@ -84,7 +84,7 @@ def list_argument(values: Sequence[float]) -> str:
 
 def aspects_of(learned: Sequence[float], fresh: int, seed: int) -> list[float]:
     """Return the random aspects of a seed between the ends of the learned ones."""
-    drawn = drawn_aspects(min(learned), max(learned), fresh, seed)
+    drawn = draw_aspects(min(learned), max(learned), fresh, seed)
     return sorted(set(drawn) - set(learned))
 
 

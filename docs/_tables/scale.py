@@ -12,7 +12,7 @@ from benchmarks import processes
 from benchmarks.commands import CORES, new_folder, sweep
 from benchmarks.reports import Column, Report
 from sweeps.engine.declare.settings import Run
-from sweeps.stages.classifier import drawn_aspects
+from sweeps.stages.classifier import draw_aspects
 from sweeps.stages.views import Grid
 
 SHIPS = ("connole", "duncan", "horne", "roberts", "spruance", "texas")
@@ -109,7 +109,7 @@ def grids() -> list[tuple[str, int, tuple[str, ...]]]:
         )
         # Aspects drawn are rounded: some are drawn twice, or are in the grid.
         aspects = {round(k * step, 3) for k in range(round(END / step) + 1)}
-        aspects |= {*drawn_aspects(0.0, END, drawn, int(Run.seed.default))}
+        aspects |= {*draw_aspects(0.0, END, drawn, int(Run.seed.default))}
         return kind, len(SHIPS) * len(aspects) * len(ranges), arguments
 
     sweeps = [grid(LEARNED, step, 0) for step in STEPS]

@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 from ncti.compiled import compiled
 
 Singles = NDArray[np.float32]
-Places = NDArray[np.int64]
+Indices = NDArray[np.int64]
 
 
 @compiled
 def put_magnitudes(
     noise: tuple[Singles, Singles],
     normals: Singles,
-    first: Places,
-    target: tuple[Places, Singles, Places],
+    first: Indices,
+    target: tuple[Indices, Singles, Indices],
     response: Singles,
     out: Singles,
 ) -> None:

@@ -20,11 +20,11 @@ def shortest_window(reach: float, pulse_width: float) -> float:
 
 def check_window(window: float, *, ship: str, reach: float, pulse_width: float) -> None:
     """Raise `ValueError` for a window [m] that does not hold a ship with both edges free."""
-    if allowed := longer_window(window, ship=ship, reach=reach, pulse_width=pulse_width):
+    if allowed := window_requirement(window, ship=ship, reach=reach, pulse_width=pulse_width):
         raise ValueError(f"window is {window!r} m, but must be {allowed}")
 
 
-def longer_window(window: float, *, ship: str, reach: float, pulse_width: float) -> str:
+def window_requirement(window: float, *, ship: str, reach: float, pulse_width: float) -> str:
     """Return the window length [m] that a ship needs, in words; empty if it is long enough."""
     needed = shortest_window(reach, pulse_width)
     if needed <= window:

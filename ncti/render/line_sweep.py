@@ -16,7 +16,7 @@ from ncti.compiled import compiled, inlined
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]
-Places = NDArray[np.uint32]
+Unsigned = NDArray[np.uint32]
 """Unsigned indices, for which numba compiles no branch that counts from the end."""
 
 NEARER = 1e-9
@@ -61,7 +61,7 @@ def project(
 
 
 @compiled
-def facing_numbers(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Places:
+def facing_numbers(area: Floats, moment: Floats, towards: Floats, curvature: float) -> Unsigned:
     """Return the number (surface + 1,) of each surface, or the number of surfaces if it faces away.
 
     The last entry stands for no surface.
@@ -98,9 +98,9 @@ def number_of(rank: Any, every: Any, kept: Any) -> Any:
 @compiled
 def sort_by_lines(
     unsorted: NDArray[np.void],
-    line: Places,
-    strip: Places,
-    strips: Places,
+    line: Unsigned,
+    strip: Unsigned,
+    strips: Unsigned,
     start: NDArray[np.int64],
 ) -> NDArray[np.void]:
     """Return crossings line by line, and on each line strip by strip.
@@ -135,8 +135,8 @@ def sort_by_lines(
 def find_crossings(
     point: Floats,
     bounds: Floats,
-    edge: Places,
-    seen: Places,
+    edge: Unsigned,
+    seen: Unsigned,
     spacing: float,
     phase: float,
     every: np.int64,
@@ -188,8 +188,8 @@ def find_crossings(
         x, y, q = point[i, 0], point[i, 1], point[i, 2]
         run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
         for k in range(level[i], level[j]):
-            place = (number_of(lowest + k, every, kept) + phase) * spacing
-            share = min(max((place - y) * per_rise, 0.0), 1.0)
+            line_y = (number_of(lowest + k, every, kept) + phase) * spacing
+            share = min(max((line_y - y) * per_rise, 0.0), 1.0)
             t = x + run * share
             c = unsorted[n]
             c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right
@@ -225,7 +225,7 @@ def write_outlines(
     crossing: NDArray[np.void],
     slope: Floats,
     stop: Floats,
-    opened: Places,
+    opened: Unsigned,
     begun: NDArray[np.int64],
 ) -> None:
     """Write the end of each surface that begins on a line, and its slope in depth.
@@ -261,7 +261,7 @@ class ActiveSurfaces(NamedTuple):
     the list by its first crossing, -1 if absent.
     """
 
-    crossing: Places
+    crossing: Unsigned
     origin: Floats
     base: Floats
     tilt: Floats
@@ -277,9 +277,9 @@ class Pieces(NamedTuple):
 
 
 @inlined
-def depth_of(active: ActiveSurfaces, place: int, now: float) -> float:
+def depth_of(active: ActiveSurfaces, slot: int, now: float) -> float:
     """Return the depth of a surface in the list at a coordinate."""
-    return active.base[place] + active.tilt[place] * (now - active.origin[place])
+    return active.base[slot] + active.tilt[slot] * (now - active.origin[slot])
 
 
 @inlined
@@ -288,8 +288,8 @@ def next_overtaking(
 ) -> tuple[int, float]:
     """Return the first surface on a line to pass in front of the visible one, and where.
 
-    `front` is the place of the visible surface in the list of `count`, `since` the coordinate from
-    which it is visible, `now` a coordinate at which the other is ahead. The place is -1 if there is
+    `front` is the slot of the visible surface in the list of `count`, `since` the coordinate from
+    which it is visible, `now` a coordinate at which the other is ahead. The slot is -1 if there is
     none.
     """
     seen_at, first, when = depth_of(active, front, now), -1, now
@@ -366,7 +366,7 @@ def write_piece(
 def sweep_line(
     crossings: NDArray[np.void],
     surfaces: int,
-    outlines: tuple[Floats, Floats, Places],
+    outlines: tuple[Floats, Floats, Unsigned],
     active: ActiveSurfaces,
     pieces: Pieces,
     number: int,

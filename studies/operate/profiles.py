@@ -20,7 +20,7 @@ from studies.operate.survey import Seen
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
-Places = NDArray[np.integer]
+Indices = NDArray[np.integer]
 
 RAYLEIGH = 2 - math.pi / 2  # variance of a Rayleigh magnitude over that of a quadrature
 LOADING = 1e-3  # variance of noise beyond the model, over the model's; as of `GaussianTemplates`
@@ -71,7 +71,7 @@ def signatures(
     for p, width in enumerate(pulse_width):
         index, after = _after_pulse(seen, width, bin_width, bins)
 
-        def sum_by_bin(values: Floats, index: Places = index) -> Floats:
+        def sum_by_bin(values: Floats, index: Indices = index) -> Floats:
             return np.bincount(index, values, math.prod(shape)).astype(np.float64).reshape(shape)
 
         for c, ratio in enumerate(ratios):
@@ -90,7 +90,7 @@ def signatures(
 
 def _after_pulse(
     seen: Seen, pulse_width: float, bin_width: float, bins: int
-) -> tuple[Places, Floats]:
+) -> tuple[Indices, Floats]:
     """Return the power of every IFOV in its bins, and their flat indices in (view, bin)."""
     # Imported here because scipy takes a tenth of a second.
     from scipy.sparse import csr_array, diags_array

@@ -262,7 +262,7 @@ def check_first(choices: Choices) -> Choices:
 
 
 def check(choices: Choices) -> Choices:
-    """Refuse (`ConfigurationError`) ranges and noise that cannot be compared."""
+    """Refuse (`ConfigurationError`) settings that the sensor `operate` does not support."""
     if not looks(SENSOR)(choices):
         return choices
     check_profiles(choices)

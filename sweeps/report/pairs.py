@@ -16,7 +16,7 @@ from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, label_bins
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import Part
 from sweeps.report.stores import attributes, list_groups, opened, read_group
-from sweeps.stages.classifier import drawn_aspects, kinds_of_aspects
+from sweeps.stages.classifier import draw_aspects, kinds_of_aspects
 
 ANSWERS = {
     "accuracy": "correct",
@@ -129,7 +129,7 @@ def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
     learned = read_group(store, marked[0])["learned"].load().reset_coords(drop=True)
     ends = float(answers.aspect.min()), float(answers.aspect.max())
     number = attrs["configuration"]["grid"].get("random_aspects", 0)
-    drawn = answers.aspect.isin(drawn_aspects(*ends, number, attrs["seed"]))
+    drawn = answers.aspect.isin(draw_aspects(*ends, number, attrs["seed"]))
     kinds = kinds_of_aspects(learned, drawn)
     along = xr.DataArray(list(kinds), dims="aspects", name="aspects", attrs=OF_ASPECTS)
     return xr.concat([answers.where(mask, -1) for mask in kinds.values()], along)

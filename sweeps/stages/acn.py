@@ -1,8 +1,8 @@
 """The Adaptive Clustering Network, trained without noise and tested on averages of frames.
 
-Of the laser radar these are range profiles, of the infrared imager silhouettes, both presented in
-one order or several. The map of an empty silhouette is zero everywhere,
-matches no category and so names no ship, which counts as wrong.
+Tests are averaged range profiles or silhouettes; training presents them in one order or several.
+The map of an empty silhouette is zero everywhere, matches no category and so names no ship, which
+counts as wrong.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def form_categories(
         passes : (), negative where the categories did not settle;
         weights : (sample, coordinate) float64, of `Clustering`, zero below the last category;
         view_order : (view,), the order of presentation; training_parameters : vigilance, learning
-        rate, passes
+        rate, largest number of passes
     """
     known = training_views & training_set.valid
     ship, aspect = np.indices(known.shape).reshape(2, -1)
@@ -274,9 +274,9 @@ def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringN
 
     training_views, view_order = formed["training_confused"] >= 0, formed["view_order"]
     presented = view_order[training_views.reshape(-1)[view_order]]
-    vigilance, learning_rate, passes = formed["training_parameters"].tolist()
+    vigilance, learning_rate, max_passes = formed["training_parameters"].tolist()
     network = AdaptiveClusteringNetwork(
-        vigilance=vigilance, learning_rate=learning_rate, max_passes=int(passes)
+        vigilance=vigilance, learning_rate=learning_rate, max_passes=int(max_passes)
     )
     vectors = training_set.vectors[training_set.rows_of(presented)]
     with warnings.catch_warnings():
@@ -330,34 +330,36 @@ def profile_order(orders: int, seed: int) -> tuple[int, int]:
 silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrared, Run))
 
 
-LEARNED = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
+TRAINING_DIMS = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
 OF_RANGE = classifier.ClassifierGroup.of_classifier(
     NAME,
     classifier.classifies_with(NAME, RANGE),
-    (*classifier.OF_PROFILES, *LEARNED, *classifier.TESTED),
+    (*classifier.OF_PROFILES, *TRAINING_DIMS, *classifier.TESTED),
 )
 OF_INFRARED = classifier.ClassifierGroup.of_classifier(
     "acn_infrared",
     classifier.classifies_with(NAME, INFRARED),
-    (*OF_SILHOUETTES, "phase", *LEARNED, *LOOK),
+    (*OF_SILHOUETTES, "phase", *TRAINING_DIMS, *LOOK),
 )
 RULES = ("label_rule", "score_rule")
-SEEN = {"training_set": "profile_training_set", "presentation": "profile_order"}
+PROFILE_READS = {"training_set": "profile_training_set", "presentation": "profile_order"}
 acn_training = OF_RANGE.stage(
-    Output("training_category", VIEW, "i4", "category of the training view", without=RULES[:1]),
+    Output(
+        "training_category", VIEW, "i4", "category of the training view", without=("label_rule",)
+    ),
     Output(
         "training_confused",
         VIEW,
         "i1",
         "1 where views of another ship share that category",
-        without=RULES[:1],
+        without=("label_rule",),
     ),
     Output(
         "passes",
         (),
         "i4",
         "presentations until the categories settled, negative if they did not",
-        without=RULES[:1],
+        without=("label_rule",),
     ),
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
     inner("names", ("category",), "i2"),
@@ -365,28 +367,28 @@ acn_training = OF_RANGE.stage(
     inner("view_order", ("view",), "i8"),
     inner("training_parameters", ("setting",), "f8"),
     uses=(Grid, Network),
-    reads=SEEN,
+    reads=PROFILE_READS,
     name="acn_training",
 )(form_categories)
 acn = OF_RANGE.answers(
     Output("category", VIEW, "i4", "category that the test falls into", without=RULES),
     Output("similarity", VIEW, label="cosine similarity to that category", without=RULES),
-    without=RULES[1:],
+    without=("score_rule",),
     uses=(Grid, Network),
-    reads=SEEN | {"training": "acn_training", "tests": At("averaged", in_blocks=True)},
+    reads=PROFILE_READS | {"training": "acn_training", "tests": At("averaged", in_blocks=True)},
     along=(Network.orders, Grid.vigilance, Grid.frame_count),
     name=NAME,
 )(answer_tests)
 
 SILHOUETTES: dict[str, Any] = {"group": OF_INFRARED, "uses": (Infrared, Network)}
-SEEN_INFRARED = {"training_set": "silhouette_training_set", "presentation": "silhouette_order"}
+SILHOUETTE_READS = {"training_set": "silhouette_training_set", "presentation": "silhouette_order"}
 acn_infrared_training = replace(
-    acn_training, name="acn_infrared_training", reads=SEEN_INFRARED, **SILHOUETTES
+    acn_training, name="acn_infrared_training", reads=SILHOUETTE_READS, **SILHOUETTES
 )
 acn_infrared = replace(
     acn,
     name="acn_infrared",
-    reads=SEEN_INFRARED
+    reads=SILHOUETTE_READS
     | {"training": "acn_infrared_training", "tests": At("log_polar", in_blocks=True)},
     along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
     **SILHOUETTES,

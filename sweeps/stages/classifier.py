@@ -73,7 +73,7 @@ class RandomAspects(Settings, key="grid"):
     )
 
 
-def drawn_aspects(low: float, high: float, number: int, seed: int) -> tuple[float, ...]:
+def draw_aspects(low: float, high: float, number: int, seed: int) -> tuple[float, ...]:
     """Return aspects [deg] drawn uniformly between two ends, `number` in every 30 degrees.
 
     The first aspects of a bin are the same for any number, and independent of other bins.
@@ -98,7 +98,7 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
     if number and len(grid) < 2:
         reason = "where grid.aspect has one value: aspects are drawn between its ends"
         refuse(RandomAspects.random_aspects, number, f"0 {reason}")
-    return drawn_aspects(grid[0], grid[-1], number, choices.value(Run.seed)) if number else ()
+    return draw_aspects(grid[0], grid[-1], number, choices.value(Run.seed)) if number else ()
 
 
 class Classifier(Settings, key="classifier"):
@@ -182,7 +182,7 @@ def tested_ships(ship: Sequence[str]) -> Views:
 @plain(uses=(Grid, RandomAspects, Run), gather=(Grid.aspect,))
 def test_aspects(aspect: tuple[float, ...], random_aspects: int, seed: int) -> tuple[float, ...]:
     """Return the random test aspects, which training leaves out by default."""
-    return drawn_aspects(aspect[0], aspect[-1], random_aspects, seed)
+    return draw_aspects(aspect[0], aspect[-1], random_aspects, seed)
 
 
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)

@@ -38,13 +38,13 @@ SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the article's chain
 
 
-receivers = plain(reads=views.settings_by_name(RECORDED[1:]), name="receivers")(views.keywords)
+receivers = plain(reads=views.settings_by_dimension(RECORDED[1:]), name="receivers")(views.keywords)
 flight_place = plain(
     reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
 )(views.keywords)
 
 
-@plain(uses=(Irar, Grid), reads=views.settings_by_name(FLOWN))
+@plain(uses=(Irar, Grid), reads=views.settings_by_dimension(FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
     """Return the settings of a pass; None for a ship that is not flown past."""
     return None if flown is not None and ship not in flown else views.keywords(**values)

@@ -20,7 +20,7 @@ from ncti.ladar.loops import FRAMES
 from ncti.ladar.places import Place
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
-from ncti.ladar.window import longer_window
+from ncti.ladar.window import window_requirement
 from ncti.machine_code import Loops
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, count, number, word
@@ -344,7 +344,7 @@ def _check_window(choices: Choices) -> None:
     longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
         reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
-        if allowed := longer_window(window, ship=ship, reach=reach, pulse_width=longest):
+        if allowed := window_requirement(window, ship=ship, reach=reach, pulse_width=longest):
             views.refuse(Ladar.window, window, f"{allowed}{views.fault_hint(ship)}")
 
 

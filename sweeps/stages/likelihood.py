@@ -86,7 +86,7 @@ class Likelihood(Settings, key="classifier"):
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior knowledge of profiles."""
+    """Noise beyond the model, and prior knowledge of the noise floor."""
 
     diagonal_loading: float
     floor_sigma: float
@@ -160,7 +160,7 @@ def alternative_views(
     template_spacing: float | None,
     test_aspects: tuple[float, ...],
 ) -> Views:
-    """Return the (ship, aspect) mask of the templates of ships known to be unknown."""
+    """Return the (ship, aspect) mask of the templates of ships in `classifier.alternative`."""
     learned = classifier.training_aspects(aspect, training_aspect, template_spacing, test_aspects)
     return ~classifier.training_ships(ship, alternative)[:, None] & learned
 
@@ -239,7 +239,7 @@ def profile_templates(
 def alternative_templates(
     profile_moments: Moments, calibrated_error: Floats
 ) -> tuple[GaussianTemplates | None, Views]:
-    """Return the templates of ships known to be unknown, or None, and their mask."""
+    """Return the templates of ships in `classifier.alternative`, or None, and their mask."""
     chosen = profile_moments.alternative_mask
     templates = profile_moments.templates(chosen, float(calibrated_error)) if chosen.any() else None
     return templates, chosen
@@ -379,8 +379,8 @@ def likelihood(
     classifier.require_another_aspect(known, any(left_out))
     unknown, of_unknown = alternative_templates
     tested = classifier.tested_ships(ship)[:, None]
-    of_view, true = np.nonzero((valid & tested).T)
-    views = true * valid.shape[1] + of_view
+    view_aspect, view_ship = np.nonzero((valid & tested).T)
+    views = view_ship * valid.shape[1] + view_aspect
     of_ship, of_template = np.nonzero(known)
     template, column = np.concatenate([np.nonzero(mask) for mask in (known, of_unknown)], axis=1)
     label = np.where(np.arange(template.size) < of_ship.size, template, NONE)
@@ -391,24 +391,24 @@ def likelihood(
     for f, count in enumerate(frame_count):
         highest = peak_densities(templates, count, gain_sigma)
         for rows in row_blocks(len(views), HELD_ROWS):
-            block, right = prior.drop_floors(flat[f, views[rows]]), true[rows]
+            block, true_ship = prior.drop_floors(flat[f, views[rows]]), view_ship[rows]
             narrow = templates.log_likelihood(block, count, gain_sigma=gain_sigma), highest
             alternative_scores = _score_alternative(unknown, block, count, gain_sigma)
             log_prior = track.log_prior(views[rows], template, column)
             for n, leave in enumerate(left_out):
                 scored = narrow
                 if leave and templates.template_error_:
-                    columns = of_view[rows], of_template
+                    columns = view_aspect[rows], of_template
                     scored = _widened_scores(templates, block, narrow, columns, count, gain_sigma)
-                exclude = (of_view[rows, None] == column) & leave
+                exclude = (view_aspect[rows, None] == column) & leave
                 for g, (scores, peak) in enumerate(zip(*scored, strict=True)):
-                    index = n, g, f, right, of_view[rows]
+                    index = n, g, f, true_ship, view_aspect[rows]
                     all_scores = np.concatenate([scores, alternative_scores[g]], axis=1)
                     ships, chance = label_posterior(
                         all_scores, label, exclude=exclude, log_prior=log_prior
                     )
                     posterior = ships[ships != NONE], chance[:, ships != NONE]
-                    best[index], probability[index] = classifier.best_ships(posterior, right)
+                    best[index], probability[index] = classifier.best_ships(posterior, true_ship)
                     fit[index] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
                     likely = posterior[1].max(axis=1)
                     if unknown is not None:  # compare with the alternative only

@@ -36,7 +36,7 @@ from sweeps.stages.views import (
     Profiles,
     looks,
     require,
-    settings_by_key,
+    settings_by_last_word,
 )
 
 if TYPE_CHECKING:
@@ -137,7 +137,8 @@ ANSWERS = ClassifierGroup.of_classifier(
 
 LEARNING = ("presentation", "vigilance", "learning_rate", "max_passes", "label_rule")
 acn_settings = plain(
-    reads=settings_by_key(Network) | {"presentation": "profile_order", "vigilance": Grid.vigilance},
+    reads=settings_by_last_word(Network)
+    | {"presentation": "profile_order", "vigilance": Grid.vigilance},
     name="acn_settings",
 )(views.keywords)
 

@@ -16,7 +16,7 @@ from sweeps.engine.declare.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Views
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Arrays, Grid, Keywords, Profiles, keywords, settings_by_key
+from sweeps.stages.views import Arrays, Grid, Keywords, Profiles, keywords, settings_by_last_word
 
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
@@ -69,7 +69,7 @@ class Mnn(Settings, key="classifier.mnn", single="coordinate"):
     max_hidden = count(25, 1, 1000, label="largest number of hidden nodes", single="")
 
 
-mnn_settings = plain(reads=settings_by_key(Mnn), name="mnn_settings")(keywords)
+mnn_settings = plain(reads=settings_by_last_word(Mnn), name="mnn_settings")(keywords)
 
 
 @ANSWERS.stage(

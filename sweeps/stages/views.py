@@ -321,12 +321,12 @@ def keywords(**values: Any) -> Keywords:
     return tuple(values.items())
 
 
-def settings_by_name(settings: Iterable[Setting]) -> dict[str, Setting]:
+def settings_by_dimension(settings: Iterable[Setting]) -> dict[str, Setting]:
     """Return settings by the names of their dimensions."""
     return {setting.name: setting for setting in settings}
 
 
-def settings_by_key(settings: type[Settings]) -> dict[str, Setting]:
+def settings_by_last_word(settings: type[Settings]) -> dict[str, Setting]:
     """Return the settings of a group by the last words of their keys."""
     return {setting.key.rpartition(".")[2]: setting for setting in settings.declared}
 

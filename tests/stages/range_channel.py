@@ -9,7 +9,7 @@ from ncti.classify import GaussianTemplates
 from sweeps.engine.declare.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import classifier
-from sweeps.stages.views import settings_by_key
+from sweeps.stages.views import settings_by_last_word
 
 SHIPS = 3
 # Both sides of every edge between aspect bins, and their numbers.
@@ -36,7 +36,9 @@ def choose(**given):
 def called(stage, **given):
     """Result of a stage, with the default in SI of every setting that is not given."""
     settings = {
-        name: setting for group in stage.uses for name, setting in settings_by_key(group).items()
+        name: setting
+        for group in stage.uses
+        for name, setting in settings_by_last_word(group).items()
     }
     defaults = {
         key: settings[key].in_si(settings[key].default)

@@ -12,7 +12,7 @@ from sweeps.stages import classifier, likelihood
 from sweeps.stages.classifier import (
     Classifier,
     aspect_masks,
-    drawn_aspects,
+    draw_aspects,
     generated_ships,
     random_test_aspects,
     training_ship_mask,
@@ -36,14 +36,14 @@ def chosen(**settings):
 )
 def test_every_thirty_degrees_have_as_many_within_the_ends(ends, number, more, seed):
     low, high = ends
-    drawn = np.array(drawn_aspects(low, high, number, seed))
+    drawn = np.array(draw_aspects(low, high, number, seed))
     bins = np.arange(30 * (low // 30), high, 30)
     assert drawn.size == number * bins.size
     for part, start in zip(drawn.reshape(bins.size, number), bins, strict=True):
         first, last = max(low, start), min(high, start + 30)
         assert ((first - 1e-3 <= part) & (part <= last + 1e-3)).all()
     # More of them begin with the same.
-    longer = np.array(drawn_aspects(low, high, number + more, seed)).reshape(bins.size, -1)
+    longer = np.array(draw_aspects(low, high, number + more, seed)).reshape(bins.size, -1)
     np.testing.assert_array_equal(longer[:, :number], drawn.reshape(bins.size, number))
 
 

@@ -442,11 +442,11 @@ def _max_float(dtype: str) -> float:
 
 
 def check_result(
-    stage: str, outputs: Sequence[Output], found: Any, along: tuple[int, ...]
+    stage: str, outputs: Sequence[Output], found: Any, leading_shape: tuple[int, ...]
 ) -> Arrays:
     """Return the arrays of a result by output, of the declared dtypes.
 
-    `along` are the lengths of the leading axes, along which values are computed together.
+    `leading_shape` are the lengths of the leading axes, along which values are computed together.
 
     Raises
     ------
@@ -471,7 +471,8 @@ def check_result(
         problem = f"{stage} returned {', '.join(map(str, returned))}"
         raise TypeError(f"{problem}, but must return {', '.join(names)}")
     return {
-        output.name: _check_output(stage, output, found[output.name], along) for output in outputs
+        output.name: _check_output(stage, output, found[output.name], leading_shape)
+        for output in outputs
     }
 
 
