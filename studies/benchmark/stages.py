@@ -93,12 +93,16 @@ class Benchmark(Settings, key="benchmark"):
         )
     )
     training_rows = count(
-        *(TRAINING_ROWS, 8, 10**6),
+        TRAINING_ROWS,
+        low=8,
+        high=10**6,
         label=f"training rows of a seed, {PER_VIEW[TRAIN]} of a view",
         fixed=SHAPES,
     )
     test_rows = count(
-        *(TEST_ROWS, 2, 10**6),
+        TEST_ROWS,
+        low=2,
+        high=10**6,
         label=f"test rows of a seed, {PER_VIEW[TEST]} of a view",
         fixed=SHAPES,
     )

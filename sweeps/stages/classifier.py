@@ -66,7 +66,9 @@ class RandomAspects(Settings, key="grid"):
     """Random test aspects."""
 
     random_aspects = count(
-        *(0, 0, 10_000),
+        0,
+        low=0,
+        high=10_000,
         label="random test aspects in every 30 degrees, absent from training",
         help="added to grid.aspect, between its ends, by the seed",
         fixed="all of them are tested together",
@@ -113,14 +115,17 @@ class Classifier(Settings, key="classifier"):
         )
     )
     generated = count(
-        *(0, 0, 1000),
+        0,
+        low=0,
+        high=1000,
         label="ships generated of each one learned, which are unknown and in the alternative",
         help="variants at four times the uncertainty, of 0.7 to 1.1 times the size",
         fixed="all of them are one alternative",
     )
     training_aspect = set_of(
         number(
-            *(None, 0),
+            None,
+            low=0,
             below=360,
             unit="degree",
             label="training aspects",
@@ -128,13 +133,17 @@ class Classifier(Settings, key="classifier"):
         )
     )
     template_spacing = number(
-        *(None, 0.001, 90),
+        None,
+        low=0.001,
+        high=90,
         unit="degree",
         label="spacing of the training aspects",
         help="selects the training aspects that are multiples of it; null: all",
     )
     test_vigilance = number(
-        *({"start": 0, "stop": 1, "step": 0.01}, 0, 1),
+        {"start": 0, "stop": 1, "step": 0.01},
+        low=0,
+        high=1,
         label="smallest similarity of an accepted answer",
         help="an answer below it counts as 'unknown'",
     )

@@ -73,7 +73,10 @@ class Rows(Settings, key="dataset"):
     )
     gain = vector([1, 1], 2, 0, 1000, label="ends of the gains drawn")
     floor = vector(
-        *([0, 0], 2, -1000, 1000),
+        [0, 0],
+        size=2,
+        low=-1000,
+        high=1000,
         label="ends of the shifts of the noise floor drawn, in rms deviations of a frame",
     )
     super_resolution = word(

@@ -119,7 +119,9 @@ class Infrared(Settings, key="infrared"):
     )
     range = quantity(Grid.range, 1, 1000, "km", "slant range", **_help_on_default(Grid.range))
     frame_count = count(
-        *(Grid.frame_count, 1, views.MOST_FRAMES),
+        Grid.frame_count,
+        low=1,
+        high=views.MOST_FRAMES,
         label="infrared frames averaged",
         **_help_on_default(Grid.frame_count),
     )
@@ -133,7 +135,9 @@ class Infrared(Settings, key="infrared"):
         single="dimension",
     )
     coverage_rule = number(
-        *(Imager.coverage_rule, 0.01, MOST_COVERAGE),
+        Imager.coverage_rule,
+        low=0.01,
+        high=MOST_COVERAGE,
         label="share of a pixel that a ship must fill to show",
         help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
         "at 25 km",
@@ -147,7 +151,9 @@ class Infrared(Settings, key="infrared"):
         single="coordinate",
     )
     inner_radius = number(
-        *(INNER_RADIUS, 0.01, 2),
+        INNER_RADIUS,
+        low=0.01,
+        high=2,
         label="inner radius of the log-polar map, in sqrt(area / pi)",
         help="a compromise between scores and categories of the article's Table 5",
         single="coordinate",

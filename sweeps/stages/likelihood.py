@@ -57,7 +57,9 @@ class Likelihood(Settings, key="classifier"):
         help="used by the likelihood; with floor_sigma 0 the estimate counts as exact",
     )
     aspect_sigma = number(
-        *(None, 0, 1000),
+        None,
+        low=0,
+        high=1000,
         unit="degree",
         label="standard deviation of the aspect that a track reports",
         help="used by the likelihood; 0: the nearest template of each ship; null: no track",
@@ -66,7 +68,9 @@ class Likelihood(Settings, key="classifier"):
         1e-3, 1e-9, 1000, label="variance of noise beyond the model, relative to the model's"
     )
     template_error = number(
-        *(None, 0, 1000),
+        None,
+        low=0,
+        high=1000,
         label="variance of profiles between templates, relative to half their second difference",
         help="0: templates are exact; null: calibrated on aspects left out",
     )
@@ -78,7 +82,9 @@ class Likelihood(Settings, key="classifier"):
         dimension="template_place",
     )
     misfit_weight = number(
-        *(0.01, 0, 100),
+        0.01,
+        low=0,
+        high=100,
         label="power of the goodness of fit in the similarity of an answer",
         help="0: similarity is a probability alone",
     )

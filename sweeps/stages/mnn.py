@@ -53,7 +53,9 @@ class Mnn(Settings, key="classifier.mnn", single="coordinate"):
         dimension="mnn_learning_rate",
     )
     tolerance = number(
-        *(0.35, 1e-6, 0.999),
+        0.35,
+        low=1e-6,
+        high=0.999,
         label="root mean square error at which training stops",
         help="fitted to the training row of the article's Table 2, which needs a short training",
     )

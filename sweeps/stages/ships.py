@@ -42,13 +42,18 @@ class ShipFile(Settings, key="grid.ship"):
         fixed=_ONE,
     )
     scale = number(
-        *(1.0, SMALLEST_SCALE, LARGEST_SCALE),
+        1.0,
+        low=SMALLEST_SCALE,
+        high=LARGEST_SCALE,
         label="metres in a unit of the file",
         help="0.001 for millimetres",
         fixed=_ONE,
     )
     offset = vector(
-        *([0.0, 0.0, 0.0], 3, -FARTHEST, FARTHEST),
+        [0.0, 0.0, 0.0],
+        size=3,
+        low=-FARTHEST,
+        high=FARTHEST,
         unit="m",
         label="shift forward, to port and up",
         help="after turning and scaling; the origin is amidships on the waterline",

@@ -99,7 +99,8 @@ class Grid(Settings, key="grid"):
         single="dimension",
     )
     aspect = number(
-        *({"start": 0, "stop": 90, "step": 3}, 0),
+        {"start": 0, "stop": 90, "step": 3},
+        low=0,
         below=360,
         unit="degree",
         label="aspect, 0 bow-on, 90 port beam",
@@ -151,7 +152,9 @@ class Render(Settings, key="render"):
     )
     pixel = quantity(0.25, 0.01, 5, "m", "pixel on the target")
     tolerance = number(
-        *(None, 1e-5, 0.5),
+        None,
+        low=1e-5,
+        high=0.5,
         label="largest relative error of a range extent after the shortest pulse of the grid",
         help="reached by adding lines, starting from one per pixel; null: one line per pixel",
         dimension="render_tolerance",  # the multilayered network has one, too
