@@ -13,14 +13,19 @@ from ncti.processors import processor_count
 from ncti.ships.errors import ShipError
 from ncti.ships.loading import describe
 
+MOST_PROCESSES = 8
+"""Most processes by default: a login node has other users."""
+
 
 def build_ahead(ships: Sequence[str], *, cache: str | Path, processes: int | None = None) -> None:
     """Build named ships into a cache folder, in at most so many processes, this one included.
 
-    By default, one process per processor. Ships that cannot be built are left out, since `describe`
-    states the fault; so are the ships of a process that cannot start or is killed.
+    By default, one process per processor, up to `MOST_PROCESSES`. Ships that cannot be built are
+    left out, since `describe` states the fault; so are the ships of a process that cannot start or
+    is killed.
     """
-    count = max(1, min(processes or processor_count(), len(ships)))
+    most = processes or min(processor_count(), MOST_PROCESSES)
+    count = max(1, min(most, len(ships)))
     others: list[Popen[bytes]] = []
     try:
         with suppress(OSError):

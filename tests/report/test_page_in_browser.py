@@ -294,6 +294,7 @@ def test_a_heat_map_has_the_values_of_both_axes(both, two_axes):
             .map((node) => node.textContent).sort().join() === values.join()""",
         arg=[marks, sorted(values)],
     )
+    assert sorted(both.locator(marks).all_text_contents()) == sorted(values)
 
 
 def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
@@ -407,3 +408,4 @@ def test_a_chart_of_a_notebook_is_drawn_and_changes_with_its_selectors(browser, 
         _, frame = page.frames
         changed = "before => document.querySelector('.chart svg').innerHTML !== before"
         frame.wait_for_function(changed, arg=before)
+        assert cell.locator(".chart svg").inner_html() != before
