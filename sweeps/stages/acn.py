@@ -24,7 +24,7 @@ from sweeps.engine.declare.settings import Run, Settings, count, draws, number, 
 from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, VIEW, Ships, Views, read_in_blocks
+from sweeps.stages.classifier import GATHERED, NONE, VIEW, Integers, Mask, read_in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
@@ -79,12 +79,12 @@ class TrainingSet:
     vectors: Floats
     similarities: Similarities
     views: Indices
-    valid: Views
+    valid: Mask
     to_vectors: Callable[[NDArray[Any]], NDArray[Any]]
 
     @classmethod
     def of_views(
-        cls, seen: NDArray[Any], valid: Views, training_views: Views, to_vectors: Callable[..., Any]
+        cls, seen: NDArray[Any], valid: Mask, training_views: Mask, to_vectors: Callable[..., Any]
     ) -> TrainingSet:
         """Return the training set of (ship, aspect, ...) profiles or maps."""
         flat = seen.reshape(1, -1, *seen.shape[2:])
@@ -139,7 +139,7 @@ def presentation_order(views: int, order: int, seed: int) -> Indices:
 
 def form_categories(
     training_set: TrainingSet,
-    training_views: Views,
+    training_views: Mask,
     presentation: tuple[int, int],
     vigilance: float,
     learning_rate: float,
@@ -195,7 +195,7 @@ def form_categories(
     }
 
 
-def category_ships(names: Ships, category: Ships) -> Ships:
+def category_ships(names: Integers, category: Integers) -> Integers:
     """Return the ship of each category; `NONE` for a vector without a category."""
     return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
 
@@ -204,7 +204,7 @@ def answer_tests(
     training_set: TrainingSet,
     training: Arrays,
     tests: NDArray[Any],
-    valid: Views,
+    valid: Mask,
     score_rule: str,
     learn_in_test: bool,
 ) -> Arrays:
@@ -308,14 +308,14 @@ def match_learning(
 
 
 @in_memory(gather=GATHERED, keep=4, reads=read_in_blocks("expected"))
-def profile_training_set(expected: Profiles, valid: Views, training_views: Views) -> TrainingSet:
+def profile_training_set(expected: Profiles, valid: Mask, training_views: Mask) -> TrainingSet:
     """Return the training views and similarities of expected profiles, shared by all trainings."""
     return TrainingSet.of_views(expected, valid, training_views, classifier.profile_vectors)
 
 
 @in_memory(gather=GATHERED, keep=4, reads=read_in_blocks("template_log_polar"))
 def silhouette_training_set(
-    template_log_polar: NDArray[np.uint8], valid: Views, training_views: Views
+    template_log_polar: NDArray[np.uint8], valid: Mask, training_views: Mask
 ) -> TrainingSet:
     """Return the training views and similarities of silhouettes, shared by all trainings."""
     return TrainingSet.of_views(template_log_polar, valid, training_views, classifier.map_vectors)

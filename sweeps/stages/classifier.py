@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 
     from sweeps.engine.declare.stage import Condition, Declare, Stage, Table
 
-Views = NDArray[np.bool_]
-Ships = NDArray[np.integer]
+Mask = NDArray[np.bool_]
+Integers = NDArray[np.integer]
 
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 GATHERED = (Grid.ship, Grid.aspect)
@@ -179,7 +179,7 @@ def classifies_with(name: str, sensor: str) -> Condition:
     return lambda choices: name in choices[Classifier.name] and views.looks(sensor)(choices)
 
 
-def tested_ships(ship: Sequence[str]) -> Views:
+def tested_ships(ship: Sequence[str]) -> Mask:
     """Return the (ship,) mask of tested ships: all except generated ones."""
     variants = [Variant.parse(str(name)) for name in ship]
     return np.array([variant is None or variant.seed != UNSEEN for variant in variants])
@@ -202,13 +202,13 @@ def training_views(
     training_aspect: tuple[float, ...] | None,
     template_spacing: float | None,
     test_aspects: tuple[float, ...],
-) -> Views:
+) -> Mask:
     """Return the (ship, aspect) mask of training views."""
     learned = training_aspects(aspect, training_aspect, template_spacing, test_aspects)
     return training_ships(ship, unknown)[:, None] & learned
 
 
-def training_ships(ship: tuple[str, ...], unknown: tuple[str, ...] | None) -> Views:
+def training_ships(ship: tuple[str, ...], unknown: tuple[str, ...] | None) -> Mask:
     """Return the (ship,) mask of ships in the training set."""
     return ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
 
@@ -218,7 +218,7 @@ def training_aspects(
     training_aspect: tuple[float, ...] | None,
     template_spacing: float | None,
     test_aspects: tuple[float, ...],
-) -> Views:
+) -> Mask:
     """Return the (aspect,) mask of aspects in the training set."""
     chosen = training_aspect
     learned = ~np.isin(aspect, test_aspects) if chosen is None else np.isin(aspect, chosen)
@@ -241,7 +241,7 @@ def training_marks(of: Group) -> tuple[Stage, Stage]:
     )
 
 
-def _views_by_spacing(choices: Choices) -> list[Views]:
+def _views_by_spacing(choices: Choices) -> list[Mask]:
     """Return the (ship, aspect) mask of a sweep's training views for every template spacing."""
     arguments = (*(choices[setting] for setting in GATHERED), choices.value(Classifier.unknown))
     drawn = random_test_aspects(choices, choices[Grid.aspect])
@@ -312,7 +312,7 @@ def check_left_out(choices: Choices) -> None:
         raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
 
 
-def require_another_aspect(training_views: Views, left_out: bool) -> None:
+def require_another_aspect(training_views: Mask, left_out: bool) -> None:
     """Raise `ValueError` for the same fault if failed views caused it."""
     if left_out and training_views.any(axis=0).sum() < 2:
         raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
@@ -355,7 +355,7 @@ def read_in_blocks(*names: str) -> dict[str, At]:
 # Answers
 
 
-def judged(named: Ships, valid: Views, tested: Views | None = None) -> Arrays:
+def judged(named: Integers, valid: Mask, tested: Mask | None = None) -> Arrays:
     """Return the arrays of answers: (..., ship, aspect) predictions for existing views.
 
     Views that are not `tested` have no answer.
@@ -367,12 +367,12 @@ def judged(named: Ships, valid: Views, tested: Views | None = None) -> Arrays:
     return {"predicted": predicted, "correct": correct, "cell": answer_state(correct, valid)}
 
 
-def answer_state(correct: Ships, valid: Views) -> NDArray[np.int8]:
+def answer_state(correct: Integers, valid: Mask) -> NDArray[np.int8]:
     """Return the state of answers: done, failed without a view, missing if not requested."""
     return np.where(correct >= 0, 1, np.where(valid, -1, 0)).astype("i1")
 
 
-def best_ships(posterior: tuple[Ships, Floats], true: Ships) -> tuple[Ships, Floats]:
+def best_ships(posterior: tuple[Integers, Floats], true: Integers) -> tuple[Integers, Floats]:
     """Return (view,) most probable ships and probabilities of the true ones, 0 if unknown.
 
     `posterior` has the ships and their (view, ship) probabilities.

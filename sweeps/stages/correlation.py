@@ -11,7 +11,7 @@ from ncti.classify.blocks import row_blocks
 from sweeps.engine.declare.settings import Choices, Settings, word
 from sweeps.engine.declare.stage import Output, in_memory
 from sweeps.stages import classifier
-from sweeps.stages.classifier import NONE, Classifier, Views
+from sweeps.stages.classifier import NONE, Classifier, Mask
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
 
 IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
@@ -39,7 +39,7 @@ class Correlation(Settings, key="classifier", single="coordinate"):
     reads=classifier.read_in_blocks("averaged"),
     keep=4,
 )
-def profile_draws(averaged: Profiles, valid: Views, training: str) -> Profiles | Floats:
+def profile_draws(averaged: Profiles, valid: Mask, training: str) -> Profiles | Floats:
     """Return (replicate, view, bin) draws of averaged profiles; none unless they are learned.
 
     Missing ones are zero.
@@ -58,10 +58,10 @@ def profile_draws(averaged: Profiles, valid: Views, training: str) -> Profiles |
 )
 def correlation(
     profile_draws: Profiles | Floats,
-    training_views: Views,
+    training_views: Mask,
     expected: Profiles,
     averaged: Profiles,
-    valid: Views,
+    valid: Mask,
     replicate: int,
     training: str,
     left_out: bool,
@@ -88,8 +88,8 @@ def correlation(
 def match_views(
     training_set: Profiles | Floats,
     tests: Profiles | Floats,
-    valid: Views,
-    training_views: Views,
+    valid: Mask,
+    training_views: Mask,
     left_out: bool,
     see: Callable[[Profiles | Floats], Floats] = np.asarray,
 ) -> Arrays:

@@ -17,7 +17,7 @@ from ncti.classify.fusion import add_outliers, fuse, label_posterior, similarity
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Classifier, Views
+from sweeps.stages.classifier import GATHERED, NONE, Classifier, Mask
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood, Prior
@@ -88,8 +88,8 @@ def stack_map_views(maps: NDArray[np.uint8], lead: int) -> NDArray[np.uint8]:
 def silhouette_constants(
     template_log_polar: NDArray[np.uint8],
     log_polar: NDArray[np.uint8],
-    valid: Views,
-    training_views: Views,
+    valid: Mask,
+    training_views: Mask,
 ) -> Floats:
     """Return (frame_count, constant, phase) inverse temperatures and outlier fractions.
 
@@ -119,7 +119,7 @@ def silhouette_constants(
     stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), "profile_doubt"),
 )
 def profile_outlier_fraction(
-    profile_templates: tuple[GaussianTemplates, Views],
+    profile_templates: tuple[GaussianTemplates, Mask],
     gain_sigma: float,
     frame_count: tuple[int, ...],
     rng: np.random.Generator,
@@ -180,14 +180,14 @@ ANSWERS = classifier.ClassifierGroup.of_classifier(
     },
 )
 def fusion(
-    profile_templates: tuple[GaussianTemplates, Views],
+    profile_templates: tuple[GaussianTemplates, Mask],
     profile_outlier_fraction: Floats,
     averaged: Profiles,
     template_log_polar: NDArray[np.uint8],
     log_polar: NDArray[np.uint8],
     silhouette_constants: Floats,
-    valid: Views,
-    training_views: Views,
+    valid: Mask,
+    training_views: Mask,
     prior: Prior,
     gain_sigma: tuple[float, ...],
     frame_count: tuple[int, ...],
@@ -202,7 +202,7 @@ def fusion(
     are held in blocks of views.
     """
     templates, known = profile_templates
-    compared: Views = np.asarray(valid.all(axis=(0, 1)))
+    compared: Mask = np.asarray(valid.all(axis=(0, 1)))
     learned = compared & known & training_views
     views, training_set = np.flatnonzero(compared), np.flatnonzero(learned)
     template = np.searchsorted(np.flatnonzero(known), training_set)  # among templates of profiles

@@ -21,7 +21,7 @@ from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number
 from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plain, stage
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Classifier, Ships, Views
+from sweeps.stages.classifier import GATHERED, NONE, Classifier, Integers, Mask
 from sweeps.stages.ladar import Ladar, expected, extent, ifovs, mirror_place
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
 
@@ -115,25 +115,25 @@ class Moments:
 
     placed_profile: Profiles
     covariance: Profiles
-    valid: Views
-    training_views: Views
-    alternative_views: Views
+    valid: Mask
+    training_views: Mask
+    alternative_views: Mask
     aspect: tuple[float, ...]
     prior: Prior
 
     @property
-    def learned_mask(self) -> Views:
+    def learned_mask(self) -> Mask:
         """The (ship, aspect) mask of learned views."""
         return self.valid.all(axis=0) & self.training_views
 
     @property
-    def alternative_mask(self) -> Views:
+    def alternative_mask(self) -> Mask:
         """The (ship, aspect) mask of templates that stand for unknown ships."""
         return self.valid.all(axis=0) & self.alternative_views
 
     def templates(
         self,
-        chosen: Views,
+        chosen: Mask,
         template_error: float | None,
         rng: np.random.Generator | None = None,
     ) -> GaussianTemplates:
@@ -165,7 +165,7 @@ def alternative_views(
     training_aspect: tuple[float, ...] | None,
     template_spacing: float | None,
     test_aspects: tuple[float, ...],
-) -> Views:
+) -> Mask:
     """Return the (ship, aspect) mask of the templates of ships in `classifier.alternative`."""
     learned = classifier.training_aspects(aspect, training_aspect, template_spacing, test_aspects)
     return ~classifier.training_ships(ship, alternative)[:, None] & learned
@@ -235,7 +235,7 @@ def calibrated_error(
 @in_memory(keep=2)
 def profile_templates(
     profile_moments: Moments, calibrated_error: Floats
-) -> tuple[GaussianTemplates, Views]:
+) -> tuple[GaussianTemplates, Mask]:
     """Return the templates of all training views, and their (ship, aspect) mask."""
     known = profile_moments.learned_mask
     return profile_moments.templates(known, float(calibrated_error)), known
@@ -244,7 +244,7 @@ def profile_templates(
 @in_memory(keep=2)
 def alternative_templates(
     profile_moments: Moments, calibrated_error: Floats
-) -> tuple[GaussianTemplates | None, Views]:
+) -> tuple[GaussianTemplates | None, Mask]:
     """Return the templates of ships in `classifier.alternative`, or None, and their mask."""
     chosen = profile_moments.alternative_mask
     templates = profile_moments.templates(chosen, float(calibrated_error)) if chosen.any() else None
@@ -266,7 +266,7 @@ class Track:
     sigma: float | None
     reported: Floats
 
-    def log_prior(self, views: Ships, ship: Ships, column: Ships) -> ArrayLike:
+    def log_prior(self, views: Integers, ship: Integers, column: Integers) -> ArrayLike:
         """Return the log prior of templates of given ships and columns, for views by index."""
         if self.sigma is None:
             return 0.0
@@ -298,7 +298,7 @@ def _widened_scores(
     templates: GaussianTemplates,
     profiles: Profiles | Floats,
     densities: tuple[Floats, Floats],
-    columns: tuple[Ships, Ships],
+    columns: tuple[Integers, Integers],
     count: int,
     gain_sigma: tuple[float, ...],
 ) -> tuple[Floats, Floats]:
@@ -335,7 +335,7 @@ def _score_alternative(
     return unknown.log_likelihood(profiles, count, gain_sigma=gain_sigma)
 
 
-def _fit_of_best(scores: Floats, peak: Floats, exclude: Views, bins: int) -> Floats:
+def _fit_of_best(scores: Floats, peak: Floats, exclude: Mask, bins: int) -> Floats:
     """Return the log probability (view,) of a worse fit of each view's best template."""
     allowed = np.where(exclude[:, : scores.shape[1]], -np.inf, scores)
     best = np.arange(len(allowed)), allowed.argmax(axis=1)
@@ -359,10 +359,10 @@ def _fit_of_best(scores: Floats, peak: Floats, exclude: Views, bins: int) -> Flo
     along=(Classifier.left_out, Likelihood.gain_sigma, Grid.frame_count),
 )
 def likelihood(
-    profile_templates: tuple[GaussianTemplates, Views],
-    alternative_templates: tuple[GaussianTemplates | None, Views],
+    profile_templates: tuple[GaussianTemplates, Mask],
+    alternative_templates: tuple[GaussianTemplates | None, Mask],
     averaged: Profiles,
-    valid: Views,
+    valid: Mask,
     prior: Prior,
     track: Track,
     *,

@@ -22,7 +22,7 @@ from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import NOWHERE, Output, Stream, coordinate, in_memory, plain
 from sweeps.stages import acn, classifier, ladar, views
 from sweeps.stages.acn import Network, TrainingSet
-from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Views
+from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Mask
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown_ships
 from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar, flight_of
@@ -119,7 +119,7 @@ def signature_kinds() -> NDArray[np.str_]:
 
 # Identification
 
-Namer = Callable[[Profiles, Views], Arrays]
+Namer = Callable[[Profiles, Mask], Arrays]
 """Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
 returns `predicted` and `correct`, (kind, ship, aspect)."""
 
@@ -163,8 +163,8 @@ def training_method(
 def namer(
     training_method: tuple[str, Keywords],
     learned_signature: Profiles,
-    valid: Views,
-    training_views: Views,
+    valid: Mask,
+    training_views: Mask,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
 ) -> Namer:
@@ -186,7 +186,7 @@ def namer(
         return lambda tests, valid: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
     templates = classifier.profile_vectors(learned_signature)[None]
 
-    def correlate(tests: Profiles, valid: Views) -> Arrays:
+    def correlate(tests: Profiles, valid: Mask) -> Arrays:
         known = training_views & valid
         answers = [
             match_views(templates, of_kind, valid, known, left_out=False)
@@ -202,7 +202,7 @@ def namer(
     right=": the ship, of the multilayered network its aspect bin, too",
     uses=(Grid,),
 )
-def measured(namer: Namer, signature: Profiles, valid: Views) -> Arrays:
+def measured(namer: Namer, signature: Profiles, valid: Mask) -> Arrays:
     """Return the ships predicted for signatures of every kind.
 
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,

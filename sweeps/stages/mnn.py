@@ -14,7 +14,7 @@ from ncti.features import profile_vector
 from sweeps.engine.declare.settings import Settings, count, number, switch, word
 from sweeps.engine.declare.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Views
+from sweeps.stages.classifier import GATHERED, NONE, Mask
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import Arrays, Grid, Keywords, Profiles, keywords, settings_by_last_word
 
@@ -98,8 +98,8 @@ mnn_settings = plain(reads=settings_by_last_word(Mnn), name="mnn_settings")(keyw
 )
 def mnn_training(
     expected: Profiles,
-    valid: Views,
-    training_views: Views,
+    valid: Mask,
+    training_views: Mask,
     aspect: tuple[float, ...],
     mnn_settings: Keywords,
     rng: np.random.Generator,
@@ -144,7 +144,7 @@ def mnn_training(
     along=(Grid.frame_count,),
 )
 def mnn(
-    mnn_training: Arrays, averaged: Profiles, valid: Views, aspect: tuple[float, ...], inputs: str
+    mnn_training: Arrays, averaged: Profiles, valid: Mask, aspect: tuple[float, ...], inputs: str
 ) -> Arrays:
     """Return the ships predicted for averaged profiles, one number of frames at a time."""
     network = from_arrays(mnn_training)
@@ -172,7 +172,7 @@ def view_classes(shape: tuple[int, ...], aspects: tuple[float, ...]) -> NDArray[
 
 
 def predict_classes(
-    network: GainAnnealedNetwork, profiles: Profiles, valid: Views, inputs: str, number: int = 0
+    network: GainAnnealedNetwork, profiles: Profiles, valid: Mask, inputs: str, number: int = 0
 ) -> NDArray[np.intp]:
     """Return the classes of existing views from (number, view, bin) profiles at index `number`.
 

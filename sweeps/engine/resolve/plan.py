@@ -24,7 +24,8 @@ from sweeps.engine.resolve.code import Code, CodeDigest, module_and_name
 from sweeps.engine.resolve.keys import STREAM_VERSION, Keys, digest, fold, hash_texts, key_text
 from sweeps.engine.resolve.modules import save_parsed_modules
 
-Cells = NDArray[np.signedinteger[Any]]  # numbers of cells of a stage
+Indices = NDArray[np.signedinteger[Any]]
+Cells = Indices  # numbers of cells of a stage
 
 HASHED_CELLS = 2**18  # cells that are hashed together
 NOT_CALLED = object()  # instead of the result of a plain stage

@@ -23,7 +23,7 @@ from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.settings import Setting
 from sweeps.engine.declare.stage import VALID, At, BoundStage
 from sweeps.engine.resolve.keys import Keys, concatenate, hash_texts, unique_keys
-from sweeps.engine.resolve.plan import Cells, Plan
+from sweeps.engine.resolve.plan import Cells, Indices, Plan
 from sweeps.engine.run.tasks import (
     Batch,
     ObjectArgument,
@@ -51,16 +51,16 @@ class ReadyCalls:
     """
 
     stages: list[BoundStage]
-    stage: Cells
-    begins: Cells
+    stage: Indices
+    begins: Indices
     cells: Cells
-    objects: Cells
+    objects: Indices
     position: int = 0  # the first call that is left
 
     def __len__(self) -> int:
         return len(self.stage) - self.position
 
-    def next_calls(self, most: int) -> tuple[BoundStage, Cells]:
+    def next_calls(self, most: int) -> tuple[BoundStage, Indices]:
         """Return the stage of the next calls, and the bounds of their cells."""
         calls = self.stage[self.position : self.position + most]
         count = int(np.argmax(np.append(calls != calls[0], True)))
@@ -108,7 +108,7 @@ class CallQueue:
 
     def _group_calls(
         self, number: int, bound: BoundStage, cells: Cells
-    ) -> tuple[Cells, Cells, Cells, Cells]:
+    ) -> tuple[Indices, Indices, Indices, Cells]:
         """Return stage, number of cells and in-memory objects of each call, and the cells of all.
 
         Cells that differ only on axes computed together share a call.
@@ -123,9 +123,9 @@ class CallQueue:
         stage = np.full(len(begins), number, dtype=np.int16)
         return stage, lengths.astype(np.int32), objects.T[begins], cells.astype(np.int32)
 
-    def _object_numbers(self, bound: BoundStage, cells: Cells) -> list[Cells]:
+    def _object_numbers(self, bound: BoundStage, cells: Cells) -> list[Indices]:
         """Return the numbers of the in-memory objects of cells, dependencies first."""
-        objects: list[Cells] = []
+        objects: list[Indices] = []
         for source, first, _ in self._plan.computed_inputs(bound):
             if not source.stage.is_cached:
                 inputs, codes = np.unique(first[cells], return_inverse=True)
@@ -221,7 +221,7 @@ class PlannedBatch(NamedTuple):
 
     bound: BoundStage
     cells: Cells
-    results: Cells
+    results: Indices
     batch: Batch
 
 
@@ -245,7 +245,7 @@ class Schedule:
     costs: dict[str, float] = field(default_factory=dict)
     failed: dict[int, str] = field(default_factory=dict)
     progress: dict[str, Progress] = field(default_factory=dict)
-    results: dict[BoundStage, Cells] = field(default_factory=dict)
+    results: dict[BoundStage, Indices] = field(default_factory=dict)
     locations: Locations = field(default_factory=lambda: NO_LOCATIONS)
 
     # missing cells --------------------------------------------------------------------------
@@ -585,7 +585,7 @@ class Schedule:
             for begin, end in pairwise(planned.batch.begins.tolist())
         ]
 
-    def _finish(self, bound: BoundStage, results: Cells, pack: Any, row: Any) -> None:
+    def _finish(self, bound: BoundStage, results: Indices, pack: Any, row: Any) -> None:
         self.locations.pack[results], self.locations.row[results] = pack, row
         self.progress[bound.name].done += len(results)
         self._left[bound] -= len(results)
