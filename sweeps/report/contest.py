@@ -69,15 +69,14 @@ def main_frame(frames: Mapping[str, Frame]) -> Frame:
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     """Return the column of the axis that results vary along; empty if there is none.
 
-    The first of the swept axes, or that of most values where no axes are declared, numbers before
-    words; without any, the number of frames, then the axis of most numbers.
+    Of the swept axes, the one with the longest curves, summed over rivals, numbers before words;
+    without any, the number of frames, then the axis with the most numbers.
     """
     axes = [name for name in frame.varying_axes if name not in (frame.across, *word_axes(frame))]
     axes.sort(key=lambda name: name in frame.down)
     numeric = [name for name in axes if frame.rows[name].dtype.kind in "fiu"]
     swept_axes = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
-    if not frame.down:
-        swept_axes.sort(key=lambda name: -frame.rows[name].nunique())
+    swept_axes.sort(key=lambda name: -_count_steps(frame, name))
     most = sorted(numeric, key=lambda name: -frame.rows[name].nunique())
     usual = [name for name in numeric if name == FALLBACK]
     return next(
@@ -128,6 +127,13 @@ def _keep_shared_values(rivals: Sequence[Rival]) -> list[Rival]:
         return list(rivals)
     shared, count = frozenset(set.intersection(*values)), len(set.union(*values))
     return [replace(rival, shared=shared, count=count) for rival in rivals]
+
+
+def _count_steps(frame: Frame, axis: str) -> int:
+    """Return the number of steps along an axis in the curves of all rivals."""
+    names = _name_columns(frame, axis)
+    groups = frame.rows.groupby(names, dropna=False) if names else [((), frame.rows)]
+    return sum(max(rows[axis].nunique() - 1, 0) for _, rows in groups)
 
 
 def _name_columns(frame: Frame, axis: str) -> list[str]:

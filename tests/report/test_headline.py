@@ -10,6 +10,7 @@ from pages import stored
 
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure
 from sweeps.engine.declare.storable import encode_attrs
+from sweeps.report.contest import main_axis, main_frame
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
 
@@ -157,3 +158,25 @@ def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
     assert text == "Height rises from 1 m at 1 to 4 m at 2 ripeness."
     for path in (smoke_store, sisters):
         assert headline(read_frames(path), {})[0].endswith((".", "wide."))
+
+
+@pytest.mark.parametrize(
+    ("acn", "others", "axis"),
+    [
+        ({"cnr": [5.0, 10.0, 20.0], "range": [25.0, 50.0]}, {}, "cnr_db"),
+        ({"cnr": [5.0, 10.0], "range": [25.0, 50.0, 75.0]}, {}, "range_km"),
+        ({"range": [25.0, 50.0, 75.0], "vigilance": [0.8, 0.85, 0.9, 0.95]}, {}, "vigilance"),
+        (
+            {"range": [25.0, 50.0, 75.0], "vigilance": [0.8, 0.85, 0.9, 0.95]},
+            {"range": [25.0, 50.0, 75.0]},
+            "range_km",
+        ),
+    ],
+    ids=["more values", "more values of the second", "one classifier", "of both classifiers"],
+)
+def test_curves_run_along_the_axis_with_the_most_steps(tmp_path, acn, others, axis):
+    tables = {"tables__acn": shown(scores(0, **acn))}
+    if others:
+        tables["tables__likelihood"] = shown(scores(1, **others), "likelihood")
+    path = stored(tmp_path / "s.zarr", {}, **tables)
+    assert main_axis(main_frame(read_frames(path)), [*acn]) == axis
