@@ -18,9 +18,9 @@ MOST_PROCESSES = 8
 
 
 def build_ahead(ships: Sequence[str], *, cache: str | Path, processes: int | None = None) -> None:
-    """Build named ships into a cache folder, in at most so many processes, this one included.
+    """Build named ships into a cache folder, in several processes including this one.
 
-    By default, one process per processor, up to `MOST_PROCESSES`. Ships that cannot be built are
+    By default one process per processor, up to `MOST_PROCESSES`. Ships that cannot be built are
     left out, since `describe` states the fault; so are the ships of a process that cannot start or
     is killed.
     """

@@ -16,5 +16,6 @@ class Ship(trimesh.Trimesh):
 
     def _repr_html_(self) -> str:
         metadata = self.metadata
-        remarks = (*metadata["findings"], *metadata["faults"])
-        return figure(metadata["name"], np.asarray(self.vertices), np.asarray(self.faces), remarks)
+        remarks = (*metadata.get("findings", ()), *metadata.get("faults", ()))
+        name = metadata.get("name", "ship")
+        return figure(name, np.asarray(self.vertices), np.asarray(self.faces), remarks)

@@ -259,8 +259,8 @@ def test_what_gathers_all_without_a_mask_fails_with_one_of_them(tmp_path, broken
     run(experiment, choices, tmp_path / "s.zarr")
     reasons = read_attributes(tmp_path / "s.zarr")["failures"]
     needs = {size: reasons[f"share size={size}"] for size in (1, 2, 3, 4)}
-    whole, own = ("needs largest, which failed", "needs second size=2, which failed")
-    assert needs == {1: whole, 2: own, 3: whole, 4: whole}
+    of_object, of_cell = "needs largest, which failed", "needs second size=2, which failed"
+    assert needs == {1: of_object, 2: of_cell, 3: of_object, 4: of_object}
     broken["values"] = frozenset()
     run(experiment, choices, tmp_path / "s.zarr")
     shares = opened(tmp_path / "s.zarr", "all")["share"]

@@ -368,13 +368,7 @@ class Schedule:
         lost_inputs = {source: self._lost_cells(source) for source, *_ in inputs}
         lost = self._cells_lacking_input(bound, lost_inputs, cells)
         for cell in cells[lost].tolist():
-            source, input_cells, flags = next(
-                (source, input_cells, flags)
-                for source, first, offsets in inputs
-                for input_cells in [(first[cell] + offsets).ravel()]
-                if _lacks_input(bound, flags := lost_inputs[source][input_cells])
-            )
-            needed = self.plan.cell_name(source, int(input_cells[flags.argmax()]))
+            needed = self._missing_input(bound, lost_inputs, cell)
             reason = f"needs {needed}, which failed"
             self._fail(bound, int(self.results[bound][cell]), reason)
         cells = cells[~lost]
@@ -388,6 +382,17 @@ class Schedule:
             bound, results[reused], cached.pack[cached.present], cached.row[cached.present]
         )
         return np.delete(cells, reused)
+
+    def _missing_input(
+        self, bound: BoundStage, lost_inputs: Mapping[BoundStage, Flags], cell: int
+    ) -> str:
+        """Return the name of the first lost cell for which a cell cannot be computed."""
+        for source, first, offsets in self.plan.computed_inputs(bound):
+            input_cells = (first[cell] + offsets).ravel()
+            flags = lost_inputs[source][input_cells]
+            if _lacks_input(bound, flags):
+                return self.plan.cell_name(source, int(input_cells[flags.argmax()]))
+        raise ValueError(f"{bound.name} lacks no input")
 
     def _cells_lacking_input(
         self, bound: BoundStage, lost_inputs: Mapping[BoundStage, Flags], cells: Cells
