@@ -99,4 +99,4 @@ def test_a_store_follows_its_file_and_computes_only_what_is_another_computation(
     text = text.replace("    return 2", "    # twice\n    return 2")
     assert run(text) == (0, "length of a ship", 3, "")
     assert run(text.replace("ships.mean()", "ships.max()")) == (0, "length of a ship", 4, "")
-    assert "made by another code of length" in run(text.replace("2 * load", "3 * load"))[3]
+    assert "made by different code of length" in run(text.replace("2 * load", "3 * load"))[3]

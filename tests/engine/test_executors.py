@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -149,6 +150,20 @@ def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
     assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
 
+def test_a_worker_stops_writing_when_the_manifest_changes(tmp_path):
+    def read(region):
+        Manifest().put(store)  # by another command, while the chunk is read
+        return np.arange(3)
+
+    store, names = Objects(tmp_path / "s.zarr", make=True), ["g/x/c.0", "g/x/c.1", "g/x/c.2"]
+    Manifest(coming=names).put(store)
+    array = Array.from_values(("x",), np.arange(3))
+    arrays = array, replace(array, read=read), array
+    chunks = [(name, array, (slice(0, 3),)) for name, array in zip(names, arrays, strict=True)]
+    assert write_chunks(Objects(store.path), chunks).keys() == {"g/x/c.0"}
+    assert sorted(files(store.path)) == ["g/x/c.0", "manifest"]
+
+
 @pytest.mark.usefixtures("impatient")
 def test_a_scheduler_answers_neither_other_certificates_nor_none(running, tmp_path):
     files = executors.written(Security.temporary(), tmp_path)
@@ -169,8 +184,8 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
     ):
         pass
     assert re.fullmatch(
-        rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ has other code "
-        "of of_this_process; it must have that of this process",
+        rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ has different "
+        "code of of_this_process; it must have the code of this process",
         str(refused.value),
     )
 
@@ -191,6 +206,6 @@ def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):
         pass
     assert re.fullmatch(
         rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ does not see "
-        rf"the cache '{packs.path}' of this command; it must be where all of them see it",
+        rf"the cache '{packs.path}' of this command; put it where all workers see it",
         str(refused.value),
     )

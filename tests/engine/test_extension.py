@@ -180,7 +180,7 @@ def test_other_code_is_refused(grown):
     store = grown()
     changed = replace(SPRINGS.by_name["period"], function=SPRINGS.by_name["energy"].function)
     changed_springs = having(SPRINGS, (*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
-    with pytest.raises(ConfigurationError, match="was made by another code of period \\("):
+    with pytest.raises(ConfigurationError, match="was made by different code of period \\("):
         run(changed_springs, read_choices(SPRINGS.declared, {}), store)
 
 

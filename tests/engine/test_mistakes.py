@@ -98,7 +98,7 @@ MISTAKES = [
         FEW,
         [few_stage(uses=())],
     ),
-    ("stages need each other: a -> b -> a", FEW, CIRCLE),
+    ("stages depend on each other in a circle: a -> b -> a", FEW, CIRCLE),
     ("stage a/b has the name 'a/b'", FEW, [few_stage(name="a/b")]),
     ("stage one has the name 'a/b'", FEW, [few_stage(Output("a/b"))]),
     ("stage one has the name 'a/b'", FEW, [few_stage(Output("x", ("a/b",)))]),
@@ -171,7 +171,7 @@ def test_a_stage_that_draws_without_a_stream_is_named_where_its_draws_are_gather
     with pytest.raises(DeclarationError) as caught:
         Experiment("few", "Few", (Few, Spring, drawn, replace(mean, gather=(Spring.mass,))))
     assert re.match(
-        HERE + "stage mean does not need spring.mass; if drawn, which takes rng, is ",
+        HERE + "stage mean does not need spring.mass; to let drawn, which takes rng, draw ",
         str(caught.value),
     )
     assert str(caught.value).endswith("its stream: stream=Stream((..., spring.mass))")

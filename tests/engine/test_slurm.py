@@ -144,7 +144,7 @@ def test_jobs_that_end_before_they_have_a_worker_are_given_up(monkeypatch, capsy
     start()
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1].startswith(
-        "springs: cluster.kind is slurm, but its jobs end before they have a worker ("
+        "springs: cluster.kind is slurm, but its jobs end before a worker starts ("
     )
     assert len(jobs()) == 0
 
@@ -154,7 +154,7 @@ def test_a_job_that_waits_says_why():
     choice = ClusterChoice(kind="slurm", workers=1, memory="1GiB", walltime="3-0:0:0")
     with open_executor(choice, say=sentences.append):
         eventually(lambda: len(sentences) == 2)
-    assert sentences[1].startswith("no job of Slurm has a worker yet (Partition")
+    assert sentences[1].startswith("no Slurm job has a worker yet (Partition")
 
 
 def test_the_launcher_of_hydra_runs_a_job_of_slurm_for_each_sweep(tmp_path, monkeypatch):

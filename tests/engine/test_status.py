@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from executors import eventually, meanwhile
-from small_stores import contents, opened
+from small_stores import below, contents, opened
 from toys import SPRINGS, go
 
+from sweeps.engine.cache.objects import Objects
+from sweeps.engine.command import status
 from sweeps.engine.command.line import Command
 from sweeps.engine.command.status import format_status
 from sweeps.engine.run import progress
@@ -105,9 +107,25 @@ def test_a_sweep_that_is_killed_is_stopped(start):
     assert start(*SEEN).startswith("s.zarr: stopped; ")
 
 
+def test_of_a_killed_sweep_in_a_bucket_the_last_sign_is_shown(start, bucket, monkeypatch):
+    store = below(bucket, "s.zarr")
+    start(f"store={store}", *GIVEN[1:])
+    (file,) = Path("cache", "status").iterdir()
+    state = json.loads(file.read_text())
+    file.write_text(json.dumps(state | {"ended": "stopped"}))  # as while it runs
+    lock = Objects(bucket)
+    lock.put(".s.zarr.lock", b"process 1 on host since 2000-01-01T00:00:00")
+    seen = ["--status", f"store={store}", "cache=cache"]
+    assert f"running as process {os.getpid()}; " in start(*seen)
+    monkeypatch.setattr(status, "LEASE", -1.0)
+    assert f"stopped: no sign of process {os.getpid()} for 0:00:0" in start(*seen)
+    lock.delete([".s.zarr.lock"])
+    assert f"{store}: stopped; " in start(*seen)
+
+
 def test_a_status_that_cannot_be_shown_is_refused(start):
     output = start("--status", "store=t.zarr", "cache=cache", status=2)
-    assert "store is 't.zarr', of which the cache 'cache' knows no sweep" in output
+    assert "no sweep of 't.zarr' is recorded in the cache 'cache'; give the store=" in output
     assert "store is 't.zarr', which does not exist" in start("--why", "store=t.zarr", status=2)
     assert "spring.mas is not a key" in start(*SEEN, "spring.mas=1", status=2)
     assert "--status has 's.zarr', but takes settings" in start("--status", "s.zarr", status=2)

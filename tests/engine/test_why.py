@@ -38,7 +38,7 @@ def test_what_differs_is_named_by_stage(store):
     then = deepcopy(old)
     then["code"]["period"] = then["parts"]["code of toys.period"] = "0"
     assert dict(differences(plan, then))["period"] == ["code of toys.period"]
-    assert dict(differences(plan, {}))["period"] == ["the store has none of it"]
+    assert dict(differences(plan, {}))["period"] == ["not in the store"]
     with pytest.raises(ConfigurationError, match=r"code of period \(code of toys.period\); give"):
         check_extends(SPRINGS, "s.zarr", then, plan)
 
@@ -89,7 +89,7 @@ def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, 
         return [record.getMessage() for record in caplog.records]
 
     first = messages((1, 2))
-    assert "square differs from the store in: the store has none of it" in first
+    assert "square differs from the store in: not in the store" in first
     assert "square: 2 cells are computed by 2 calls" in first
     assert any(line.startswith("task of ['square']: calls of ") for line in first)
     assert any("chunks are written, 0 stay" in line for line in first)

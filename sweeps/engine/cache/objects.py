@@ -168,6 +168,14 @@ class Objects:
         except FileNotFoundError:
             return None
 
+    def head(self, name: str) -> ObjectMeta | None:
+        """Return size, time and version of an object; None if it is absent."""
+        try:
+            with translated_errors(self.path):
+                return self.store.head(name)
+        except FileNotFoundError:
+            return None
+
     def put_if(self, name: str, content: bytes, version: Version | None) -> Version | None:
         """Write an object of a bucket if its version is unchanged; None means absent.
 

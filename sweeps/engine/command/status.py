@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from rich.table import Table
 
@@ -12,7 +12,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.run.progress import count_table, open_states, state_name, time_left
 from sweeps.engine.run.schedule import Progress
-from sweeps.engine.store.locks import is_locked
+from sweeps.engine.store.locks import LEASE, silence
 
 
 def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
@@ -23,8 +23,8 @@ def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
     content = open_states(cache).get(state_name(store))
     if content is None:
         raise ConfigurationError(
-            f"store is {str(store)!r}, of which the cache {str(cache)!r} knows no sweep; "
-            "give store= and cache= as the sweep has them"
+            f"no sweep of {str(store)!r} is recorded in the cache {str(cache)!r}; "
+            "give the store= and cache= of the sweep"
         )
     try:
         state = json.loads(content)
@@ -36,8 +36,11 @@ def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
         raise ConfigurationError(
             f"cache is {str(cache)!r}, whose state of the sweep of {str(store)!r} cannot be read"
         ) from error
-    running = is_locked(store)
+    silent = silence(store)
+    running = silent is not None and silent <= LEASE
     condition = f"running as process {process}" if running else ended
+    if silent is not None and not running:
+        condition = f"stopped: no sign of process {process} for {timedelta(seconds=round(silent))}"
     sentence = (
         f"{store}: {condition}; begun {_format_clock(begun)}, state of {_format_clock(updated)}"
     )

@@ -23,10 +23,10 @@ OPTIONS = (
     ("--settings [WORD]", "print every key, or those of a word, with default, bounds, meaning"),
     (
         "--cache [prune=20GB]",
-        "print the size of the cache, or delete the oldest results beyond one",
+        "print the size of the cache, or delete the oldest results above a size",
     ),
-    ("--why", "print what of each stage's keys differs from those of store=PATH"),
-    ("--status", "print how far the sweep of store=PATH is, from another terminal"),
+    ("--why", "print why stages would be computed again for store=PATH"),
+    ("--status", "print the progress of the sweep of store=PATH, from another terminal"),
     ("--version", "print the version"),
     ("--hydra-help", "print the other options, such as --shell-completion"),
 )

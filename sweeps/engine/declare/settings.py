@@ -230,10 +230,8 @@ class Run(Settings, fixed=AFFECTS_NO_RESULT):
 
     seed = count(0, 0, 2**63, label="seed of all noise", fixed="")
     store = text(None, label="folder of the store; null: sweep.zarr")
-    cache = text(None, label="place of finished results; null: the user's cache folder")
-    cache_limit = number(
-        20, 0, 1e6, unit="GB", label="size of the cache above which a finished sweep says so"
-    )
+    cache = text(None, label="cache of finished results; null: the user's cache folder")
+    cache_limit = number(20, 0, 1e6, unit="GB", label="size of the cache above which a sweep warns")
     dry_run = switch(False, label="only print what would be computed")
     partial = switch(False, label="compute nothing, and store the cells that the cache has")
 

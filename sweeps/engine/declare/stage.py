@@ -407,7 +407,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
     Raises
     ------
     DeclarationError
-        If an argument is neither a setting nor a stage, or stages need each other in a circle.
+        If an argument is neither a setting nor a stage, or stages depend on each other in a circle.
     """
     bound: dict[str, BoundStage] = {}
     visiting: list[str] = []
@@ -415,7 +415,9 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
 
     def visit(name: str) -> BoundStage:
         if name in visiting:
-            raise DeclarationError(f"stages need each other: {' -> '.join((*visiting, name))}")
+            raise DeclarationError(
+                f"stages depend on each other in a circle: {' -> '.join((*visiting, name))}"
+            )
         if name not in bound:
             visiting.append(name)
             declared = experiment.by_name[name]
@@ -490,7 +492,7 @@ def _bind_stage(
         if not source.stage.is_cached and (shared := whole_axes & set(source.needs)):
             raise DeclarationError(
                 f"stage {declared.name}: {source.name} is not kept on disk, so it cannot depend on "
-                f"{', '.join(sorted(shared))}, which {declared.name} needs together"
+                f"{', '.join(sorted(shared))}, which {declared.name} takes whole"
             )
     cell_needs = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
@@ -502,7 +504,7 @@ def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundSt
     listed = ", ".join(sorted(keys))
     upstream = (bound for source in inputs for bound in (source, *source.inputs) if bound.random)
     drawing = next((bound.name for bound in upstream), "")
-    hint = f"; if {drawing}, which takes rng, is to draw anew for each, name the settings of its"
+    hint = f"; to let {drawing}, which takes rng, draw anew for each, name the settings of its"
     stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawing)
     return f"stage {name} does not need {listed}{stream}"
 

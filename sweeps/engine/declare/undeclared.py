@@ -196,7 +196,7 @@ def infer_outputs(output: UndeclaredOutput, layouts: Sequence[Layout]) -> list[O
                 forms = [f"{_dtype_kind(dtype)} {list(shape)}" for dtype, shape in conflicting]
                 raise DeclarationError(
                     f"{output.name} returned {name} as {' and as '.join(forms)} for different "
-                    "arguments, which one variable cannot be"
+                    "arguments, which do not fit one variable"
                 )
             for dim, size in zip(dims, shape, strict=True):
                 lengths[dim].add(size)

@@ -225,7 +225,7 @@ def _argument_settings(
         parameters = inspect.signature(function).parameters.values()
     except ValueError:
         problem = f"function is {name}, whose arguments Python cannot inspect"
-        raise ConfigurationError(f"{problem}; call it in a function of your own") from None
+        raise ConfigurationError(f"{problem}; wrap it in a function") from None
     by_kind = {parameter.name: parameter.kind for parameter in parameters}
     needed = {parameter.name for parameter in parameters if parameter.default is parameter.empty}
     for argument, kind in by_kind.items():
@@ -245,9 +245,7 @@ def _argument_settings(
                 f"values has {argument!r}, but {name} takes {', '.join(known)}"
             )
         if argument in (RNG, VALID):
-            raise ConfigurationError(
-                f"values has {argument!r}, a name that has a meaning of its own"
-            )
+            raise ConfigurationError(f"values has {argument!r}, a reserved name")
     return {
         setting.name: setting
         for setting in settings

@@ -45,7 +45,7 @@ MAIN = "__main__"
 DISPLAY_FIELDS = {"help", "label"}  # of settings: they are only shown
 # A function that names one of these may use any global of its file.
 DYNAMIC_NAMES = {"eval", "exec", "globals", "modules", "__globals__", "__subclasses__"}
-REMEDY = "or give version='1', which counts instead of the code, and change it with the function"
+REMEDY = "or give version='1', which replaces the code in keys, and change it with the function"
 
 
 class CodeDigest(NamedTuple):
@@ -237,7 +237,7 @@ class _Walk:
         """Add the whole file of a function that may use any of its globals."""
         name, file = space.get("__name__", MAIN), Path(space.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
-            what = f"{label} uses eval or the like, and is in no file"
+            what = f"{label} uses eval or similar, and is in no file"
             raise ConfigurationError(f"{what}: name the values that it takes, {REMEDY}")
         module = read_module(name, file, file.stat().st_mtime_ns)
         self.parts[f"code of {name}"] = module.digest
@@ -300,7 +300,7 @@ class _Walk:
             except Exception as error:
                 verb = "is" if value is self._value else "holds"
                 what = f"{self._name} {verb} {type(value).__name__!r}, which has no content to"
-                remedy = f"compare: take out of it what the function needs, {REMEDY}"
+                remedy = f"compare: pass only the data that the function needs, {REMEDY}"
                 raise ConfigurationError(f"{what} {remedy}") from error
             self._open.pop()
             self._tokens[id(value)] = f"{type(value).__name__} {digest(repr(content))}"

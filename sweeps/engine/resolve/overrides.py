@@ -268,7 +268,7 @@ def _make_zip_axis(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Jo
     if len(set(map(len, listed))) > 1:
         counts = (f"{key} has {len(values)}" for key, values in zip(keys, listed, strict=True))
         raise ConfigurationError(
-            f"grid.zip has {', '.join(keys)}, which must have equally many values, but "
+            f"grid.zip has {', '.join(keys)}, which must have the same number of values, but "
             f"{', '.join(counts)}"
         )
     points = sorted(
@@ -276,7 +276,7 @@ def _make_zip_axis(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Jo
     )
     if len(set(points)) < len(points):
         problem = f"grid.zip has {', '.join(keys)}"
-        raise ConfigurationError(f"{problem}, which have the same values together twice")
+        raise ConfigurationError(f"{problem}, which repeat a combination of values")
     return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
@@ -501,8 +501,8 @@ def _expand_jobs(
     if math.prod(map(len, options.values())) > MAX_JOBS:
         longest = max(options, key=lambda key: len(options[key]))
         raise ConfigurationError(
-            f"{longest} has {len(options[longest]):,} values of all that make jobs, but there may "
-            f"be at most {MAX_JOBS:,} jobs"
+            f"{longest} has {len(options[longest]):,} values, each of which makes jobs, but there "
+            f"may be at most {MAX_JOBS:,} jobs"
         )
     return product(*options.values())
 
@@ -520,7 +520,7 @@ def _swept_values(override: Override, limit: int) -> list[str]:
 
 
 Point = tuple[Value, ...]
-SEPARATE = "put it into the store's path for a store each"
+SEPARATE = "put it into the store's path for separate stores"
 
 
 def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices, PathOrUrl]]:

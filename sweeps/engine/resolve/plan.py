@@ -212,8 +212,8 @@ class Plan:
         for axis in (self.axes[self.axis_number(key)] for key in bound.gather):
             if axis.is_swept and axis.is_joint and not bound.stage.is_plain:
                 raise ConfigurationError(
-                    f"{axis.settings[0].key} runs together with other settings, but must run "
-                    f"alone because {bound.name} uses all of its values"
+                    f"{axis.settings[0].key} cannot be zipped with other settings: stage "
+                    f"{bound.name} gathers all its values"
                 )
 
     # cells ----------------------------------------------------------------------------------

@@ -352,12 +352,12 @@ class _SlurmQueue:
             logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
             last = logs[-1].read_text(errors="replace").split("\n") if logs else []
             message = next((line.strip() for line in reversed(last) if line.strip()), "no message")
-            problem = f"its jobs end before they have a worker ({message})"
+            problem = f"its jobs end before a worker starts ({message})"
             await self._run.abandon(f"cluster.kind is slurm, but {problem}")
         reasons = {listed.get(job.job_id, "") for job in jobs} - {"", "None"} - self._reported
         for reason in sorted(reasons):
             self._reported.add(reason)
-            self._say(f"no job of Slurm has a worker yet ({reason})")
+            self._say(f"no Slurm job has a worker yet ({reason})")
 
 
 @contextmanager

@@ -42,8 +42,8 @@ class Requirements(NamedTuple):
         """Raise one of `REQUIREMENT_ERRORS` if this process has other code or sees no marker."""
         differing = [name for name, code in self.code.items() if package_digest(name) != code]
         if differing:
-            remedy = "it must have that of this process"
-            raise CodeDiffers(f"has other code of {', '.join(differing)}; {remedy}")
+            remedy = "it must have the code of this process"
+            raise CodeDiffers(f"has different code of {', '.join(differing)}; {remedy}")
         if self.packs is not None:
             _check_marker(self.packs, self.marker)
 
@@ -59,7 +59,7 @@ def _check_marker(packs: Objects, mark: str) -> None:
     with suppress(OSError):
         content = packs.get(mark)
     if content is None:
-        problem, remedy = "does not see the cache", "it must be where all of them see it"
+        problem, remedy = "does not see the cache", "put it where all workers see it"
     elif isinstance(packs.path, Path) and not is_private(packs.path):
         problem, remedy = "sees files of another user in", "it must run as the same user"
     else:

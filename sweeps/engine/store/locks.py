@@ -2,8 +2,8 @@
 
 The lock of a folder is a file beside it that the operating system locks, and frees when its owner
 ends in any way. The lock in a bucket is an object that its owner renews; a process that sees no
-renewal during the lease takes it over. Clocks of machines are never compared: a waiting process
-measures the time itself.
+renewal during the lease takes it over. For that, clocks of machines are never compared: a waiting
+process measures the time itself.
 """
 
 from __future__ import annotations
@@ -67,19 +67,24 @@ def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
             release()
 
 
-def is_locked(path: PathOrUrl) -> bool:
-    """Return whether a process holds the lock of a store; in a bucket it may have just died."""
+def silence(path: PathOrUrl) -> float | None:
+    """Return the seconds since the owner of a store's lock gave a sign; None if nobody holds it.
+
+    The operating system frees the lock of a folder when its owner ends, so this is 0 there. In a
+    bucket, clocks are compared: an owner that is silent for longer than `LEASE` is probably dead.
+    """
     parent, name = _lock_path(path)
     if not isinstance(parent, Path):
-        return Objects(parent).get(name) is not None
+        lock = Objects(parent).head(name)
+        return (datetime.now(UTC) - lock["last_modified"]).total_seconds() if lock else None
     if not (parent / name).exists():
-        return False
+        return None
     try:
         _, release = _lock_file(parent, name)
     except (OSError, _LockHeldError):
-        return True
+        return 0.0
     release()
-    return False
+    return None
 
 
 def _lock_path(path: PathOrUrl) -> tuple[PathOrUrl, str]:

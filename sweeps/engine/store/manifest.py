@@ -74,7 +74,9 @@ def refuse_foreign(path: PathOrUrl, found: Iterable[str], manifest: Manifest | N
     more = f" and {len(foreign) - 1:,} more" if len(foreign) > 1 else ""
     reason = f"which contains {foreign[0]!r}{more}, not part of the store; move it"
     if manifest is None:
-        reason = "which exists but is not a store of a sweep; give a new path or such a store"
+        reason = (
+            "which exists but is not a store of a sweep; give a new path or the store of a sweep"
+        )
     raise ConfigurationError(f"store is {str(path)!r}, {reason}")
 
 

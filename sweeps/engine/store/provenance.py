@@ -112,12 +112,12 @@ def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[
             if old_versions[library] != new_versions[library]
         ]
         if name not in code:
-            reasons = ["the store has none of it"]
+            reasons = ["not in the store"]
         elif code[name] != plan.code[name]:
             changed_parts = [
                 key for key, part in parts.get(name, {}).items() if old_parts.get(key) != part
             ]
-            reasons += changed_parts or ([] if reasons else ["which parts it has"])
+            reasons += changed_parts or ([] if reasons else ["parts added or removed"])
         inputs = {
             source.name: {*source.needs} for source in bound.inputs if source.name in differing
         }
@@ -213,12 +213,12 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
                 "together; include these points in those that run together, or give another store"
             )
     current = {"code": plan.code, "versions": versions(plan)}
-    for kind, word in (("code", "code of"), ("versions", "version of")):
+    for kind, word in (("code", "different code of"), ("versions", "a different version of")):
         for name, value in old.get(kind, {}).items():
             if current[kind].get(name, value) != value:
                 differs = ", ".join(dict(differences(plan, old)).get(name, ())[:3])
                 label = f"{name} ({differs})" if differs else name
                 raise ConfigurationError(
-                    f"store is {path!r}, which was made by another {word} {label}; give another "
+                    f"store is {path!r}, which was made by {word} {label}; give another "
                     "store, or remove it"
                 )

@@ -275,13 +275,17 @@ def _write_remotely(
 def write_chunks(
     objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
 ) -> dict[str, int | None]:
-    """Write chunks that the manifest announces; return their sizes by name, None for empty ones."""
+    """Write chunks that the manifest announces; return their sizes by name, None for empty ones.
+
+    It ends when the manifest changes, since the command that announced them has ended, too.
+    """
     files: dict[str, int | None] = {}
+    version, manifest = objects.head(MANIFEST), read_manifest(objects.path)
+    announced = set(manifest.coming if manifest else ())
     with world_readable():
         for name, array, region in chunks:
             content = encode(array, region)
-            manifest = read_manifest(objects.path)
-            if manifest is not None and name in manifest.coming:
+            if name in announced and objects.head(MANIFEST) == version:
                 if content is not None:
                     objects.put(name, content)
                 files[name] = None if content is None else len(content)
