@@ -9,11 +9,11 @@ if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
     from ncti.classify.bands import lower_band
     from ncti.classify.baselines import CorrelationNeighbour
+    from ncti.classify.clustering import Clustering, Similarities, cluster
     from ncti.classify.fusion import fuse, label_posterior
     from ncti.classify.gain_annealed import GainAnnealedNetwork
     from ncti.classify.likelihood import GaussianTemplates
     from ncti.classify.track import aspect_prior
-    from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
 
 __all__ = [
     "AdaptiveClusteringNetwork",
@@ -31,13 +31,13 @@ __all__ = [
 
 _DEFINED_IN = {
     "AdaptiveClusteringNetwork": "adaptive_clustering",
-    "Clustering": "vigilance_sweep",
+    "Clustering": "clustering",
     "CorrelationNeighbour": "baselines",
     "GainAnnealedNetwork": "gain_annealed",
     "GaussianTemplates": "likelihood",
-    "Similarities": "vigilance_sweep",
+    "Similarities": "clustering",
     "aspect_prior": "track",
-    "cluster": "vigilance_sweep",
+    "cluster": "clustering",
     "fuse": "fusion",
     "label_posterior": "fusion",
     "lower_band": "bands",

@@ -14,8 +14,9 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from ncti.classify.clustering import Similarities, cluster, move_categories
 from ncti.classify.constraints import Interval, fit_context
-from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, SAME_DIRECTION, polar
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, polar
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -55,7 +56,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
 
     See Also
     --------
-    cluster : The same network from cosines, which further vigilances and orders share.
+    cluster : Its training, on cosines that further vigilances and orders share.
     ncti.features.profile_vector : Profiles as vectors.
     ncti.evaluate.category_formation : Categories by ship and aspect.
 
@@ -81,10 +82,6 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
       rises with the vigilance, but not always.
     - A zero vector has no direction: its similarity is 0, it neither founds nor moves a category,
       and `match` returns -1 for it.
-
-    A category is stored as a unit direction w and a length s, W = s w, so that matching is one
-    product and the squares of huge or tiny vectors neither overflow nor vanish:
-    W + (X - W) dt = (a + b) [w + f (x - w)] with a = (1 - dt) s, b = dt |X|, f = b/(a + b).
 
     References
     ----------
@@ -152,19 +149,16 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         check_classification_targets(labels)
         self.classes_, class_of_sample = np.unique(labels, return_inverse=True)
 
-        directions, lengths = polar(vectors)
-        if not lengths.any():
+        if not vectors.any():
             raise ValueError("X has only zero vectors, but must have one with a direction")
-
-        # Present the training set until a whole pass changes no assignment.
-        memory = _Memory(vectors.shape[1], self.learning_rate)
-        vigilance = min(self.vigilance, SAME_DIRECTION)
-        assigned: Indices = np.full(len(vectors), NO_CATEGORY)
-        self.n_passes_, self.converged_ = 0, False
-        while not self.converged_ and self.n_passes_ < self.max_passes:
-            previous, assigned = assigned, memory.train(directions, lengths, vigilance)
-            self.n_passes_ += 1
-            self.converged_ = np.array_equal(assigned, previous)
+        similarities = Similarities.of(vectors)
+        clustering = cluster(
+            similarities,
+            vigilance=self.vigilance,
+            learning_rate=self.learning_rate,
+            max_passes=self.max_passes,
+        )
+        self.n_passes_, self.converged_ = clustering.passes, clustering.converged
         if not self.converged_:
             warnings.warn(
                 f"The categories still changed in pass {self.max_passes}: increase max_passes "
@@ -173,18 +167,10 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
                 stacklevel=2,
             )
 
-        # A category that lost all its vectors has no label and is dropped.
-        matched = assigned != NO_CATEGORY
-        live, category = np.unique(assigned[matched], return_inverse=True)
-        self.labels_ = np.full(len(vectors), NO_CATEGORY)
-        self.labels_[matched] = category
-        self.categories_ = memory.traces()[live]
-        self.n_categories_ = len(live)
-
-        # Label each category by majority.
-        votes = np.zeros((self.n_categories_, len(self.classes_)), dtype=np.intp)
-        np.add.at(votes, (category, class_of_sample[matched]), 1)
-        self.category_labels_ = self.classes_[votes.argmax(axis=1)]
+        self.labels_ = clustering.labels
+        self.categories_ = clustering.traces(similarities)
+        self.n_categories_ = len(self.categories_)
+        self.category_labels_ = self.classes_[clustering.names(class_of_sample)]
         return self
 
     def match(self, X: ArrayLike, *, learning: bool = False) -> tuple[Indices, Floats]:
@@ -225,12 +211,11 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         be presented in several calls.
         """
         check_is_fitted(self)
-        memory = _Memory.from_traces(self.categories_, self.learning_rate)
+        directions, sizes = polar(self.categories_)
 
         def match(X: ArrayLike) -> tuple[Indices, Floats]:
             vectors = validate_data(self, X, dtype=np.float64, reset=False)
-            category, similarity = memory.follow(*polar(vectors))
-            return category, np.clip(similarity, -1.0, 1.0)
+            return move_categories(directions, sizes, vectors, self.learning_rate)
 
         return match
 
@@ -250,79 +235,3 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         """
         category, _ = self.match(X)
         return self.category_labels_[np.maximum(category, 0)]
-
-
-class _Memory:
-    """Growing set of categories, stored as unit directions and lengths in preallocated rows."""
-
-    def __init__(self, n_features: int, learning_rate: float) -> None:
-        self.learning_rate = learning_rate
-        self.count = 0
-        self.directions: Floats = np.empty((32, n_features))
-        self.lengths: list[float] = []
-
-    @classmethod
-    def from_traces(cls, traces: Floats, learning_rate: float) -> _Memory:
-        """Return a memory that holds a copy of `traces`."""
-        memory = cls(traces.shape[1], learning_rate)
-        memory.directions, lengths = polar(traces)
-        memory.lengths = lengths.tolist()
-        memory.count = len(lengths)
-        return memory
-
-    def traces(self) -> Floats:
-        """Return the (category, feature) categories W."""
-        return self.directions[: self.count] * np.array(self.lengths)[:, None]
-
-    def train(self, directions: Floats, lengths: Floats, vigilance: float) -> Indices:
-        """Present all vectors once; return the category that each one joined or founded."""
-        assigned = np.full(len(directions), NO_CATEGORY)
-        for i, (x, length) in enumerate(zip(directions, lengths.tolist(), strict=True)):
-            if length == 0.0:
-                continue
-            k, similarity = self._best_match(x)
-            if similarity > vigilance:
-                self._learn(k, x, length)
-            else:
-                k = self._add_category(x, length)
-            assigned[i] = k
-        return assigned
-
-    def follow(self, directions: Floats, lengths: Floats) -> tuple[Indices, Floats]:
-        """Present all vectors once without founding; return best matches and their cosines."""
-        assigned = np.full(len(directions), NO_CATEGORY)
-        similarities = np.zeros(len(directions))
-        for i, (x, length) in enumerate(zip(directions, lengths.tolist(), strict=True)):
-            if length == 0.0:
-                continue
-            assigned[i], similarities[i] = k, _ = self._best_match(x)
-            self._learn(k, x, length)
-        return assigned, similarities
-
-    def _best_match(self, x: Floats) -> tuple[int, float]:
-        """Return the category with the largest cosine to a unit direction, and that cosine."""
-        if self.count == 0:
-            return NO_CATEGORY, -np.inf
-        cosines = self.directions[: self.count] @ x
-        k = int(cosines.argmax())
-        return k, float(cosines[k])
-
-    def _learn(self, k: int, x: Floats, length: float) -> None:
-        """Move category k by W += (X - W) dt."""
-        w = self.directions[k]
-        a = (1.0 - self.learning_rate) * self.lengths[k]
-        b = self.learning_rate * length
-        w += (x - w) * (b / (a + b))
-        norm = float(w @ w) ** 0.5
-        if norm > 0.0:  # zero only if opposite vectors cancel exactly
-            w /= norm
-        self.lengths[k] = (a + b) * norm
-
-    def _add_category(self, x: Floats, length: float) -> int:
-        """Found a category at the vector X = length x, and return its number."""
-        if self.count == len(self.directions):
-            self.directions = np.concatenate([self.directions, np.empty_like(self.directions)])
-        self.directions[self.count] = x
-        self.lengths.append(length)
-        self.count += 1
-        return self.count - 1

@@ -7,18 +7,17 @@ counts as wrong.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.classify.blocks import HELD_ROWS, row_blocks
-from ncti.classify.directions import MAX_PASSES, NO_CATEGORY
-from ncti.classify.vigilance_sweep import Clustering, Similarities, cluster
+from ncti.classify.clustering import Clustering, Similarities, cluster, move_categories
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, polar
 from ncti.evaluate import category_formation
 from sweeps.engine.declare.settings import Run, Settings, count, draws, number, switch, word
 from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
@@ -28,11 +27,7 @@ from sweeps.stages.classifier import GATHERED, NONE, VIEW, Integers, Mask, read_
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
-if TYPE_CHECKING:
-    from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
-
 NAME = "acn"
-IMPORTS = ("ncti.classify.adaptive_clustering",)  # by its stages, when they are called; takes long
 
 Indices = NDArray[np.intp]
 
@@ -71,12 +66,10 @@ class Network(Settings, key="classifier", single="coordinate"):
 class TrainingSet:
     """Training views and their similarities, shared by all trainings on them.
 
-    Attributes: (sample, feature) vectors of the learned views and their similarities; the ascending
-    indices of these views; the (ship, aspect) mask of existing views; and the function from
-    profiles or maps to vectors.
+    Attributes: similarities of the learned views' vectors; the ascending indices of these views;
+    the (ship, aspect) mask of existing views; and the function from profiles or maps to vectors.
     """
 
-    vectors: Floats
     similarities: Similarities
     views: Indices
     valid: Mask
@@ -93,10 +86,10 @@ class TrainingSet:
         if not vectors.any():  # training refuses these by name, so take all views
             views = np.arange(valid.size)
             vectors = to_vectors(flat[:, views]).astype(np.float64)
-        return cls(vectors, Similarities.of(vectors), views, valid, to_vectors)
+        return cls(Similarities.of(vectors), views, valid, to_vectors)
 
     def rows_of(self, views: Indices) -> Indices:
-        """Return the rows in `vectors` of learned views, given by index."""
+        """Return the rows in `similarities` of learned views, given by index."""
         return np.searchsorted(self.views, views)
 
     def matches(
@@ -157,9 +150,9 @@ def form_categories(
         training_correct : (ship, aspect), 1 where a view's category has its ship's name;
         training_category, training_confused : (ship, aspect), negative outside training;
         passes : (), negative where the categories did not settle;
-        weights : (sample, coordinate) float64, of `Clustering`, zero below the last category;
-        view_order : (view,), the order of presentation; training_parameters : vigilance, learning
-        rate, largest number of passes
+        weights, lengths : (sample, coordinate) and (sample,) float64, of `Clustering`, zero
+        beyond the last category;
+        view_order : (view,), the order of presentation
     """
     known = training_views & training_set.valid
     ship, aspect = np.indices(known.shape).reshape(2, -1)
@@ -179,9 +172,10 @@ def form_categories(
     count, ships = len(clustering.weights), ship[views]
     names = np.full(views.size, NONE)
     weights = np.zeros((views.size, clustering.weights.shape[1]))
+    lengths = np.zeros(views.size)
     by_first = label_rule == "first"
     names[:count] = clustering.first_names(ships, order) if by_first else clustering.names(ships)
-    weights[:count] = clustering.weights
+    weights[:count], lengths[:count] = clustering.weights, clustering.lengths
     right = category_ships(names, formed.category) == ship.reshape(known.shape)
     return {
         "training_category": formed.category,
@@ -190,8 +184,8 @@ def form_categories(
         "passes": np.array(clustering.passes if clustering.converged else -clustering.passes),
         "names": names,
         "weights": weights,
+        "lengths": lengths,
         "view_order": view_order,
-        "training_parameters": np.array([vigilance, learning_rate, max_passes]),
     }
 
 
@@ -207,6 +201,7 @@ def answer_tests(
     valid: Mask,
     score_rule: str,
     learn_in_test: bool,
+    learning_rate: float,
 ) -> Arrays:
     """Return the answers of (...) trainings by `form_categories` to (frame_count, ...) tests.
 
@@ -227,14 +222,12 @@ def answer_tests(
     ship = np.indices(valid.shape)[0]
     trainings = [{name: values[index] for name, values in training.items()} for index in indices]
     clusterings = [_clustering(formed) for formed in trainings]
-    networks = [network_of(training_set, formed) for formed in trainings if learn_in_test]
     flat = tests.reshape(len(tests), -1, *tests.shape[3:])
     for f in range(len(flat)):
         if learn_in_test:
             reader = training_set.reader(flat, f)
             matches: Iterable[tuple[Indices, Floats]] = (
-                match_learning(network, reader, formed)
-                for network, formed in zip(networks, trainings, strict=True)
+                match_learning(training_set, formed, reader, learning_rate) for formed in trainings
             )
         else:
             matches = training_set.matches(clusterings, flat, f)
@@ -257,38 +250,16 @@ def answer_tests(
 def _clustering(formed: Arrays) -> Clustering:
     """Return the categories of one training."""
     labels = formed["training_category"]
-    weights = formed["weights"][: labels.max() + 1]
-    return Clustering(labels.reshape(-1), weights, int(abs(formed["passes"])), True)
-
-
-def network_of(training_set: TrainingSet, formed: Arrays) -> AdaptiveClusteringNetwork:
-    """Return the network that formed the categories of a training set.
-
-    Raises `ValueError` if it forms others: the two ways to train round differently, and may
-    disagree at a near tie.
-    """
-    # Imported here because scikit-learn takes a second.
-    from sklearn.exceptions import ConvergenceWarning
-
-    from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
-
-    training_views, view_order = formed["training_confused"] >= 0, formed["view_order"]
-    presented = view_order[training_views.reshape(-1)[view_order]]
-    vigilance, learning_rate, max_passes = formed["training_parameters"].tolist()
-    network = AdaptiveClusteringNetwork(
-        vigilance=vigilance, learning_rate=learning_rate, max_passes=int(max_passes)
-    )
-    vectors = training_set.vectors[training_set.rows_of(presented)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # `passes` and the table tell
-        network.fit(vectors, np.indices(training_views.shape)[0].reshape(-1)[presented])
-    if not np.array_equal(network.labels_, formed["training_category"].reshape(-1)[presented]):
-        raise ValueError("the network that learns in the test formed other categories than before")
-    return network
+    count, passes = labels.max() + 1, int(abs(formed["passes"]))
+    weights, lengths = formed["weights"][:count], formed["lengths"][:count]
+    return Clustering(labels.reshape(-1), weights, lengths, passes, True)
 
 
 def match_learning(
-    network: AdaptiveClusteringNetwork, shown: Callable[[Indices], Floats], formed: Arrays
+    training_set: TrainingSet,
+    formed: Arrays,
+    shown: Callable[[Indices], Floats],
+    learning_rate: float,
 ) -> tuple[Indices, Floats]:
     """Return (view,) categories and cosines of tests that move categories, read in blocks.
 
@@ -298,9 +269,11 @@ def match_learning(
     training_views, view_order = formed["training_confused"] >= 0, formed["view_order"]
     unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])
     category, similarity = np.empty(len(view_order), dtype=np.intp), np.empty(len(view_order))
-    order, match = view_order[np.argsort(unknown[view_order], kind="stable")], network.follower()
+    order = view_order[np.argsort(unknown[view_order], kind="stable")]
+    directions, lengths = polar(_clustering(formed).traces(training_set.similarities))
     for rows in row_blocks(len(order)):
-        category[order[rows]], similarity[order[rows]] = match(shown(order[rows]))
+        matches = move_categories(directions, lengths, shown(order[rows]), learning_rate)
+        category[order[rows]], similarity[order[rows]] = matches
     return category, similarity
 
 
@@ -364,8 +337,8 @@ acn_training = OF_RANGE.stage(
     Output("training_correct", VIEW, "i1", "1 where that category is labelled with the true ship"),
     inner("names", ("category",), "i2"),
     inner("weights", ("category", "coordinate"), "f8"),
+    inner("lengths", ("category",), "f8"),
     inner("view_order", ("view",), "i8"),
-    inner("training_parameters", ("setting",), "f8"),
     uses=(Grid, Network),
     reads=PROFILE_READS,
     name="acn_training",

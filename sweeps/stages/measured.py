@@ -175,7 +175,7 @@ def namer(
         see = classifier.profile_vectors
         training_set = TrainingSet.of_views(learned_signature, valid, training_views, see)
         learning = {key: settings[key] for key in LEARNING}
-        rules = {key: settings[key] for key in ("score_rule", "learn_in_test")}
+        rules = {key: settings[key] for key in ("score_rule", "learn_in_test", "learning_rate")}
         formed = acn.form_categories(training_set, training_views, **learning)
         return lambda tests, valid: acn.answer_tests(training_set, formed, tests, valid, **rules)
     if name == "mnn":

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from plain_network import plain_network
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -37,26 +38,6 @@ def profiles(rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.
     profile = np.einsum("sk,sakr->sar", height, lobes)
     profile /= profile.max(axis=-1, keepdims=True)
     return profile.reshape(124, 250), np.repeat(np.arange(4), 31)
-
-
-def plain_network(X, vigilance, learning_rate, max_passes=100):
-    """The rule as the article prints it, every norm computed afresh."""
-    traces: list[NDArray[np.float64]] = []
-    assigned = [-1] * len(X)
-    for n_passes in range(1, max_passes + 1):
-        previous = list(assigned)
-        for i, x in enumerate(X):
-            rho = [x @ w / (np.linalg.norm(x) * np.linalg.norm(w)) for w in traces]
-            if rho and max(rho) > vigilance:
-                k = rho.index(max(rho))
-                traces[k] = traces[k] + (x - traces[k]) * learning_rate
-            else:
-                k = len(traces)
-                traces.append(x)
-            assigned[i] = k
-        if assigned == previous:
-            return np.array(traces), assigned, n_passes, True
-    return np.array(traces), assigned, max_passes, False
 
 
 def assert_agrees_with_plain_network(X, vigilance, learning_rate, max_passes):

@@ -19,7 +19,6 @@ from sweeps.stages.acn import (
     answer_tests,
     form_categories,
     match_learning,
-    network_of,
     presentation_order,
 )
 from sweeps.stages.classifier import map_vectors, profile_vectors
@@ -47,8 +46,8 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     def matched(angle):
         tests = np.array([[3.0, 80.0], [3.0, 80.0]])
         tests[unknown] = angle, angle + 1
-        network = network_of(training_set, formed)
-        matches = match_learning(network, unit(tests).reshape(4, 2).__getitem__, formed)
+        shown = unit(tests).reshape(4, 2).__getitem__
+        matches = match_learning(training_set, formed, shown, 0.5)
         return tuple(values.reshape(2, 2) for values in matches)
 
     first, second = matched(40.0), matched(-20.0)
@@ -58,10 +57,6 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     # They meet categories that known ones have moved half the way: from 0 to 1.5 deg.
     moved = np.cos(np.radians(40.0 - 1.5))
     assert first[1][unknown, 0] == pytest.approx(moved, abs=1e-6)
-    # Categories that another training formed have other names.
-    formed["training_category"] = 1 - formed["training_category"]
-    with pytest.raises(ValueError, match="other categories than before"):
-        network_of(training_set, formed)
 
 
 # The stages on profiles and maps
@@ -119,7 +114,8 @@ def answered(
     valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
     label, score = rules
     known = trained(kind, seen, orders, levels or LEVELS[kind], label, valid, training_views)
-    return answer_tests(*known, tests[list(frames)], valid, score, learn)
+    rate = TRAINED["learning_rate"]
+    return answer_tests(*known, tests[list(frames)], valid, score, learn, rate)
 
 
 @of_both
@@ -233,8 +229,7 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     of_all = TrainingSet.of_views(views, valid, training_views | True, profile_vectors)
     of_all = acn.replace(
         of_all,
-        vectors=(all_vectors := profile_vectors(views)),
-        similarities=Similarities.of(all_vectors),
+        similarities=Similarities.of(profile_vectors(views)),
         views=np.arange(valid.size),
     )
     formed, of_all_views = (
@@ -244,7 +239,7 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     training = ("training_category", "training_confused", "training_correct")
     for name in (*training, "passes", "view_order"):
         np.testing.assert_array_equal(formed[name], of_all_views[name], err_msg=name)
-    answers = answer_tests(training_set, formed, tests[None], valid, "ship", False)
+    answers = answer_tests(training_set, formed, tests[None], valid, "ship", False, 0.1)
     [clustering] = [acn._clustering(of_all_views)]
     category, cosine = clustering.match(of_all.similarities.with_tests(profile_vectors(tests)))
     np.testing.assert_array_equal(
@@ -264,7 +259,7 @@ def test_memory_of_tests_is_in_proportion_to_their_number():
             views, training_views | True, training_views, profile_vectors
         )
         formed = form_categories(training_set, training_views, (0, 0), 0.8, 0.1, 200, "first")
-        answer_tests(training_set, formed, tests[None], training_views | True, "ship", False)
+        answer_tests(training_set, formed, tests[None], training_views | True, "ship", False, 0.1)
         peak_bytes = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peak_bytes

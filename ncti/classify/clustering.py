@@ -1,4 +1,4 @@
-"""The Adaptive Clustering Network from cosines, which further vigilances and orders share."""
+"""Categories of the Adaptive Clustering Network, from cosines that vigilances and orders share."""
 
 from __future__ import annotations
 
@@ -132,6 +132,8 @@ class Clustering:
     weights : (category, coordinate) float64 ndarray
         Unit direction of each category in `Similarities.coordinates`: its features, or, where
         these are no fewer than training vectors, the weights of their directions.
+    lengths : (category,) float64 ndarray
+        Lengths of the categories.
     passes : int
         Presentations of the whole training set.
     converged : bool
@@ -157,6 +159,7 @@ class Clustering:
 
     labels: Indices
     weights: Floats
+    lengths: Floats
     passes: int
     converged: bool
 
@@ -180,6 +183,12 @@ class Clustering:
         _, first = np.unique(self.labels[presented], return_index=True)
         return classes[presented[first]]
 
+    def traces(self, similarities: Similarities) -> Floats:
+        """Return the (category, feature) categories W formed from these similarities."""
+        directions = similarities.directions
+        weights = self.weights if similarities.few_features else self.weights @ directions
+        return weights * self.lengths[:, None]
+
     def match(self, similarities: Similarities) -> tuple[Indices, Floats]:
         """Return the best-matching category of each (test,) vector, and its cosine."""
         cosines = similarities.test @ self.weights.T
@@ -197,14 +206,14 @@ def cluster(
     max_passes: int = MAX_PASSES,
     order: Indices | None = None,
 ) -> Clustering:
-    """Return the categories that `AdaptiveClusteringNetwork` forms, from cosines alone.
+    """Return the categories of the Adaptive Clustering Network, from cosines alone.
 
     Parameters
     ----------
     similarities : Similarities
         Cosines between the vectors.
     vigilance : float
-        Cosine that the best match must exceed for a vector to join its category, in [0, 1].
+        Cosine that the best match must exceed for a vector to join its category, in [-1, 1].
     learning_rate : float, default=0.1
         Fraction of the way by which a category moves towards each vector that joins it, in (0, 1].
     max_passes : int, default=200
@@ -226,7 +235,7 @@ def cluster(
 
     See Also
     --------
-    AdaptiveClusteringNetwork : The network, with its reference.
+    AdaptiveClusteringNetwork : Estimator of scikit-learn, with the reference.
 
     Notes
     -----
@@ -238,7 +247,7 @@ def cluster(
     with t the share of X in the new length, and transforms its row of cosines by the same two
     numbers. Cosines to a block of samples are held at a time, and computed from the category when
     the block is presented; up to 384 samples are one block, whose products are computed once for
-    all vigilances and orders. The result equals that of the network except for rounding.
+    all vigilances and orders.
 
     Examples
     --------
@@ -254,7 +263,7 @@ def cluster(
     0.99 [0 0 1 1 2]
     0.999 [0 1 2 3 4]
     """
-    require("vigilance", vigilance, minimum=0.0, maximum=1.0)
+    require("vigilance", vigilance, minimum=-1.0, maximum=1.0)
     require("learning_rate", learning_rate, positive=True, maximum=1.0)
     require("max_passes", max_passes, minimum=1, whole=True)
     count = len(similarities.lengths)
@@ -304,7 +313,34 @@ def cluster(
     live, category = np.unique(assigned, return_inverse=True)
     labels = np.full(count, NO_CATEGORY)
     labels[turn] = category
-    return Clustering(labels, rows[live, width:], passes, converged)
+    return Clustering(labels, rows[live, width:], np.array(lengths)[live], passes, converged)
+
+
+def move_categories(
+    directions: Floats, lengths: Floats, vectors: Floats, learning_rate: float
+) -> tuple[Indices, Floats]:
+    """Move categories towards vectors that match them best; return the matches and their cosines.
+
+    `directions` (category, feature) and `lengths` (category,) of categories W are changed in
+    place, by W += (X - W) dt for one vector X of `vectors` (test, feature) after the other. Zero
+    vectors match nothing: -1, with a cosine of 0.
+    """
+    category = np.full(len(vectors), NO_CATEGORY)
+    cosine = np.zeros(len(vectors))
+    for i, (x, length) in enumerate(zip(*polar(vectors), strict=True)):
+        if length == 0.0:
+            continue
+        cosines = directions @ x
+        category[i] = k = cosines.argmax()
+        cosine[i] = cosines[k]
+        # W + (X - W) dt = (a + b) [w + b / (a + b) (x - w)]: squares neither overflow nor vanish.
+        w, a, b = directions[k], (1.0 - learning_rate) * lengths[k], learning_rate * length
+        w += (x - w) * (b / (a + b))
+        norm = float(w @ w) ** 0.5
+        if norm > 0.0:  # zero only if opposite vectors cancel exactly
+            w /= norm
+        lengths[k] = (a + b) * norm
+    return category, np.clip(cosine, -1.0, 1.0)
 
 
 def _presentation_order(similarities: Similarities, order: Indices | None) -> Indices:
