@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from toys import SPRINGS, Measured, Spring, having, noisy
 
-from sweeps.engine.declare.settings import read_choices
-from sweeps.engine.declare.stage import Group, Output, Stream, stage
+from sweeps.engine.declare.settings import Settings, number, read_choices
+from sweeps.engine.declare.stage import Experiment, Group, Output, Stream, stage
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.engine.resolve.plan import Plan
 
@@ -71,6 +71,33 @@ def test_the_names_of_streams_are_pinned():
     }
     for kind, declared in stages.items():
         assert plan.stream(plan.bound[declared.name], cell) == (3, expected[kind]), RAISE
+
+
+class Left(Settings, key="left"):
+    """Settings whose last words are those of others, or of the stream itself."""
+
+    gain = number([1.0, 2.0], label="gain")
+    stage = number([1.0, 2.0], label="stage")
+    seed = number([1.0, 2.0], label="seed")
+
+
+class Right(Settings, key="right"):
+    """Settings with the names of the others."""
+
+    gain = number([1.0, 2.0], label="gain")
+
+
+def test_settings_of_equal_names_draw_independent_noise():
+    """Whether the names are those of each other, of the stage or of the seed."""
+    settings = (Left.gain, Right.gain, Left.stage, Left.seed)
+    drawn = stage(Output("y"), stream=Stream(settings), group=Group("drawn"))(lambda rng: 0.0)
+    experiment = Experiment("few", "Few", (Left, Right, replace(drawn, name="drawn")))
+    plan = Plan(experiment, read_choices(experiment.declared, {}))
+    bound = plan.bound["drawn"]
+    streams = [plan.stream(bound, cell) for cell in range(plan.count(bound))]
+    assert len(streams) == 16 == len({repr(stream) for stream in streams})
+    draws = {cell_rng(seed, **name).random() for seed, name in streams}
+    assert len(draws) == 16 == len({key.tobytes() for key in plan.keys(bound)})
 
 
 def test_a_setting_that_a_stream_alone_names_makes_cells():

@@ -61,7 +61,7 @@ RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", 
 
 @dataclass(frozen=True)
 class Output:
-    """One array that a stage returns for every cell: a variable of the store with own dimensions.
+    """One array that a stage returns for every cell: a variable of the store, with own dimensions.
 
     A dimension with the name of a gathered setting has its values as coordinate. If the stage has
     an output `first_row`, a whole number, the arrays of a cell begin there on the dimension `row`,
@@ -170,7 +170,7 @@ class Stream:
 
     settings: tuple[Setting, ...]
     name: str = ""  # by default the stage's
-    optional: tuple[Setting, ...] = ()  # do not count at their first value
+    optional: tuple[Setting, ...] = ()  # do not count where their value is 0 or false
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +189,7 @@ class Stage:
     # these as leading axes. A result must not depend on the other values.
     along: tuple[Setting, ...] = ()
     # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
-    # behind those of `along`. Failed inputs are filled; `valid` flags the others.
+    # after those of `along`. Failed inputs are filled; `valid` flags the others.
     gather: tuple[Setting, ...] = ()
     stream: Stream | None = None  # of `rng`; None: keyed by all dependencies
     group: Group = NOWHERE  # of the store; by default its results only serve other stages

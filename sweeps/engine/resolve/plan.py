@@ -6,6 +6,7 @@ read follow by arithmetic with arrays of such numbers.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -28,7 +29,8 @@ Indices = NDArray[np.signedinteger[Any]]
 Cells = Indices  # numbers of cells of a stage
 
 HASHED_CELLS = 2**18  # cells that are hashed together
-NOT_CALLED = object()  # instead of the result of a plain stage
+NOT_CALLED = object()  # placeholder: this plain stage has not been called yet
+STREAM_WORDS = ("seed", "stage")  # labels in the name of a stream that no setting may have
 
 
 @dataclass(frozen=True)
@@ -273,7 +275,7 @@ class Plan:
         return self._input_cells[bound]
 
     def computed_inputs(self, bound: BoundStage) -> list[InputCells]:
-        """Return the cells of all inputs of a stage but plain ones."""
+        """Return the input cells of every input that is not a plain stage."""
         return [
             inputs
             for inputs in self.input_cells(bound).values()
@@ -306,7 +308,7 @@ class Plan:
     ) -> Cells:
         """Return, by cell, the position of an input on the axis of `target`.
 
-        There `target` has the value that `replacement` has in the cell.
+        The input is read where `target` equals the cell's value of `replacement`.
 
         Raises
         ------
@@ -397,15 +399,26 @@ class Plan:
         return (bound.stage.stream and bound.stage.stream.name) or bound.name
 
     def _stream_settings(self, bound: BoundStage) -> list[tuple[str, Setting, bool]]:
-        """Return label, setting and optionality of the settings that name a stream."""
+        """Return label, setting and optionality of the settings that name a stream.
+
+        A setting's label is its name, or its key if the stream has no `Stream`; where that is
+        taken, the key with a word before it, which is never taken.
+        """
         stream, by_key = bound.stage.stream, self.experiment.by_key
         if stream is None:
-            return [(key, by_key[key], False) for key in bound.needs if key != Run.seed.key]
-        sources = ((stream.settings, False), (stream.optional, True))
+            keys = [key for key in bound.needs if key != Run.seed.key]
+            named = [(key, by_key[key], False) for key in keys]
+        else:
+            sources = ((stream.settings, False), (stream.optional, True))
+            named = [
+                (setting.name, setting, optional)
+                for settings, optional in sources
+                for setting in settings
+            ]
+        counts = Counter([*STREAM_WORDS, *(label for label, *_ in named)])
         return [
-            (setting.name, setting, optional)
-            for settings, optional in sources
-            for setting in settings
+            (label if counts[label] == 1 else f"setting {setting.key}", setting, optional)
+            for label, setting, optional in named
         ]
 
     # keys -----------------------------------------------------------------------------------
@@ -473,7 +486,7 @@ class Plan:
 
     @cached_property
     def identity(self) -> dict[str, str]:
-        """Return by stage the hash of its code and of the names of its outputs."""
+        """Return by stage the hash of its code, its outputs and the order of its axes."""
         identities = {}
         for name, bound in self.bound.items():
             outputs = [output.identity for output in bound.stage.outputs]
