@@ -250,9 +250,9 @@ def answer_tests(
 def _clustering(formed: Arrays) -> Clustering:
     """Return the categories of one training."""
     labels = formed["training_category"]
-    count, passes = labels.max() + 1, int(abs(formed["passes"]))
+    count, passes = labels.max() + 1, int(formed["passes"])
     weights, lengths = formed["weights"][:count], formed["lengths"][:count]
-    return Clustering(labels.reshape(-1), weights, lengths, passes, True)
+    return Clustering(labels.reshape(-1), weights, lengths, abs(passes), passes > 0)
 
 
 def match_learning(

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from packed import SMALL, keys, small, whole, write_pack, written
 from running import ROOT
 
+from sweeps.engine.cache import packs
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import MARKER, Objects
 from sweeps.engine.cache.packs import Pack, PackWriter, array_kinds, open_packs
@@ -50,6 +51,22 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, warning
         assert index.packs == [older, newer] and locations.paths == [older.path, newer.path]
         index.drop(keys(1))
         assert index.find(keys(1, 2), SMALL).pack.tolist() == [-1, 1]
+
+
+def test_a_result_computed_again_is_found_though_a_clock_went_wrong(
+    tmp_path, warnings, monkeypatch
+):
+    """The damaged one was written by a machine whose clock was an hour ahead."""
+    cells = open_packs(tmp_path)
+    monkeypatch.setattr(packs, "time_ns", lambda: time.time_ns() + 3600 * 10**9)
+    damaged = written(cells, 1)
+    path = cells.path / damaged.path
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+    monkeypatch.undo()
+    time.sleep(0.05)  # longer than a tick of the disk's clock
+    written(cells, 1)
+    index = CellIndex(cells, warnings.append)
+    assert whole(cells, index, [1]) and warnings == []
 
 
 @settings(deadline=None)

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from sweeps.engine.cache.packs import (
 )
 from sweeps.engine.declare.stage import Output
 from sweeps.engine.resolve.keys import Keys
+
+if TYPE_CHECKING:
+    from obstore import ObjectMeta
 
 READERS = 16  # packs whose heads are read at once
 RECENT_PACKS = 10  # packs of a stage, whose costs count
@@ -39,11 +43,18 @@ class CellIndex:
         self._new: dict[int, Keys | None] = {}  # keys, if read, of packs that are not indexed yet
         # All cells, sorted by the first half of their key, the newest of equal cells last.
         self._locations = replace(NO_LOCATIONS, paths=self.paths)
-        files = [file for sizes in cells.map(cells.sizes, folders) for file in sizes.items()]
-        packs = [file for file in files if file[0].endswith(PACK)]
-        packs.sort(key=lambda pack: pack[0].rpartition("/")[2])  # by their time
+        files = [
+            file for found in cells.map(cells.list_objects, folders) for file in found.values()
+        ]
+        packs = [file for file in files if file["path"].endswith(PACK)]
+        # In the order of writing, by one clock, that of the disk or bucket; then by the writer's.
+        packs.sort(key=lambda file: (file["last_modified"], file["path"].rpartition("/")[2]))
+
+        def read(file: ObjectMeta) -> tuple[Pack, Keys]:
+            return read_pack(cells, file["path"], file["size"])
+
         with ThreadPoolExecutor(READERS) as pool:  # each waits for a bucket's answer
-            for pack, keys in pool.map(lambda pack: read_pack(cells, *pack), packs):
+            for pack, keys in pool.map(read, packs):
                 self.add(pack, keys)
         if damaged := sum(not pack.cells for pack in self.packs):
             say(f"{damaged:,} files of results in the cache are damaged, or of another version")

@@ -225,7 +225,7 @@ class PackWriter:
         line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
         numbers = np.array(self.numbers, LAYOUT_DTYPE).tobytes()
         head = b"".join((line, b"\n", keys.astype(KEY_DTYPE.base).tobytes(), numbers, *self.checks))
-        # A name begins with the time, so that the newest of equal cells is known.
+        # A name begins with the time, since a bucket dates packs by whole seconds.
         path = f"{folder}/{time_ns():016x}{digest(head)}{len(head):08x}.pack".lstrip("/")
         size, parts = sum(map(len, self.parts)), self.parts
         step = READ_BYTES * len(parts) // (size + 1) + 1  # neither many writes nor all at once

@@ -18,7 +18,7 @@ from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec, resolve_name
 from itertools import accumulate
 from pathlib import Path
-from tempfile import NamedTemporaryFile
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from platformdirs import user_cache_path
@@ -110,9 +110,10 @@ def save_parsed_modules() -> None:
         _new.clear()
         with suppress(OSError):
             CACHE_FOLDER.mkdir(0o700, parents=True, exist_ok=True)
-            with NamedTemporaryFile("w", dir=CACHE_FOLDER, prefix=CACHE_FILE, delete=False) as file:
-                json.dump(dict([*_cached_modules().items()][-MAX_MODULES:]), file)
-            os.replace(file.name, CACHE_FOLDER / CACHE_FILE)
+            with TemporaryDirectory(dir=CACHE_FOLDER) as folder:
+                text = json.dumps(dict([*_cached_modules().items()][-MAX_MODULES:]))
+                Path(folder, CACHE_FILE).write_text(text)
+                os.replace(Path(folder, CACHE_FILE), CACHE_FOLDER / CACHE_FILE)
 
 
 @cache

@@ -366,13 +366,14 @@ def _replacing_workers(
 ) -> Iterator[None]:
     """Replace dead workers, checking every few seconds.
 
-    Dask restarts a worker process that dies, but gives up if it dies during its start, for example
-    by a task that it gets at once. It does not replace a job that ended.
+    Dask restarts a worker process that dies, but gives up on a worker that dies while starting, for
+    example by its first task. It does not replace a job that ended.
     """
 
     async def replace_dead_workers() -> None:
         if look is not None:
-            await look()
+            with suppress(OSError):  # squeue cannot be started now
+                await look()
         for name, worker in list(cluster.workers.items()):
             if worker.status in {Status.closed, Status.failed}:
                 del cluster.workers[name], cluster.worker_spec[name]

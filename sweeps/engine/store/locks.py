@@ -32,6 +32,7 @@ from sweeps.engine.run.process import call_every
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
 RENEW_INTERVAL = 10.0  # s between renewals
 POLL_INTERVAL = 1.0  # s between checks of the object of another owner
+LOCK_SECONDS = 0.1  # s to wait for the lock of a folder
 OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 
 
@@ -68,7 +69,7 @@ def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
 
 
 def silence(path: PathOrUrl) -> float | None:
-    """Return the seconds since the owner of a store's lock gave a sign; None if nobody holds it.
+    """Return the seconds since a store's lock was renewed; None if nobody is seen to hold it.
 
     The operating system frees the lock of a folder when its owner ends, so this is 0 there. In a
     bucket, clocks are compared: an owner that is silent for longer than `LEASE` is probably dead.
@@ -77,13 +78,11 @@ def silence(path: PathOrUrl) -> float | None:
     if not isinstance(parent, Path):
         lock = Objects(parent).head(name)
         return (datetime.now(UTC) - lock["last_modified"]).total_seconds() if lock else None
-    if not (parent / name).exists():
-        return None
-    try:
-        _, release = _lock_file(parent, name)
-    except (OSError, _LockHeldError):
-        return 0.0
-    release()
+    with suppress(OSError), (parent / name).open("rb") as file:  # its owner is not disturbed
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return 0.0
     return None
 
 
@@ -114,7 +113,8 @@ def _lock_file(folder: Path, name: str) -> Lock:
     """Lock a file, which `release` deletes."""
     make_folder(folder, PUBLIC_MODE)
     path = folder / name
-    lock = FileLock(path, blocking=False, thread_local=False)
+    # Not at once: `silence` may hold it for a moment.
+    lock = FileLock(path, timeout=LOCK_SECONDS, poll_interval=LOCK_SECONDS / 10, thread_local=False)
     try:
         lock.acquire()
     except Timeout:
