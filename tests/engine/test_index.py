@@ -53,9 +53,7 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, warning
         assert index.find(keys(1, 2), SMALL).pack.tolist() == [-1, 1]
 
 
-def test_a_result_computed_again_is_found_though_a_clock_went_wrong(
-    tmp_path, warnings, monkeypatch
-):
+def test_a_result_computed_again_is_found_whatever_the_clocks(tmp_path, warnings, monkeypatch):
     """The damaged one was written by a machine whose clock was an hour ahead."""
     cells = open_packs(tmp_path)
     monkeypatch.setattr(packs, "time_ns", lambda: time.time_ns() + 3600 * 10**9)

@@ -1,5 +1,6 @@
 """One writer at a time, on disks and in buckets, whatever becomes of it."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -69,6 +70,17 @@ def test_a_living_owner_keeps_the_lock_and_a_dead_one_loses_it(holder):
         with store_lock(path) as check:
             check()
     assert silence(path) is None and not beside(path)
+
+
+def test_a_look_at_a_lock_disturbs_no_writer(tmp_path):
+    path, lock = tmp_path / "s.zarr", tmp_path / ".s.zarr.lock"
+    lock.write_text("of a killed process")
+    assert silence(path) is None and lock.exists()
+    with lock.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_SH)  # a look that has just begun
+        threading.Timer(locks.LOCK_SECONDS / 4, fcntl.flock, (file, fcntl.LOCK_UN)).start()
+        with store_lock(path):
+            assert silence(path) == 0.0
 
 
 def beside(path):

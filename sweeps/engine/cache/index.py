@@ -43,9 +43,8 @@ class CellIndex:
         self._new: dict[int, Keys | None] = {}  # keys, if read, of packs that are not indexed yet
         # All cells, sorted by the first half of their key, the newest of equal cells last.
         self._locations = replace(NO_LOCATIONS, paths=self.paths)
-        files = [
-            file for found in cells.map(cells.list_objects, folders) for file in found.values()
-        ]
+        listings = cells.map(cells.list_objects, folders)
+        files = [file for listing in listings for file in listing.values()]
         packs = [file for file in files if file["path"].endswith(PACK)]
         # In the order of writing, by one clock, that of the disk or bucket; then by the writer's.
         packs.sort(key=lambda file: (file["last_modified"], file["path"].rpartition("/")[2]))
