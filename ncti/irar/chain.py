@@ -13,6 +13,7 @@ from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, gather_looks, looks_of, median
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
+from ncti.irar.receiver import noise_peak
 from ncti.irar.registration import (
     MOTION_METHODS,
     mirror_displacement,
@@ -34,7 +35,7 @@ FALSE_ALARM = 1e-3
 """Probability that a pixel of the sea passes the threshold."""
 
 STANDS_OUT = 3.0
-"""Least intensity of a sample of the ship, over the median, which is the sea's."""
+"""Intensity above which a sample counts as ship, over the median of the sea's samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +87,7 @@ def nearest_ship_range(scan: Scan) -> Floats:
     The range of a sample of sea beside the ship is noise: the sample must move with the ship's
     edge, or it would cover part of it. Measured ranges remain if nothing is brighter than the sea.
     """
-    ship = scan.intensity > STANDS_OUT * np.median(scan.intensity)
+    ship = scan.intensity > STANDS_OUT * _sea_median(scan)
     if not ship.any():
         return scan.range
     # Imported here because scipy takes a tenth of a second or more.
@@ -95,6 +96,20 @@ def nearest_ship_range(scan: Scan) -> Floats:
     nearest = distance_transform_edt(~ship, return_distances=False, return_indices=True)
     ranges: Floats = scan.range[tuple(nearest)]
     return ranges
+
+
+def _sea_median(scan: Scan) -> float:
+    """Return the median intensity of samples of the sea, which are most of a scan.
+
+    It is that of noise where the receiver's threshold leaves out more than half of them.
+    """
+    median = float(np.median(scan.intensity))
+    flight, reported = scan.flight, scan.intensity[scan.intensity > 0]
+    # A scan without noise has weaker returns than the threshold.
+    if median or not reported.size or reported.min() < flight.threshold:
+        return median
+    gate, length = flight.range_gate, flight.pulse_length
+    return float(noise_peak(np.array(0.5), depth=gate, pulse_length=length))
 
 
 def places(

@@ -10,7 +10,7 @@ from flown import CLEAN, flight, wall
 from scipy.ndimage import binary_erosion
 
 from ncti import irar, ships
-from ncti.irar.chain import RANGE_FILTERS
+from ncti.irar.chain import RANGE_FILTERS, STANDS_OUT, nearest_ship_range
 
 CELLS = 4
 HANGAR = 4.0
@@ -122,6 +122,26 @@ def test_a_measured_profile_is_the_true_one(decibels, scans, window, true_profil
         profile = measured(scan, window)
         assert correlation(profile, true_profile) >= 0.95
         assert correlation(profile[beside], true_profile[beside]) >= 0.90
+
+
+@pytest.mark.parametrize("threshold", [5.0, 7.0, 12.0])
+def test_a_threshold_above_the_sea_leaves_the_ship_where_it_is(scans, threshold):
+    """Half of the sea's samples, or all but a few, are not reported; the ship's are the same."""
+    scan = scans[20][0]
+    flight = dataclasses.replace(scan.flight, threshold=threshold)
+    reported = scan.intensity >= threshold
+    censored = dataclasses.replace(
+        scan,
+        plan=dataclasses.replace(scan.plan, flight=flight),
+        intensity=np.where(reported, scan.intensity, 0),
+        range=np.where(reported, scan.range, np.nan),
+    )
+    level = STANDS_OUT * np.median(scan.intensity)
+    assert level > 12.0  # no sample of the ship is lost
+    # The scan's median has some samples of the ship, so that few samples are on the other side of
+    # the level of pure noise.
+    away = np.abs(nearest_ship_range(censored) - nearest_ship_range(scan))
+    assert (away < 5.0).mean() > 0.95
 
 
 @pytest.mark.parametrize("overscanned", [False, True])
