@@ -149,7 +149,7 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> SweepOutcome:
 
 
 def _crash_free_stages(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
-    """Return the stages of packages with which a store, by its attributes, was made.
+    """Return the stages of packages that an existing store was made with, by its attributes.
 
     Their calls have ended no process, so they may run in the command; a script's calls may not.
     """

@@ -22,7 +22,7 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.store.arrays import METADATA, Array
 from sweeps.engine.store.manifest import Manifest
-from sweeps.engine.store.writing import write_chunks
+from sweeps.engine.store.writing import write_on_worker
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -112,7 +112,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     submit, put = dask_cluster.DaskExecutor.submit, Objects.put
 
     def submitted(run, number, function, *arguments):
-        if function is write_chunks:
+        if function is write_on_worker:
             objects, chunks = arguments
             assert isinstance(objects.path, str) or objects.path.is_absolute()
             sent.update(name for name, *_ in chunks)
@@ -144,9 +144,9 @@ def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
     array = Array.from_values(("x",), np.arange(3))
     chunks = [(name, array, (slice(0, 3),)) for name in ("g/x/c.0", "g/x/c.1")]
     store = Objects(tmp_path / "s.zarr")
-    assert write_chunks(store, chunks) == {} and not store.path.exists()
+    assert write_on_worker(store, chunks) == {} and not store.path.exists()
     Manifest(coming=["g/x/c.1"]).put(Objects(store.path, make=True))
-    assert write_chunks(Objects(store.path), chunks).keys() == {"g/x/c.1"}
+    assert write_on_worker(Objects(store.path), chunks).keys() == {"g/x/c.1"}
     assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
 
@@ -160,7 +160,7 @@ def test_a_worker_stops_writing_when_the_manifest_changes(tmp_path):
     array = Array.from_values(("x",), np.arange(3))
     arrays = array, replace(array, read=read), array
     chunks = [(name, array, (slice(0, 3),)) for name, array in zip(names, arrays, strict=True)]
-    assert write_chunks(Objects(store.path), chunks).keys() == {"g/x/c.0"}
+    assert write_on_worker(Objects(store.path), chunks).keys() == {"g/x/c.0"}
     assert sorted(files(store.path)) == ["g/x/c.0", "manifest"]
 
 

@@ -248,7 +248,7 @@ class Cluster(Settings, key="cluster", fixed=AFFECTS_NO_RESULT):
     """The cluster; see `sweeps.engine.run.cluster.ClusterChoice`."""
 
     kind = word("local", CLUSTERS, label="where tasks run")
-    workers = count(None, 1, 4096, label="worker processes, or jobs of Slurm; null: one a core")
+    workers = count(None, 1, 4096, label="worker processes, or jobs of Slurm; null: one per core")
     address = text(None, label="address of a dask scheduler")
     ca_file = text(None, label="TLS: file of the authority")
     cert = text(None, label="TLS: file of the certificate")

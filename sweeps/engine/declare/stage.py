@@ -193,9 +193,9 @@ class Stage:
     gather: tuple[Setting, ...] = ()
     stream: Stream | None = None  # of `rng`; None: keyed by all dependencies
     group: Group = NOWHERE  # of the store; by default its results only serve other stages
-    # Number of results that are kept: all (UNLIMITED), arrays on disk; some objects, in memory;
-    # or none (0), because it is called while planning: a quick function of settings, whose
-    # result, a number, text or tuple of them, counts as a value, whatever its inputs.
+    # UNLIMITED: results are arrays, cached on disk. n > 0: the last n results, any objects, stay in
+    # memory. 0: a plain stage, called while planning: a quick function of settings, whose result, a
+    # number, text or tuple of them, counts as a value, whatever its inputs.
     keep: float = UNLIMITED
     version: str = ""  # counts in keys instead of the function's code, if it is given
 
@@ -500,7 +500,7 @@ def _bind_stage(
 
 
 def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundStage]) -> str:
-    """Return the message that no input of a stage depends on some axes that it takes whole."""
+    """Return the message on axes of `along` or `gather` on which no input depends."""
     listed = ", ".join(sorted(keys))
     upstream = (bound for source in inputs for bound in (source, *source.inputs) if bound.random)
     drawing = next((bound.name for bound in upstream), "")

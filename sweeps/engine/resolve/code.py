@@ -6,7 +6,7 @@
    Functions and classes of such files count by this rule, what comes from other modules, or is
    imported inside, by the next, and any other value by its content.
 3. Of a module of the packages in `Experiment.code`, or of no distribution: its syntax tree without
-   docstrings, comments and what is only for types, and that of all modules that it imports. Of
+   docstrings, comments and code for type checkers, and that of all modules that it imports. Of
    other modules: the version of the distribution. Python's own, and the engine, do not count.
 4. A value without content to compare, such as an open file or a lock, is refused.
 """

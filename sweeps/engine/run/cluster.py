@@ -50,7 +50,7 @@ class ClusterChoice:
     """
 
     kind: str = "local"
-    workers: int | None = None  # processes, by default one a core, or jobs
+    workers: int | None = None  # processes, by default one per core, or jobs
     address: str | None = None
     ca_file: str | None = None  # PEM files for a `tls://` address: the authority, and certificate
     cert: str | None = None  # and private key of this client; the key may be in the certificate's

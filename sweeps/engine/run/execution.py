@@ -84,7 +84,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
             if report.write_error is not None:
                 raise report.write_error
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):
-                damaged.update(*outcome.lost_inputs.values())
+                damaged.update(*outcome.damaged_inputs.values())
                 pack = NO_PACK if outcome.pack is None else index.add(outcome.pack)
                 for failure in schedule.record_outcome(planned, outcome, pack, split=error is None):
                     failures.append(failure[:2])

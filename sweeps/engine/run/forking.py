@@ -37,7 +37,7 @@ SERVER = "sweeps.engine.run.server"
 
 
 def check_guard() -> None:
-    """Refuse to start workers from an unguarded line of a script, which they would run, too."""
+    """Refuse to start workers from a script without a guard, since they would run it again."""
     preparation = get_preparation_data("")
     module = preparation.get("init_main_from_path") or preparation.get("init_main_from_name", "")
     if not module or module.endswith(".__main__"):

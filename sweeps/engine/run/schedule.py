@@ -1,4 +1,4 @@
-"""The order of work: missing cells, the calls that compute them, and tasks of several calls.
+"""Scheduling: find missing cells, group them into calls, and pack calls into tasks.
 
 The calls of a stage become ready when all its inputs are done or failed. Stages that become ready
 together are computed side by side, and calls that share in-memory objects are neighbours.
@@ -73,12 +73,12 @@ class CallQueue:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._ready: deque[ReadyCalls] = deque()
-        self._split: deque[Call] = deque()
+        self._retries: deque[Call] = deque()
         self._objects: Keys = np.empty((0, 2), np.uint64)  # keys of in-memory objects, by number
         self.load: Counter[BoundStage] = Counter()  # cells
 
     def __bool__(self) -> bool:
-        return bool(self._split or self._ready)
+        return bool(self._retries or self._ready)
 
     def add(self, ready: Mapping[BoundStage, Cells]) -> None:
         """Add calls for cells of stages, sorted by the in-memory objects that they share."""
@@ -103,7 +103,7 @@ class CallQueue:
 
     def retry(self, bound: BoundStage, cells: Cells) -> None:
         """Add a call before all others."""
-        self._split.append((bound, cells))
+        self._retries.append((bound, cells))
         self.load[bound] += len(cells)
 
     def _group_calls(
@@ -141,16 +141,16 @@ class CallQueue:
     ) -> Iterator[Call]:
         """Remove and yield calls that take about `size` seconds, by the stages' costs of a cell.
 
-        Yields at least one call. Calls that share two in-memory objects and need a third fill up to
-        `together` seconds, since the shared ones are costly and made once a task.
+        Yields at least one call. Calls that share their first two in-memory objects and need a
+        third stay in one task of up to `together` seconds, because each task rebuilds objects.
         """
         seconds, count = 0.0, 0
         previous: list[int] = []
         while self and count < MAX_TASK_CELLS:
-            block = self._ready[0] if not self._split else None
+            block = self._ready[0] if not self._retries else None
             if block and not block.objects.shape[1]:
-                remaining = size - seconds, MAX_TASK_CELLS - count
-                yield from self._take_calls(block, costs, *remaining, count == 0)
+                cells_left = MAX_TASK_CELLS - count
+                yield from self._take_calls(block, costs, size - seconds, cells_left, count == 0)
                 break
             objects = block.objects[block.position].tolist() if block else []
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == previous
@@ -161,7 +161,7 @@ class CallQueue:
                 cells = block.cells[begin:end]
                 self._drop_calls(1)
             else:
-                bound, cells = self._split.popleft()
+                bound, cells = self._retries.popleft()
             previous = objects[:2]
             seconds += costs[bound.name] * len(cells)
             count += len(cells)
@@ -258,7 +258,7 @@ class Schedule:
         needed = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
         for bound in plan.targets:
             needed[bound][:] = True
-            plan.fingerprint(bound)  # while its keys are known
+            plan.fingerprint(bound)  # kept; the keys are dropped below
         missing: dict[BoundStage, Cells] = {}
         ranges: dict[str, list[range]] = defaultdict(list)  # results by code of their function
         for bound in reversed(plan.bound.values()):  # each before its inputs
@@ -311,7 +311,7 @@ class Schedule:
         """
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
-        self.plan.drop_keys(bound)  # its inputs have theirs
+        self.plan.drop_keys(bound)  # `keys` refers to them
         known = np.array([result for results in earlier for result in results], dtype=np.int32)
         first, number = unique_keys(concatenate(self.locations.keys[known], keys))
         reused, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
@@ -365,13 +365,13 @@ class Schedule:
         if not self.failed:
             return cells
         inputs = self.plan.computed_inputs(bound)
-        lost_inputs = {source: self._lost_cells(source) for source, *_ in inputs}
-        lost = self._cells_lacking_input(bound, lost_inputs, cells)
-        for cell in cells[lost].tolist():
-            needed = self._missing_input(bound, lost_inputs, cell)
+        failed_inputs = {source: self._failed_cells(source) for source, *_ in inputs}
+        uncomputable = self._uncomputable_cells(bound, failed_inputs, cells)
+        for cell in cells[uncomputable].tolist():
+            needed = self._name_failed_input(bound, failed_inputs, cell)
             reason = f"needs {needed}, which failed"
             self._fail(bound, int(self.results[bound][cell]), reason)
-        cells = cells[~lost]
+        cells = cells[~uncomputable]
         results = self.results[bound][cells]
         keys = self.plan.hash_cells(bound, cells, self._current_keys)
         changed = np.flatnonzero((keys != self.locations.keys[results]).any(axis=1))
@@ -383,36 +383,35 @@ class Schedule:
         )
         return np.delete(cells, reused)
 
-    def _missing_input(
-        self, bound: BoundStage, lost_inputs: Mapping[BoundStage, Flags], cell: int
+    def _name_failed_input(
+        self, bound: BoundStage, failed_inputs: Mapping[BoundStage, Flags], cell: int
     ) -> str:
-        """Return the name of the first lost cell for which a cell cannot be computed."""
+        """Return the name of the first failed input cell that a cell needs."""
         for source, first, offsets in self.plan.computed_inputs(bound):
             input_cells = (first[cell] + offsets).ravel()
-            flags = lost_inputs[source][input_cells]
+            flags = failed_inputs[source][input_cells]
             if _lacks_input(bound, flags):
                 return self.plan.cell_name(source, int(input_cells[flags.argmax()]))
         raise ValueError(f"{bound.name} lacks no input")
 
-    def _cells_lacking_input(
-        self, bound: BoundStage, lost_inputs: Mapping[BoundStage, Flags], cells: Cells
+    def _uncomputable_cells(
+        self, bound: BoundStage, failed_inputs: Mapping[BoundStage, Flags], cells: Cells
     ) -> Flags:
-        """Return flags of the cells of a stage that cannot be computed, for lost inputs."""
-        lost = np.zeros(len(cells), dtype=bool)
+        """Return flags of the cells that cannot be computed because inputs failed."""
+        uncomputable = np.zeros(len(cells), dtype=bool)
         for source, first, offsets in self.plan.computed_inputs(bound):
             starts, codes = np.unique(first[cells], return_inverse=True)
-            lost |= _lacks_input(bound, lost_inputs[source][starts[:, None] + offsets.ravel()])[
-                codes
-            ]
-        return lost
+            failed = failed_inputs[source][starts[:, None] + offsets.ravel()]
+            uncomputable |= _lacks_input(bound, failed)[codes]
+        return uncomputable
 
-    def _lost_cells(self, bound: BoundStage) -> Flags:
+    def _failed_cells(self, bound: BoundStage) -> Flags:
         """Return flags of the cells of a stage that failed, or whose objects cannot be made."""
         if bound.stage.is_cached:
             return np.isin(self.results[bound], [*self.failed])
         inputs = self.plan.computed_inputs(bound)
-        lost_inputs = {source: self._lost_cells(source) for source, *_ in inputs}
-        return self._cells_lacking_input(bound, lost_inputs, self.plan.cells(bound))
+        failed_inputs = {source: self._failed_cells(source) for source, *_ in inputs}
+        return self._uncomputable_cells(bound, failed_inputs, self.plan.cells(bound))
 
     def _current_keys(self, bound: BoundStage) -> Keys:
         """Return the keys of a stage's cells, given the failed inputs."""
@@ -423,7 +422,7 @@ class Schedule:
         else:
             keys = self.plan.hash_cells(bound, self.plan.cells(bound), self._current_keys)
             self._object_keys[bound] = keys  # its inputs are done
-        keys[self._lost_cells(bound)] = FAILED_KEY
+        keys[self._failed_cells(bound)] = FAILED_KEY
         return keys
 
     # batches --------------------------------------------------------------------------------
@@ -438,7 +437,7 @@ class Schedule:
         size = min(max(remaining / (3 * workers), MIN_SECONDS), MAX_SECONDS)
         together = min(MAX_SHARED_SECONDS, max(remaining / workers / 2, size))
         task = self._make_task(self._calls.take_task_calls(costs, size, together))
-        message = "task of %s: calls of %.2g s together, as %.3g s are left for %d workers"
+        message = "task of %s: about %.2g s, of %.3g s of work left for %d workers"
         LOG.debug(
             message, [planned.bound.name for planned in task.batches], size, remaining, workers
         )
@@ -560,7 +559,7 @@ class Schedule:
         """
         bound, begins, name = planned.bound, planned.batch.begins, planned.bound.name
         done = np.ones(len(planned.cells), dtype=bool)
-        for call in outcome.lost_inputs:
+        for call in outcome.damaged_inputs:
             done[begins[call] : begins[call + 1]] = False
         failures: list[Failure] = []
         splittable = np.repeat(np.diff(begins), np.diff(begins)) > 1
@@ -621,11 +620,11 @@ class Watch:
     failed: Callable[[Failure], None] = lambda failure: None
 
 
-def _lacks_input(bound: BoundStage, lost: Flags) -> Flags:
-    """Return whether a stage lacks an input whose lost cells are flagged along the last axis.
+def _lacks_input(bound: BoundStage, failed: Flags) -> Flags:
+    """Return whether a stage lacks an input whose failed cells are flagged along the last axis.
 
-    A stage that takes `valid` lacks a gathered input if all of its cells are lost, any other stage
-    if one is.
+    A stage that takes `valid` lacks a gathered input if all of its cells failed, any other stage if
+    one did.
     """
     takes_valid = VALID in bound.stage.arguments
-    return np.asarray(lost.all(axis=-1) if takes_valid else lost.any(axis=-1))
+    return np.asarray(failed.all(axis=-1) if takes_valid else failed.any(axis=-1))

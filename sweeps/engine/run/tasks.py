@@ -55,7 +55,7 @@ class StageSpec:
 
     @property
     def resolved_function(self) -> Callable[..., Any]:
-        """The function."""
+        """The stage's function, imported if necessary."""
         function: Any = self.function or resolve_name(self.import_path)
         return function.function if isinstance(function, Stage) else function
 
@@ -132,13 +132,13 @@ class Batch:
 class Outcome(NamedTuple):
     """Outcome of some calls: their time [s], and the failures by number of the cell.
 
-    `lost_inputs` has, by number of a call that did not run, the keys of its lost inputs. `pack` has
-    all other cells in their order.
+    `damaged_inputs` has, by number of a call that did not run, their keys. `pack` has all other
+    cells in their order.
     """
 
     seconds: float
     failed: Mapping[int, Failure] = {}
-    lost_inputs: Mapping[int, tuple[bytes, ...]] = {}
+    damaged_inputs: Mapping[int, tuple[bytes, ...]] = {}
     pack: Pack | None = None
 
 
@@ -186,7 +186,7 @@ def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects
 def uneven_error(
     stage: str, output: str, shape: tuple[int, ...], other: tuple[int, ...]
 ) -> DeclarationError:
-    """Return the error of arrays of two shapes, which a store cannot hold without padding."""
+    """Return the error of an output whose shape differs between cells but has no `pad`."""
     return DeclarationError(
         f"stage {stage}: {output} has the shape {shape} in one cell and {other} in another, but no "
         f"value to pad it with; declare pad=..., or an output {FIRST}{{dimension}}"
@@ -205,7 +205,7 @@ class _RunningBatch:
         self.packed: list[int] = []  # numbers of cells that are packed
         self.seconds = 0.0
         self.failed: dict[int, Failure] = {}
-        self.lost_inputs: dict[int, tuple[bytes, ...]] = {}
+        self.damaged_inputs: dict[int, tuple[bytes, ...]] = {}
         self.shapes: set[tuple[str, str, tuple[int, ...]]] = set()
         self._inputs = _prefetch_inputs(batch, packs)
 
@@ -221,7 +221,7 @@ class _RunningBatch:
             arguments = _read_arguments(batch, number, inputs, self.packs)
             cells = self._call_and_check(number, arguments)
         except DamagedResults as error:
-            self.lost_inputs[number] = error.args
+            self.damaged_inputs[number] = error.args
             return
         except RAISED as error:
             if batch.streams:  # from which the generator can be made again
@@ -259,10 +259,10 @@ class _RunningBatch:
     def outcome(self) -> Outcome:
         """Write the pack of all cells; return the outcome."""
         if not self.packed:
-            return Outcome(self.seconds, self.failed, self.lost_inputs)
+            return Outcome(self.seconds, self.failed, self.damaged_inputs)
         keys, name = self.batch.keys[self.packed], self.batch.stage.name
         pack = self.packing.write(self.packs, name, keys, self.seconds, self.batch.folder)
-        return Outcome(self.seconds, self.failed, self.lost_inputs, pack)
+        return Outcome(self.seconds, self.failed, self.damaged_inputs, pack)
 
 
 def _restore_folder(folder: str) -> None:
@@ -430,7 +430,7 @@ def drop_objects() -> None:
 # results of a call --------------------------------------------------------------------------------
 
 
-# Kinds of dtypes (see numpy) that may be cast to a kind, if the cast preserves every value.
+# By kind of dtype (see numpy), the kinds that may be cast to it if every value survives.
 CASTABLE_KINDS = {"f": "biuf", "i": "biuf", "u": "biuf", "b": "biuf", "c": "biufc"}
 
 _dtype = cache(np.dtype)
@@ -517,7 +517,7 @@ def _split_mask(values: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
 
 
 def _cast(stage: str, output: Output, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return an array in another dtype; raise an error if more than digits of floats is lost."""
+    """Return an array in another dtype; raise TypeError if more than float precision is lost."""
     texts = dtype.kind in "SU" and all(isinstance(value, str | bytes) for value in array.flat)
     castable = CASTABLE_KINDS.get(dtype.kind, dtype.kind)
     if not texts and array.dtype.kind not in castable and array.size:

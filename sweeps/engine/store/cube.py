@@ -260,17 +260,18 @@ class Cube:
             tuple(values[k] for k in variable.order) for values in (dims, shape, chunks)
         )
         ordered_dims, sizes, chunk_shape = ordered
-        make, coordinate = partial(self._make_reader, variable), output.role == COORDINATE
+        reader_of, coordinate = partial(self._make_reader, variable), output.role == COORDINATE
 
         def read(region: Region) -> NDArray[Any]:
-            return make(region)(region)
+            return reader_of(region)(region)
 
         if words:  # texts are few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
             return Array.from_values(ordered_dims, texts, attrs, coordinate=coordinate)
-        sources = partial(self._source_bytes, variable), make
         return Array(
-            ordered_dims, sizes, dtype, attrs, read, chunk_shape, empty, coordinate, *sources
+            *(ordered_dims, sizes, dtype, attrs, read, chunk_shape, empty, coordinate),
+            source_bytes=partial(self._source_bytes, variable),
+            remote_read=reader_of,
         )
 
     def _results(self, variable: StoredVariable, ranges: Sequence[range]) -> Cells:

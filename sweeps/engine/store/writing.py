@@ -2,8 +2,8 @@
 
 Equal input, given in the same order, makes equal bytes of a new store: it holds no times, hosts or
 paths. The metadata of a group include the metadata of everything below it ("consolidated"), so that
-a store opens with one object, at the root or at any group. A store grows in place: of chunks that
-metadata refer to, only damaged ones are written again. A changed array gets other names for its
+a store opens with one object, at the root or at any group. A store grows in place: a chunk that
+metadata refer to is written again only if it is damaged. A changed array gets other names for its
 chunks, and when all metadata refer to these, the old chunks are deleted.
 """
 
@@ -74,7 +74,7 @@ def write_store(
     groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
     with world_readable():
         objects, manifest = Objects(path, make=True), read_manifest(path)
-        sizes, old = Objects(path).sizes(), manifest or Manifest()  # makes no folder
+        sizes, old = Objects(path).sizes(), manifest or Manifest()  # a listing makes no folder
         refuse_foreign(path, sizes, manifest)
         arrays = {
             f"{name}/{inner}": array.with_fill()
@@ -88,8 +88,8 @@ def write_store(
         unchanged_names = [chunk.name for chunk in chunks if chunk.is_unchanged(old, sizes)]
         unchanged = {name: sizes.get(name) for name in unchanged_names}
         new_chunks = [chunk for chunk in chunks if chunk.name not in unchanged]
-        coming = [chunk.name for chunk in new_chunks]
-        intent = replace(old, coming=coming)
+        new_names = [chunk.name for chunk in new_chunks]
+        intent = replace(old, coming=new_names)
         try:
             intent.put(objects)
             chunk_sizes = dict(unchanged)
@@ -117,7 +117,7 @@ def write_store(
             for path, (space, of_array) in layouts.items()
             if of_array
         }
-        finished = Manifest(files, chunk_digests, coming, nodes, old.files)
+        finished = Manifest(files, chunk_digests, new_names, nodes, old.files)
         finished.put(objects)
         _commit(objects, finished, check)
 
@@ -258,7 +258,7 @@ def _write_remotely(
                     (chunk.name, chunk.array.worker_part(chunk.region), chunk.region)
                     for chunk in batch
                 ]
-                writers.submit(number, write_chunks, objects, sent)
+                writers.submit(number, write_on_worker, objects, sent)
                 under_way += 1
             if not under_way:
                 return files
@@ -272,7 +272,7 @@ def _write_remotely(
         raise
 
 
-def write_chunks(
+def write_on_worker(
     objects: Objects, chunks: Sequence[tuple[str, Array, Region]]
 ) -> dict[str, int | None]:
     """Write chunks that the manifest announces; return their sizes by name, None for empty ones.
