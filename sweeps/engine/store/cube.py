@@ -321,11 +321,8 @@ class Cube:
         self, variable: StoredVariable, region: Region
     ) -> Callable[[Region], NDArray[Any]]:
         """Return a picklable reader of a region of a variable."""
-        output, count = variable.output, len(variable.axes)
-        starts, lengths = self._extents[variable.group]
-        natural = [region[k] for k in np.argsort(variable.order)]
-        ranges = [range(span.start, span.stop) for span in natural[:count]]
-        results = self._results(variable, ranges)
+        output, (starts, lengths) = variable.output, self._extents[variable.group]
+        ranges, own_region, results = self._split_region(variable, region)
         state = output.role == STATE
         failed = np.flatnonzero(np.isin(results, [*self.schedule.failed])) if state else results[:0]
         present = np.flatnonzero(self.schedule.locations.present[results])
@@ -340,7 +337,7 @@ class Cube:
                 starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims
             ),
             own_lengths=tuple(lengths[dim] for dim in output.dims),
-            own_region=tuple(natural[count:]),
+            own_region=own_region,
             order=variable.order,
             present=present,
             failed=failed,
@@ -348,18 +345,23 @@ class Cube:
 
     def _source_bytes(self, variable: StoredVariable, region: Region) -> bytes:
         """Return bytes that determine the values of a region: keys of cells and their layout."""
-        output, count = variable.output, len(variable.axes)
-        starts, lengths = self._extents[variable.group]
-        natural = [region[k] for k in np.argsort(variable.order)]
-        results = self._results(
-            variable, [range(span.start, span.stop) for span in natural[:count]]
-        )
+        output, (starts, lengths) = variable.output, self._extents[variable.group]
+        _, own_region, results = self._split_region(variable, region)
         locations, failed = self.schedule.locations, self.schedule.failed
         keys = np.where(locations.present[results, None], locations.keys[results], 0)
         flags = np.isin(results, [*failed]) if output.role == STATE else np.empty(0, bool)
         extents = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
-        layout = [output.name, output.pad, variable.order, extents, natural[count:]]
+        layout = [output.name, output.pad, variable.order, extents, [*own_region]]
         return repr(layout).encode() + flags.tobytes() + keys.tobytes()
+
+    def _split_region(
+        self, variable: StoredVariable, region: Region
+    ) -> tuple[list[range], Region, Cells]:
+        """Return the ranges of axes in a region, its own dimensions, and its results."""
+        natural = [region[k] for k in np.argsort(variable.order)]
+        count = len(variable.axes)
+        ranges = [range(span.start, span.stop) for span in natural[:count]]
+        return ranges, tuple(natural[count:]), self._results(variable, ranges)
 
     def _coordinates(
         self, variables: Sequence[StoredVariable], names: Mapping[int, str]
