@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,8 +44,8 @@ def segment(
         result as one call for each, in less time.
     method : str
         `matched`: likelihood ratio of ship to sea in each pixel, for known distributions, smoothed
-        over neighbours. `otsu`, `li`, `isodata`: a threshold that scikit-image derives from the
-        image alone.
+        over neighbours. `otsu`, `li`, `isodata`: a threshold that scikit-image, an extra, derives
+        from the image alone.
     contrast : float or (...) array_like, optional
         Mean of the ship above the mean of the sea [K], 0 to 1e6. Required by `matched`, ignored
         by the other methods.
@@ -64,6 +65,8 @@ def segment(
     ValueError
         If the image has no rows and columns or is not finite, the method is unknown, or
         `matched` lacks a parameter or has one out of range.
+    ImportError
+        If a threshold needs scikit-image, which is not installed.
 
     See Also
     --------
@@ -134,22 +137,26 @@ def segment(
             name: _parameter_stack(name, value, values.shape[:-2]) for name, value in known.items()
         }
         return _matched_silhouettes(stack, **parameters).reshape(values.shape)
-    threshold = _threshold(method)
-    target = np.array([_pixels_above(threshold, image) for image in stack])
-    return _largest_region(target, weights=None).reshape(values.shape)
+    threshold = getattr(_filters(), f"threshold_{method}")
+    return largest_region([_pixels_above(threshold, image) for image in stack]).reshape(
+        values.shape
+    )
 
 
-def _threshold(method: str) -> Callable[[Floats], float]:
-    """Return the function that computes the threshold of one image."""
-    # Imported here because scikit-image and scipy take half a second.
-    from skimage import filters
+def largest_region(targets: ArrayLike) -> Mask:
+    """Return the largest 8-connected region of each (image, row, col) mask, without holes."""
+    return _heaviest_region(np.asarray(targets, dtype=bool), weights=None)
 
-    thresholds: dict[str, Callable[[Floats], float]] = {
-        "otsu": filters.threshold_otsu,
-        "li": filters.threshold_li,
-        "isodata": filters.threshold_isodata,
-    }
-    return thresholds[method]
+
+def _filters() -> Any:
+    """Return the module of thresholds; `ImportError` if scikit-image is not installed."""
+    try:
+        from skimage import filters
+    except ImportError as error:
+        raise ImportError(
+            "thresholds of images need scikit-image: pip install 'ncti-sweep[segmentation]'"
+        ) from error
+    return filters
 
 
 def _pixels_above(threshold: Callable[[Floats], float], image: Floats) -> Mask:
@@ -192,7 +199,7 @@ def _matched_silhouettes(
     if not target.any():
         return target
     has_ship = target.any(axis=(1, 2), keepdims=True)
-    return _largest_region(
+    return _heaviest_region(
         _conditional_modes(target, np.where(has_ship, ratio, -np.inf)), weights=ratio
     )
 
@@ -254,7 +261,7 @@ def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
     return labels[:, 1:-1, 1:-1].astype(bool)
 
 
-def _largest_region(target: Mask, *, weights: Floats | None) -> Mask:
+def _heaviest_region(target: Mask, *, weights: Floats | None) -> Mask:
     """Return the 8-connected region of largest weight, by default of most pixels, without holes."""
     from scipy import ndimage
 

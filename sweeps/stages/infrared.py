@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.map_vector import INNER_RADIUS, INTERPOLATION
 from ncti.features.map_vector import map_cells as cells
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
+from ncti.features.segmentation import largest_region
 from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
 from ncti.infrared.detector_view import MOST_OFFSETS
 from ncti.infrared.loops import IMAGES
@@ -60,7 +62,7 @@ if TYPE_CHECKING:
 SENSOR = views.INFRARED
 OPENGL = ("osmesa", "egl")  # engines whose hits `ncti.render.mask` has, too
 # By its stages, when they are called; takes long.
-IMPORTS = ("ncti.infrared.cells", "skimage.filters")
+IMPORTS = ("ncti.infrared.cells", "scipy.ndimage")
 VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  # of its dimensions
 
 PLACE = "{} place on the target, the ship origin within a pixel"
@@ -147,7 +149,8 @@ class Infrared(Settings, key="infrared"):
         "matched",
         SEGMENTATION_METHODS,
         label="segmentation method of silhouettes",
-        help="takes pixels as independent; neighbours in a shifted image share noise",
+        help="matched takes pixels as independent; neighbours in a shifted image share noise; the "
+        "others need the extra segmentation",
         single="coordinate",
     )
     inner_radius = number(
@@ -376,8 +379,7 @@ def template_log_polar(
         patches.covering(side, spread_place(offset)).target(coverage_rule)
         for offset in subpixel_offsets
     ]
-    # Without noise every segmentation gives the same mask.
-    masks = features.segment(targets, method="otsu")
+    masks = largest_region(targets)  # as every segmentation gives without noise
     return features.silhouette_map(masks, inner_radius=inner_radius, interpolation=interpolation)
 
 
@@ -393,6 +395,10 @@ def check(choices: Choices) -> Choices:
     for setting in (range_setting, Infrared.training_range):
         views.check_ranges(choices, setting, Infrared.ifov, part=0.5)
     check_window(choices)
+    for method in choices[Infrared.segmentation]:
+        if method != "matched" and find_spec("skimage") is None:
+            needed = "matched without scikit-image: pip install 'ncti-sweep[segmentation]'"
+            views.refuse(Infrared.segmentation, method, needed)
     return choices
 
 

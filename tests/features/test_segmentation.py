@@ -1,5 +1,7 @@
 """Segmentation: thresholds, neighbours and regions, against theory and plain loops."""
 
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,12 @@ from scipy import ndimage, stats
 
 from ncti.features import segment
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
-from ncti.features.segmentation import _conditional_modes, _largest_region, _log_likelihood_ratio
+from ncti.features.segmentation import (
+    _conditional_modes,
+    _heaviest_region,
+    _log_likelihood_ratio,
+    largest_region,
+)
 
 KNOWN = {"contrast": 1.28, "target_sigma": 0.1, "sea_sigma": 0.1}  # 25 km
 
@@ -36,7 +43,7 @@ def modes(target, ratio):
 
 
 def whole(target, *, weights):
-    return _largest_region(target[None], weights=None if weights is None else weights[None])[0]
+    return _heaviest_region(target[None], weights=None if weights is None else weights[None])[0]
 
 
 def ship(shape=(20, 54)):
@@ -93,6 +100,20 @@ def test_thresholds_know_neither_gain_nor_offset(method, gain, offset):
     np.testing.assert_array_equal(
         segment(gain * image + offset, method=method), segment(image, method=method)
     )
+
+
+@given(arrays(bool, array_shapes(min_dims=3, max_dims=3, max_side=9)))
+def test_without_noise_a_threshold_keeps_the_largest_region(targets):
+    """Where there is sea: nothing stands out in a constant image."""
+    targets[:, 0, 0] = False
+    np.testing.assert_array_equal(largest_region(targets), segment(targets, method="otsu"))
+
+
+def test_a_threshold_without_scikit_image_is_refused(monkeypatch):
+    monkeypatch.setitem(sys.modules, "skimage", None)
+    with pytest.raises(ImportError, match=r"pip install 'ncti-sweep\[segmentation\]'"):
+        segment(np.eye(3), method="otsu")
+    assert segment(np.eye(3), **KNOWN).shape == (3, 3)
 
 
 # The likelihood ratio

@@ -10,6 +10,7 @@ from scipy import stats
 from ncti.infrared import LargestWindow, contrast, shifted_images, thermal_images
 from ncti.infrared.hits import MARGIN
 from ncti.render import line_image
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.engine.resolve.plan import Plan
 from sweeps.experiment import EXPERIMENT
@@ -153,3 +154,12 @@ def test_a_cell_is_the_library_done_by_hand(slant_range, rule):
                 threshold = stats.norm.isf(1e-4, scale=np.hypot(0.08, noise))
                 p = stats.norm.sf(threshold, warmth, np.hypot(0.15, noise))
                 assert detected[phase, n] == pytest.approx(1 - (1 - p) ** coarse.sum())
+
+
+def test_a_threshold_is_refused_without_scikit_image(monkeypatch):
+    choices = choose(sensor="infrared", grid__ship="duncan", infrared__segmentation=["otsu"])
+    assert EXPERIMENT.check(choices)
+    monkeypatch.setattr("sweeps.stages.infrared.find_spec", lambda name: None)
+    sentence = r"infrared.segmentation has otsu, but must be matched without scikit-image: pip "
+    with pytest.raises(ConfigurationError, match=sentence):
+        EXPERIMENT.check(choices)
