@@ -142,7 +142,7 @@ def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
         (product, {"x": [datetime(1, 1, 1)], "y": [1]}, "a time from 1678 to 2261"),
         (product, {"x": [datetime(2020, 1, 1, tzinfo=UTC)], "y": [1]}, "without a zone"),
         (product, [1, 2], r"values is \[1, 2\], but must be a mapping of arguments"),
-        (noise, {"sigma": [1], "rng": [1]}, "values has 'rng', a name that has a meaning"),
+        (noise, {"sigma": [1], "rng": [1]}, "values has 'rng', a reserved name"),
         (positional, {"a": [1]}, "positional takes 'a' by position only, .* lambda a: positional"),
         (product, {"x": [1]}, "values lacks 'y', which product takes"),
         (product, {"product": [1]}, "values has 'product', but product takes x, y, scale"),

@@ -153,15 +153,20 @@ def sweep(
         cells, missing = stages[experiment.name]
         show(f"{experiment.name}: {missing:,} to compute, {cells - missing:,} reused; {estimate}")
         return xr.Dataset(attrs={"left": missing, "reused": cells - missing, "estimate": estimate})
-    failed: list[Failure] = []
+    failures: list[Failure] = []  # the first of them, since each has a traceback
+
+    def note_failure(failure: Failure) -> None:
+        if len(failures) < NAMED_FAILURES:
+            failures.append(failure)
+
     try:
         with progress_bar() as step:
-            watch = Watch(lambda sentence: None, step, failed.append)
+            watch = Watch(lambda sentence: None, step, note_failure)
             finished = run(Plan(experiment, choices), options, watch)
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # without the traceback of the engine
-    if failed:
-        warnings.warn(_failure_message(finished, failed), CallsFailed, stacklevel=2)
+    if failures:
+        warnings.warn(_failure_message(finished, failures), CallsFailed, stacklevel=2)
     results = xr.open_zarr(zarr_store(target), group=experiment.title, chunks=None)
     results = restore_scalars(results.load())
     for name, variable in results.variables.items():
@@ -306,16 +311,17 @@ def _as_names(key: str, value: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _failure_message(finished: SweepOutcome, failed: Sequence[Failure]) -> str:
+def _failure_message(finished: SweepOutcome, failures: Sequence[Failure]) -> str:
     """Return the message on failed calls: their number, the first of them, and a traceback."""
     calls = sum(progress.total for progress in finished.progress.values())
-    lines = [f"  {failure.name}: {failure.reason}" for failure in failed[:NAMED_FAILURES]]
-    more = len(failed) - NAMED_FAILURES
-    first = failed[0]
+    lines = [f"  {failure.name}: {failure.reason}" for failure in failures]
+    number = len(finished.failures)
+    more = number - len(failures)
+    first = failures[0]
     arguments = f", with {', '.join(first.arguments.splitlines())}" if first.arguments else ""
     return "\n".join(
         [
-            f"{len(failed):,} of {calls:,} calls failed; the same sweep tries them again",
+            f"{number:,} of {calls:,} calls failed; the same sweep tries them again",
             *lines,
             *([f"  and {more:,} more"] if more > 0 else []),
             f"The first of them{arguments}:",
